@@ -1,0 +1,179 @@
+"""Numbers of the car, its sensors and the task: each with meaning, unit, range and source.
+
+Sources: "report" is the TRAL report of 2016; "ucboard" and "PSES" are the data sheet and the URDF that the Project
+Seminar Real-Time Systems at TU Darmstadt published for the same cars; "SRF08" is the data sheet of the ultrasonic
+ranger; "choice" is ours.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+from tral_env.errors import ConfigError
+
+
+def _check(config: object, positive: tuple[str, ...] = (), unit_interval: tuple[str, ...] = ()) -> None:
+    for field in fields(config):  # type: ignore[arg-type]
+        value = getattr(config, field.name)
+        where = f"{type(config).__name__}.{field.name}"
+        if isinstance(value, float) and not math.isfinite(value):
+            raise ConfigError(f"{where} = {value!r}: expected a finite number")
+        if field.name in positive and not value > 0:
+            raise ConfigError(f"{where} = {value!r}: expected a number above 0")
+        if field.name in unit_interval and not 0 <= value <= 1:
+            raise ConfigError(f"{where} = {value!r}: expected a share between 0 and 1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarConfig:
+    """Geometry of the car. Frame: ground below the middle of the rear axle, x forward, y left, z up."""
+
+    wheelbase: float = 0.258
+    """Distance of the axles, m. Source: ucboard."""
+    track: float = 0.155
+    """Distance of the wheels of an axle, m. Source: ucboard."""
+    wheel_radius: float = 0.032
+    """m. Source: PSES."""
+    full_lock_deg: float = 22.0
+    """Steering angle of the bicycle model at command 1, deg: a turning radius of 0.64 m. Source: echtzeitsysteme."""
+    length: float = 0.40
+    """Outline, m. Source: PSES."""
+    width: float = 0.20
+    """Outline, m. Source: PSES."""
+    height: float = 0.18
+    """Outline, m. Source: PSES."""
+    mass: float = 1.9
+    """kg, ready to drive: kit 1.45 kg with motor and pack, computer and sensors 0.45 kg. Source: choice."""
+    sonar_side: float = 0.10
+    """Side ultrasonics stand this far from the middle line, midway between the axles, m. Source: ucboard."""
+    sonar_front: float = 0.175
+    """Front ultrasonic stands this far ahead of midway between the axles, m. Source: ucboard."""
+    sonar_height: float = 0.10
+    """m above the floor. Source: choice."""
+    camera_x: float = 0.20
+    """Camera ahead of the rear axle, m. Source: choice."""
+    camera_z: float = 0.19
+    """Camera above the floor, m. Source: choice."""
+
+    def __post_init__(self) -> None:
+        _check(self, positive=tuple(field.name for field in fields(self)))
+
+    @property
+    def full_lock(self) -> float:
+        """Full lock, rad."""
+        return math.radians(self.full_lock_deg)
+
+    @property
+    def middle_x(self) -> float:
+        """Midway between the axles, m ahead of the rear axle: where the side ultrasonics stand."""
+        return self.wheelbase / 2
+
+    @property
+    def front_x(self) -> float:
+        """Front ultrasonic, m ahead of the rear axle."""
+        return self.middle_x + self.sonar_front
+
+
+@dataclass(frozen=True, kw_only=True)
+class UltrasonicConfig:
+    """One SRF08 ranger."""
+
+    rays: int = 11
+    """Rays of the fan that samples the beam."""
+    beam_deg: float = 55.0
+    """Full width of the beam at -6 dB, deg. Source: SRF08."""
+    incidence_limit_deg: float = 22.5
+    """A smooth wall met at a larger angle gives no echo, deg. Source: era, 20 to 25."""
+    min_range: float = 0.03
+    """Nearer echoes are lost in the ringing of the transducer, m. Source: SRF08."""
+    max_range: float = 5.0
+    """m in microsecond mode. Source: report."""
+    mode: str = "us"
+    """"us": microsecond mode, to 5 m; "cm": centimetre mode, 0.2 to 3 m in steps of 1 cm. Source: report."""
+    cadence_s: float = 0.065
+    """One ranging, s. Source: SRF08."""
+    jitter_m: float = 0.00865
+    """Step between neighbouring wave fronts that may trigger the comparator, m. Source: era."""
+    metres_per_us: float = 1.716e-4
+    """Distance for a microsecond of flight there and back, m. Source: era."""
+
+    def __post_init__(self) -> None:
+        _check(self, positive=("rays", "beam_deg", "incidence_limit_deg", "max_range", "cadence_s", "metres_per_us"))
+        if self.mode not in ("us", "cm"):
+            raise ConfigError(f"UltrasonicConfig.mode = {self.mode!r}. Allowed: us, cm")
+
+
+@dataclass(frozen=True, kw_only=True)
+class HallConfig:
+    """Hall sensor on the rear left wheel."""
+
+    metres_per_tick: float = 0.02513
+    """m: 8 magnets on a wheel of 0.032 m. Source: ucboard."""
+    timeout_s: float = 0.25
+    """Without a tick for this long the car is taken to stand, s. Source: choice."""
+
+    def __post_init__(self) -> None:
+        _check(self, positive=("metres_per_tick", "timeout_s"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraConfig:
+    """Intrinsics and mounting of the camera that looks ahead. Pixel (0, 0) is the middle of the upper left pixel."""
+
+    width: int = 640
+    """px. Source: report (USB webcam)."""
+    height: int = 480
+    """px."""
+    fx: float = 554.256
+    """Focal length, px: 60 degrees across. Source: choice, see docs/."""
+    fy: float = 554.256
+    """Focal length, px."""
+    cx: float = 319.5
+    """Principal point, px."""
+    cy: float = 239.5
+    """Principal point, px."""
+    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    """k1, k2, p1, p2, k3 of OpenCV's model."""
+    rate_hz: float = 15.0
+    """Frames per second. Source: choice, webcams of the era gave 10 to 30."""
+    marker_size: float = 0.18
+    """Edge of an ArUco marker's black square, m. Source: era."""
+
+    def __post_init__(self) -> None:
+        _check(self, positive=("width", "height", "fx", "fy", "rate_hz", "marker_size"))
+        if len(self.distortion) != 5:
+            raise ConfigError(
+                f"CameraConfig.distortion has {len(self.distortion)} numbers, expected 5: k1, k2, p1, p2, k3"
+            )
+
+
+WIDE_LENS = CameraConfig(fx=335.9, fy=333.6, cx=330.2, cy=249.6, distortion=(-0.162, 0.0157, -0.0016, -0.0047, 0.0))
+"""The wide lens that a neighbouring group measured (87 degrees across). Source: era."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TaskConfig:
+    """What counts as success, and what it earns."""
+
+    nominal_speed: float = 0.3
+    """The time limit is the route's length at this speed plus `grace_s`, m/s."""
+    grace_s: float = 10.0
+    """s."""
+    touch_speed: float = 0.2
+    """A contact at a lower closing speed is a touch, at a higher one a crash, m/s."""
+    progress_reward: float = 1.0
+    """Reward for a metre along the route."""
+    gate_reward: float = 2.0
+    """Reward for a gate passed."""
+    success_reward: float = 10.0
+    """Reward for the goal."""
+    failure_reward: float = -10.0
+    """Reward for a collision or a missed gate."""
+    steering_cost: float = 0.01
+    """Cost of the square of the change of the steering command in a tick."""
+    time_cost: float = 0.005
+    """Cost of a tick."""
+
+    def __post_init__(self) -> None:
+        _check(self, positive=("nominal_speed",))

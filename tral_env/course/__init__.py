@@ -1,0 +1,1 @@
+"""What a corridor is: layout, geometry, scene."""

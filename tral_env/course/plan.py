@@ -1,0 +1,70 @@
+"""What a course is once its geometry is worked out: boxes, markers, a route. Arrays only; course frame, m and rad.
+
+The course frame is the start of the first segment: x along it, y left, z up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+BOX_KINDS = ("wall", "door", "frame", "obstacle", "post")
+"""What a box can be; `Plan.box_kind` holds indices into this."""
+
+
+def _empty(*shape: int) -> Array:
+    return np.zeros(shape)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """Geometry of a course, ready for physics, perception and task."""
+
+    box_position: Array
+    """(B, 3) centres."""
+    box_yaw: Array
+    """(B,)"""
+    box_size: Array
+    """(B, 3) half lengths."""
+    box_kind: NDArray[np.int64]
+    """(B,) index into `BOX_KINDS`."""
+    route: Array
+    """(R, 2) points of the intended line from the start pose to the goal, at most 0.1 m apart."""
+    start: Array
+    """(3,) pose of the car's frame: x, y, yaw."""
+    gate_pose: Array = field(default_factory=lambda: _empty(0, 3))
+    """(G, 3) middle x, y and yaw of the driving direction through it, in the order of the route."""
+    gate_width: Array = field(default_factory=lambda: _empty(0))
+    """(G,) inner width between the posts."""
+    gate_id: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """(G,) gate k wears the markers 2k (left) and 2k + 1 (right)."""
+    marker_position: Array = field(default_factory=lambda: _empty(0, 3))
+    """(M, 3) centres of the marker faces."""
+    marker_yaw: Array = field(default_factory=lambda: _empty(0))
+    """(M,) direction of the face's normal, towards the viewer."""
+    marker_id: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """(M,) ids in DICT_4X4_50."""
+    marker_size: float = 0.18
+    """Edge of the black square."""
+    tape: Array = field(default_factory=lambda: _empty(0, 4))
+    """(T, 4) floor tape: x0, y0, x1, y1 of its middle line."""
+    straights: Array = field(default_factory=lambda: _empty(0, 5))
+    """(S, 5) stretches of plain parallel walls, at least 1 m from doors, corners, gates and obstacles: x, y of the
+    start on the middle line, yaw, length, width. Clearance errors are measured here."""
+    laps: int = 1
+    """How often the route is driven."""
+
+    @property
+    def route_s(self) -> Array:
+        """(R,) arc length at the points of the route."""
+        steps = np.linalg.norm(np.diff(self.route, axis=0), axis=1)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+    @property
+    def length(self) -> float:
+        """Length of the route, m."""
+        return float(self.route_s[-1])

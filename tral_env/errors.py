@@ -1,0 +1,59 @@
+"""The tree of errors. Every message says what was got, where, and what is allowed."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class TralError(Exception):
+    """Base of every error this project raises on purpose."""
+
+
+class ConfigError(TralError, ValueError):
+    """A value of a configuration, an option or an argument is not allowed."""
+
+
+class CourseError(TralError, ValueError):
+    """A course cannot be read, or what it describes cannot be built or driven."""
+
+
+class MachineError(TralError, ValueError):
+    """A state machine cannot be read, or what it describes cannot run."""
+
+
+class CalibrationError(TralError, ValueError):
+    """A calibration file of a car or a camera cannot be used."""
+
+
+class RenderError(TralError, RuntimeError):
+    """An image cannot be rendered on this machine."""
+
+
+class HardwareError(TralError, OSError):
+    """A device of the real car does not answer, or answers nonsense."""
+
+
+class MissingExtraError(TralError, ImportError):
+    """An optional package is not installed."""
+
+    def __init__(self, package: str, extra: str, purpose: str) -> None:
+        super().__init__(
+            f"{purpose} needs the package '{package}', which is not installed: pip install 'tral-env[{extra}]'"
+        )
+
+
+def nearest(got: object, allowed: Iterable[object]) -> str:
+    """Say which names are allowed and which of them is nearest to the one that was got.
+
+    Args:
+        got: the name that was got.
+        allowed: the names that are allowed.
+
+    Returns:
+        A clause for the end of an error message, such as ``did you mean 'corners'? Allowed: corners, doors``.
+    """
+    names = [str(name) for name in allowed]
+    match = difflib.get_close_matches(str(got), names, n=1)
+    hint = f"did you mean '{match[0]}'? " if match else ""
+    return f"{hint}Allowed: {', '.join(names)}"

@@ -1,0 +1,1 @@
+"""The real car behind the spaces of the simulated one."""

@@ -1,0 +1,273 @@
+"""The waist of the house: what a policy is told (readings) and what it answers (a command).
+
+The simulated car, the real car and every policy meet here and nowhere else. Frame: x forward, y left, z up, angles
+counter-clockwise (REP 103), origin on the ground below the middle of the rear axle. SI units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from tral_env.errors import ConfigError, nearest
+
+FloatArray = NDArray[np.floating]
+BoolArray = NDArray[np.bool_]
+
+CONTROL_RATE_HZ = 80.0
+"""Commands per second. Source: PID_S = 0.0125 s of the 2016 controllers."""
+CONTROL_PERIOD_S = 1.0 / CONTROL_RATE_HZ
+
+MAX_AGE_S = 10.0
+"""A reading of this age or older, or one that never came, has this age."""
+NO_ECHO_M = 6.0
+"""What an ultrasonic reads when no echo came back: more than any range it can measure (5 m)."""
+NOTHING_SEEN_ID = -1.0
+"""Id of a gate or marker when none has been seen yet."""
+
+GATE_MARKER_IDS = range(0, 40)
+"""Gate k is the pair of markers 2k (left post) and 2k + 1 (right post), seen in driving direction."""
+TURN_MARKER_IDS: Mapping[str, int] = {"left": 40, "right": 41, "straight": 42}
+"""Markers that tell a turn at a crossing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Field:
+    """One number that a policy is told."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    missing: float
+    """Value before anything has been measured ("nothing seen")."""
+    meaning: str
+
+
+def _ages(name: str, what: str) -> Field:
+    return Field(name=name, unit="s", low=0.0, high=MAX_AGE_S, missing=MAX_AGE_S, meaning=f"age of {what}")
+
+
+def _sighting(prefix: str, what: str, axis: str) -> tuple[Field, ...]:
+    return (
+        Field(
+            name=f"{prefix}_id",
+            unit="",
+            low=-1.0,
+            high=49.0,
+            missing=NOTHING_SEEN_ID,
+            meaning=f"id of {what}; -1: none yet",
+        ),
+        Field(name=f"{prefix}_x", unit="m", low=-20.0, high=20.0, missing=0.0, meaning=f"position of {what}, forward"),
+        Field(name=f"{prefix}_y", unit="m", low=-20.0, high=20.0, missing=0.0, meaning=f"position of {what}, left"),
+        Field(name=f"{prefix}_heading", unit="rad", low=-np.pi, high=np.pi, missing=0.0, meaning=axis),
+        _ages(f"{prefix}_age", f"that sighting: time since the image of {what} was exposed"),
+    )
+
+
+CORE_FIELDS: tuple[Field, ...] = (
+    *(
+        Field(
+            name=f"ultrasonic_{side}",
+            unit="m",
+            low=0.0,
+            high=NO_ECHO_M,
+            missing=NO_ECHO_M,
+            meaning=f"range of the {side} ultrasonic; {NO_ECHO_M:g}: no echo",
+        )
+        for side in ("left", "front", "right")
+    ),
+    *(
+        _ages(f"ultrasonic_{side}_age", f"the {side} range, since the sensor fired")
+        for side in ("left", "front", "right")
+    ),
+    Field(
+        name="distance",
+        unit="m",
+        low=0.0,
+        high=1000.0,
+        missing=0.0,
+        meaning="distance travelled since reset, counted by the hall sensor, which knows no direction",
+    ),
+    Field(name="speed", unit="m/s", low=0.0, high=5.0, missing=0.0, meaning="speed from the hall sensor, without sign"),
+    *_sighting(
+        "gate",
+        "the middle of the nearest gate in view",
+        "heading of the gate's axis: 0 = the car points straight through",
+    ),
+    *_sighting(
+        "marker",
+        "the nearest single marker in view",
+        "heading into the marker: 0 = the car points straight at its face",
+    ),
+    Field(name="steering", unit="", low=-1.0, high=1.0, missing=0.0, meaning="the last steering command, as applied"),
+    Field(name="throttle", unit="", low=-1.0, high=1.0, missing=0.0, meaning="the last throttle command, as applied"),
+)
+"""The fields of every observation, in their order."""
+
+OPTIONAL_GROUPS: Mapping[str, tuple[Field, ...]] = {
+    "line": (
+        Field(
+            name="line",
+            unit="",
+            low=0.0,
+            high=255.0,
+            missing=0.0,
+            meaning="one byte of the line sensor: one bit a photo diode, bit 7 leftmost, 1 = tape",
+        ),
+    ),
+    "imu": tuple(
+        Field(name=f"imu_{kind}_{axis}", unit=unit, low=-high, high=high, missing=0.0, meaning=f"{what} about {axis}")
+        for kind, unit, high, what in (
+            ("gyro", "rad/s", 10.0, "angular rate"),
+            ("accel", "m/s^2", 40.0, "acceleration with gravity"),
+        )
+        for axis in "xyz"
+    ),
+    "battery": (
+        Field(
+            name="battery", unit="V", low=0.0, high=12.0, missing=0.0, meaning="voltage of the drive battery under load"
+        ),
+    ),
+}
+"""Groups of fields that can be added behind the core fields: ``gym.make(..., groups=("imu",))``."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Which fields an observation has, in which column."""
+
+    fields: tuple[Field, ...] = CORE_FIELDS
+
+    @classmethod
+    def of(cls, groups: Iterable[str] = ()) -> Layout:
+        """Layout of the core fields followed by the named optional groups.
+
+        Args:
+            groups: names out of `OPTIONAL_GROUPS`.
+
+        Raises:
+            ConfigError: unknown group.
+        """
+        fields = list(CORE_FIELDS)
+        for group in groups:
+            if group not in OPTIONAL_GROUPS:
+                raise ConfigError(f"unknown observation group '{group}': {nearest(group, OPTIONAL_GROUPS)}")
+            fields.extend(OPTIONAL_GROUPS[group])
+        return cls(tuple(fields))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return tuple(field.name for field in self.fields)
+
+    @property
+    def size(self) -> int:
+        """Number of columns."""
+        return len(self.fields)
+
+    def column(self, name: str) -> int:
+        """Column of the field of that name.
+
+        Raises:
+            ConfigError: no such field in this layout.
+        """
+        if name not in self.names:
+            raise ConfigError(f"unknown reading '{name}': {nearest(name, self.names)}")
+        return self.names.index(name)
+
+    def space(self) -> spaces.Box:
+        """Observation space, Box of shape (d,), float32."""
+        low = np.array([field.low for field in self.fields], np.float32)
+        high = np.array([field.high for field in self.fields], np.float32)
+        return spaces.Box(low, high, dtype=np.float32)
+
+    def missing(self, n: int) -> NDArray[np.float64]:
+        """Readings of a car that has not measured anything, shape (n, d)."""
+        return np.tile(np.array([field.missing for field in self.fields]), (n, 1))
+
+    def pack(self, values: Mapping[str, FloatArray | float], n: int) -> NDArray[np.float32]:
+        """Bring named readings into the order of the observation, within its bounds.
+
+        Args:
+            values: name -> (n,) or scalar; what is not named is "nothing seen".
+            n: number of rows.
+
+        Returns:
+            (n, d) float32.
+
+        Raises:
+            ConfigError: a name is not a field of this layout.
+        """
+        packed = self.missing(n)
+        for name, value in values.items():
+            packed[:, self.column(name)] = value
+        box = self.space()
+        return np.clip(packed.astype(np.float32), box.low, box.high)
+
+    def unpack(self, observation: NDArray[np.floating]) -> dict[str, NDArray[np.floating]]:
+        """Views of the named readings of an observation.
+
+        Args:
+            observation: (..., d).
+
+        Returns:
+            name -> (...).
+
+        Raises:
+            ConfigError: the last axis has not d entries.
+        """
+        if observation.shape[-1:] != (self.size,):
+            raise ConfigError(
+                f"observation has shape {observation.shape}, expected (..., {self.size}): {', '.join(self.names)}"
+            )
+        return {name: observation[..., i] for i, name in enumerate(self.names)}
+
+    def table(self) -> str:
+        """Markdown table of the fields, for docstrings and docs."""
+        rows = [
+            f"| {i} | `{f.name}` | {f.unit or '-'} | {f.low:g} .. {f.high:g} | {f.missing:g} | {f.meaning} |"
+            for i, f in enumerate(self.fields)
+        ]
+        return "\n".join(
+            ["| # | field | unit | range | nothing seen | meaning |", "| --- | --- | --- | --- | --- | --- |", *rows]
+        )
+
+
+CORE_LAYOUT = Layout()
+
+STEERING, THROTTLE = 0, 1
+"""Columns of an action."""
+
+
+def action_space() -> spaces.Box:
+    """Space of a command: steering in [-1, 1], +1 = full left; throttle in [-1, 1], +1 = full forward, 0 = neutral."""
+    return spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+
+class Policy(Protocol):
+    """Anything that drives: a state machine, a trained network, a person with a controller."""
+
+    def reset(self, n: int = 1) -> None:
+        """Start anew with n cars."""
+
+    def act(self, observation: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Command for each car.
+
+        Args:
+            observation: (d,) or (n, d), the columns of `Layout`.
+
+        Returns:
+            (2,) or (n, 2): steering, throttle.
+        """
+        ...
+
+
+def wrap_angle(angle: FloatArray) -> FloatArray:
+    """Bring angles [rad] of any shape into [-pi, pi)."""
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi

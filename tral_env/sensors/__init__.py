@@ -1,0 +1,1 @@
+"""Physical values to readings: batched laws of the sensors."""
