@@ -1,0 +1,1 @@
+"""State machines that drive: definition, states, transitions, policy."""
