@@ -1,0 +1,155 @@
+"""How much the cars differ: named levels, and the draw of one car.
+
+| level | meant for |
+| --- | --- |
+| none | the nominal car: unit tests, system identification, first steps |
+| default | cars as they are: what a policy must cope with |
+| hard | cars as one fears them |
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+
+import numpy as np
+
+from tral_env.errors import ConfigError, nearest
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Randomization:
+    """Range of each parameter of a car; each is drawn uniformly and on its own."""
+
+    mechanism_offset_deg: Range = (0.0, 0.0)
+    """Offset of the steering linkage; it shifts the travel that the servo has, deg. Source: Apollo_13 measured +6."""
+    steering_offset_deg: Range = (0.0, 0.0)
+    """What calibration has left of that offset: steering angle at command 0, deg. Source: choice."""
+    lock_scale: Range = (1.0, 1.0)
+    """Factor on the steering angle at full command. Source: choice."""
+    servo_speed_scale: Range = (1.0, 1.0)
+    """Factor on the servo's speed. Source: choice."""
+    servo_strength_scale: Range = (1.0, 1.0)
+    """Factor on the servo's stall torque. Source: choice."""
+    latency_s: Range = (0.02, 0.02)
+    """From command to pulse, s. Source: choice."""
+    friction: Range = (0.9, 0.9)
+    """Coefficient of friction of the tyres. Source: rubber on linoleum, 0.7 to 1.1."""
+    mass_scale: Range = (1.0, 1.0)
+    """Factor on the car's mass. Source: choice."""
+    wheel_radius_scale: Range = (1.0, 1.0)
+    """Factor on the wheel radius that the hall sensor's distance relies on. Source: choice."""
+    battery_v: Range = (7.2, 7.2)
+    """Open-circuit voltage, V. Source: six NiMH cells, 6.4 to 8.4 V."""
+    battery_resistance_ohm: Range = (0.0, 0.0)
+    """Internal resistance: the voltage sags under load, ohm. Source: six NiMH cells with leads, about 0.1."""
+    sonar_cadence_s: Range = (0.065, 0.065)
+    """Time from one ranging to the next, s. Source: SRF08, 65 ms."""
+    sonar_together: Range = (0.0, 0.0)
+    """Above 0.5: the three sonars fire together and hear each other; else they fire in turn."""
+    sonar_outlier_rate: Range = (0.0, 0.0)
+    """Share of readings that are nonsense. Source: report ("many outliers")."""
+    hall_miss_rate: Range = (0.0, 0.0)
+    """Share of hall ticks that are missed. Source: report ("very unreliable")."""
+    hall_double_rate: Range = (0.0, 0.0)
+    """Share of hall ticks that count twice. Source: report."""
+    camera_latency_s: Range = (0.03, 0.03)
+    """From exposure to detection, s. Source: webcams of the era."""
+    camera_roll_deg: Range = (0.0, 0.0)
+    """Mounting error, deg. Source: choice."""
+    camera_pitch_deg: Range = (0.0, 0.0)
+    """Mounting error, deg. Source: choice."""
+    camera_yaw_deg: Range = (0.0, 0.0)
+    """Mounting error, deg. Source: choice."""
+    image_degradation: Range = (0.0, 0.0)
+    """Noise, blur and wrong exposure of the camera image: 0 none, 1 mild, 3 strong. Source: choice."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            low, high = getattr(self, field.name)
+            if not (np.isfinite(low) and np.isfinite(high) and low <= high):
+                raise ConfigError(
+                    f"Randomization.{field.name} = {(low, high)!r}: expected (low, high), finite, low <= high"
+                )
+
+    def draw(self, rng: np.random.Generator) -> dict[str, float]:
+        """Draw one car: parameter -> value. Each parameter takes one number of the generator, whatever its range."""
+        return {field.name: float(rng.uniform(*getattr(self, field.name))) for field in fields(self)}
+
+    def fixed(self, **values: float) -> Randomization:
+        """The same with some parameters fixed.
+
+        Raises:
+            ConfigError: unknown parameter.
+        """
+        names = [field.name for field in fields(self)]
+        for name in values:
+            if name not in names:
+                raise ConfigError(f"unknown parameter '{name}': {nearest(name, names)}")
+        ranges: dict[str, Range] = asdict(self) | {name: (value, value) for name, value in values.items()}
+        return Randomization(**ranges)
+
+
+LEVELS: Mapping[str, Randomization] = {
+    "none": Randomization(),
+    "default": Randomization(
+        mechanism_offset_deg=(-6.0, 6.0),
+        steering_offset_deg=(-1.0, 1.0),
+        lock_scale=(0.95, 1.05),
+        servo_speed_scale=(0.8, 1.2),
+        servo_strength_scale=(0.8, 1.2),
+        latency_s=(0.010, 0.040),
+        friction=(0.7, 1.1),
+        mass_scale=(0.9, 1.1),
+        wheel_radius_scale=(0.99, 1.01),
+        battery_v=(6.8, 8.2),
+        sonar_cadence_s=(0.065, 0.075),
+        sonar_outlier_rate=(0.005, 0.005),
+        hall_miss_rate=(0.01, 0.01),
+        hall_double_rate=(0.01, 0.01),
+        camera_latency_s=(0.020, 0.060),
+        camera_roll_deg=(-1.0, 1.0),
+        camera_pitch_deg=(-1.0, 1.0),
+        camera_yaw_deg=(-1.0, 1.0),
+        image_degradation=(0.5, 1.5),
+    ),
+    "hard": Randomization(
+        mechanism_offset_deg=(-8.0, 8.0),
+        steering_offset_deg=(-2.5, 2.5),
+        lock_scale=(0.88, 1.12),
+        servo_speed_scale=(0.6, 1.4),
+        servo_strength_scale=(0.6, 1.4),
+        latency_s=(0.010, 0.080),
+        friction=(0.5, 1.2),
+        mass_scale=(0.8, 1.2),
+        wheel_radius_scale=(0.97, 1.03),
+        battery_v=(6.4, 8.4),
+        battery_resistance_ohm=(0.05, 0.15),
+        sonar_cadence_s=(0.065, 0.110),
+        sonar_together=(0.0, 1.0),
+        sonar_outlier_rate=(0.03, 0.03),
+        hall_miss_rate=(0.05, 0.05),
+        hall_double_rate=(0.05, 0.05),
+        camera_latency_s=(0.020, 0.120),
+        camera_roll_deg=(-2.5, 2.5),
+        camera_pitch_deg=(-2.5, 2.5),
+        camera_yaw_deg=(-2.5, 2.5),
+        image_degradation=(1.0, 3.0),
+    ),
+}
+"""The named levels; docs/randomization.md has them as a table."""
+
+
+def level(randomization: str | Randomization) -> Randomization:
+    """The level of that name, or the given one.
+
+    Raises:
+        ConfigError: unknown name.
+    """
+    if isinstance(randomization, Randomization):
+        return randomization
+    if randomization not in LEVELS:
+        raise ConfigError(f"unknown randomization '{randomization}': {nearest(randomization, LEVELS)}")
+    return LEVELS[randomization]

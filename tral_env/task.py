@@ -1,0 +1,255 @@
+"""The task as pure functions on arrays: where a car is on its route, what that counts as, what it earns.
+
+Every array has the cars along its first axis; n is the number of cars. Numbers: `TaskConfig`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.config import CarConfig, TaskConfig
+from tral_env.course.plan import Plan
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+ROUTE_WINDOW = (4, 12)
+"""Route points looked at behind and ahead of the last one: a car cannot jump to another leg of its route."""
+GATE_REACH_M = 3.0
+"""The plane of a gate ends this far from its middle."""
+GATE_ROUTE_REACH_M = 1.5
+"""A gate is looked at while the car's place on the route is this near to the gate's."""
+
+
+@dataclass
+class Track:
+    """The plans of n cars, padded to common shapes."""
+
+    route: Array
+    """(n, R, 2) padded by repeating the last point."""
+    route_s: Array
+    """(n, R) arc length at the points."""
+    last: Index
+    """(n,) index of the last point."""
+    gate_pose: Array
+    """(n, G, 3) x, y, yaw; NaN where there is none."""
+    gate_width: Array
+    """(n, G)"""
+    gate_s: Array
+    """(n, G) place of the gates on the route; infinite where there is none."""
+    gates: Index
+    """(n,) number of gates."""
+    straights: Array
+    """(n, S, 5) x, y, yaw, length, width; length 0 where there is none."""
+
+    @property
+    def length(self) -> Array:
+        """(n,) length of the routes, m."""
+        lengths: Array = self.route_s[:, -1]
+        return lengths
+
+
+def empty_track(n: int) -> Track:
+    """Track of n cars without courses."""
+    return Track(
+        route=np.zeros((n, 2, 2)),
+        route_s=np.zeros((n, 2)),
+        last=np.ones(n, np.int64),
+        gate_pose=np.zeros((n, 0, 3)),
+        gate_width=np.zeros((n, 0)),
+        gate_s=np.zeros((n, 0)),
+        gates=np.zeros(n, np.int64),
+        straights=np.zeros((n, 0, 5)),
+    )
+
+
+def lay(track: Track, row: int, plan: Plan) -> None:
+    """Write the plan of one car into the track, in place; arrays grow where the plan is larger."""
+    points, gates, straights = len(plan.route), len(plan.gate_pose), len(plan.straights)
+    track.route = _grown(track.route, points, edge=True)
+    track.route_s = _grown(track.route_s, points, edge=True)
+    track.gate_pose = _grown(track.gate_pose, gates, fill=np.nan)
+    track.gate_width = _grown(track.gate_width, gates)
+    track.gate_s = _grown(track.gate_s, gates, fill=np.inf)
+    track.straights = _grown(track.straights, straights)
+    track.route[row, :points], track.route[row, points:] = plan.route, plan.route[-1]
+    track.route_s[row, :points], track.route_s[row, points:] = plan.route_s, plan.length
+    track.last[row] = points - 1
+    track.gate_pose[row], track.gate_pose[row, :gates] = np.nan, plan.gate_pose
+    track.gate_width[row, :gates] = plan.gate_width
+    track.gate_s[row], track.gate_s[row, :gates] = np.inf, _gate_places(plan)
+    track.gates[row] = gates
+    track.straights[row], track.straights[row, :straights] = 0.0, plan.straights
+
+
+def _gate_places(plan: Plan) -> Array:
+    if not len(plan.gate_pose):
+        return np.zeros(0)
+    apart = np.linalg.norm(plan.gate_pose[:, None, :2] - plan.route[None], axis=2)
+    places: Array = plan.route_s[apart.argmin(axis=1)]
+    return places
+
+
+def _grown(array: Array, size: int, *, fill: float = 0.0, edge: bool = False) -> Array:
+    """The array with room for `size` entries along its second axis."""
+    missing = size - array.shape[1]
+    if missing <= 0:
+        return array
+    width = [(0, 0), (0, missing)] + [(0, 0)] * (array.ndim - 2)
+    return np.pad(array, width, mode="edge") if edge else np.pad(array, width, constant_values=fill)
+
+
+def locate(track: Track, rows: Index, position: Array, index: Index) -> tuple[Array, Array, Index]:
+    """Project positions onto the routes, near where the cars last were.
+
+    Args:
+        track: the routes.
+        rows: (k,) the cars.
+        position: (k, 2) of the rear axle, m.
+        index: (k,) route segment where each car last was.
+
+    Returns:
+        (k,) arc length [m], (k,) signed distance to the route [m], left positive, (k,) segment.
+    """
+    window = np.arange(-ROUTE_WINDOW[0], ROUTE_WINDOW[1])
+    segment = np.clip(index[:, None] + window, 0, track.last[rows, None] - 1)
+    start = track.route[rows[:, None], segment]
+    along = track.route[rows[:, None], segment + 1] - start
+    offset = position[:, None, :] - start
+    length = np.maximum(np.sqrt(along[..., 0] ** 2 + along[..., 1] ** 2), 1e-9)
+    unit = along / length[..., None]
+    t = np.clip(offset[..., 0] * unit[..., 0] + offset[..., 1] * unit[..., 1], 0.0, length)
+    miss = offset - unit * t[..., None]
+    best = (miss[..., 0] ** 2 + miss[..., 1] ** 2).argmin(axis=1)
+    pick = np.arange(len(rows)), best
+    lateral = unit[..., 0] * offset[..., 1] - unit[..., 1] * offset[..., 0]
+    found = segment[pick]
+    return track.route_s[rows, found] + t[pick], lateral[pick], found
+
+
+def cross_gates(track: Track, before: Array, after: Array, s: Array, passed: Index) -> tuple[Flags, Flags]:
+    """Which cars passed their next gate in this tick, and which missed one.
+
+    Args:
+        track: the gates.
+        before: (n, 2) rear axle a tick ago, m.
+        after: (n, 2) rear axle now, m.
+        s: (n,) place on the route, m.
+        passed: (n,) gates passed so far.
+
+    Returns:
+        (n,) passed the next gate: crossed its plane forwards between the posts;
+        (n,) missed a gate: crossed a plane outside the posts, or backwards.
+    """
+    n, gates = track.gate_s.shape
+    if gates == 0:
+        return np.zeros(n, bool), np.zeros(n, bool)
+    x0, y0 = _gate_frame(track.gate_pose, before)
+    x1, y1 = _gate_frame(track.gate_pose, after)
+    share = np.where(x1 != x0, -x0 / np.where(x1 != x0, x1 - x0, 1.0), 0.0)
+    offset = np.abs(y0 + share * (y1 - y0))
+    near = (np.abs(s[:, None] - track.gate_s) < GATE_ROUTE_REACH_M) & (offset < GATE_REACH_M)
+    between = offset < track.gate_width / 2
+    forwards = near & (x0 < 0) & (x1 >= 0)
+    backwards = near & (x0 >= 0) & (x1 < 0)
+    is_next = np.arange(gates) == passed[:, None]
+    through = (forwards & between & is_next).any(axis=1)
+    missed = (forwards & ~(between & is_next)).any(axis=1) | (backwards & between).any(axis=1)
+    return through, missed
+
+
+def _gate_frame(gate_pose: Array, position: Array) -> tuple[Array, Array]:
+    dx = position[:, None, 0] - gate_pose[..., 0]
+    dy = position[:, None, 1] - gate_pose[..., 1]
+    cos, sin = np.cos(gate_pose[..., 2]), np.sin(gate_pose[..., 2])
+    return cos * dx + sin * dy, cos * dy - sin * dx
+
+
+def wall_clearance(track: Track, pose: Array, car: CarConfig) -> tuple[Array, Array]:
+    """True perpendicular distance from the side ultrasonics to the walls, on plain straight stretches.
+
+    Args:
+        track: the stretches.
+        pose: (n, 3) x, y [m], yaw [rad].
+        car: where the ultrasonics stand.
+
+    Returns:
+        (n,) left, (n,) right, m; NaN elsewhere.
+    """
+    n, count, _ = track.straights.shape
+    left, right = np.full(n, np.nan), np.full(n, np.nan)
+    if count == 0:
+        return left, right
+    x0, y0, yaw, length, width = np.moveaxis(track.straights, 2, 0)
+    turn = pose[:, None, 2] - yaw
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    dx, dy = pose[:, None, 0] - x0, pose[:, None, 1] - y0
+    x = cos * dx + sin * dy + car.middle_x * np.cos(turn)
+    y = cos * dy - sin * dx + car.middle_x * np.sin(turn)
+    side = car.sonar_side * np.cos(turn)
+    on = (x >= 0) & (x <= length) & (np.abs(y) < width / 2) & (np.cos(turn) > 0.7) & (length > 0)
+    rows, which = np.flatnonzero(on.any(axis=1)), on.argmax(axis=1)
+    pick = rows, which[rows]
+    left[rows] = width[pick] / 2 - y[pick] - side[pick]
+    right[rows] = width[pick] / 2 + y[pick] - side[pick]
+    return left, right
+
+
+def clearance_error(left: Array, right: Array, wanted: Array) -> Array:
+    """Clearance to the followed wall minus the one that is wanted.
+
+    Args:
+        left: (n,) true distance to the left wall, m or NaN.
+        right: (n,) true distance to the right wall, m or NaN.
+        wanted: (n, 2) side (+1 left, -1 right, NaN none) and clearance, m.
+
+    Returns:
+        (n,) m; NaN where there is no wall or no wish.
+    """
+    side, metres = wanted[:, 0], wanted[:, 1]
+    wall = np.where(side > 0, left, np.where(side < 0, right, np.nan))
+    error: Array = wall - metres
+    return error
+
+
+def time_limit(length: Array, config: TaskConfig) -> Array:
+    """Time that a route may take, s: its length (n,) at `nominal_speed`, plus `grace_s`."""
+    limit: Array = length / config.nominal_speed + config.grace_s
+    return limit
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What happened to n cars in a tick."""
+
+    advance: Array
+    """(n,) metres gained along the route."""
+    gate: Flags
+    """(n,) passed a gate."""
+    success: Flags
+    """(n,)"""
+    failure: Flags
+    """(n,) collision or missed gate."""
+    steering_change: Array
+    """(n,) change of the steering command."""
+
+
+def reward(outcome: Outcome, config: TaskConfig) -> Array:
+    """What a tick earns, (n,): progress + gates + goal - failure - steering effort - time.
+
+    Progress along the route is the potential that a learner climbs (Ng et al., 1999); all else is small beside it but
+    for the end of the episode.
+    """
+    earned: Array = (
+        config.progress_reward * outcome.advance
+        + config.gate_reward * outcome.gate
+        + config.success_reward * outcome.success
+        + config.failure_reward * outcome.failure
+        - config.steering_cost * outcome.steering_change**2
+        - config.time_cost
+    )
+    return earned
