@@ -85,21 +85,43 @@ class UltrasonicConfig:
     """Full width of the beam at -6 dB, deg. Source: SRF08."""
     incidence_limit_deg: float = 22.5
     """A smooth wall met at a larger angle gives no echo, deg. Source: era, 20 to 25."""
+    incidence_spread_deg: float = 2.5
+    """The limit varies from ranging to ranging by up to this much either way, deg. Source: era, 20 to 25."""
+    edge_range: float = 2.0
+    """An edge or a slim post is heard no farther than this, m. Source: Devantech's figure for its rangers, a stick of
+    3 cm is detected at 2 m."""
+    corner_tolerance: float = 0.26
+    """Two walls are an inner corner if the cosine of the angle between them is at most this: 90 +- 15 deg. Source:
+    choice."""
     min_range: float = 0.03
     """Nearer echoes are lost in the ringing of the transducer, m. Source: SRF08."""
     max_range: float = 5.0
     """m in microsecond mode. Source: report."""
     mode: str = "us"
     """"us": microsecond mode, to 5 m; "cm": centimetre mode, 0.2 to 3 m in steps of 1 cm. Source: report."""
+    cm_min_range: float = 0.2
+    """Least range in centimetre mode, m. Source: report."""
+    cm_max_range: float = 3.0
+    """Greatest range in centimetre mode, m. Source: report."""
     cadence_s: float = 0.065
     """One ranging, s. Source: SRF08."""
     jitter_m: float = 0.00865
     """Step between neighbouring wave fronts that may trigger the comparator, m. Source: era."""
+    jitter_share: float = 0.3
+    """Probability that the wave front before or after the right one triggers; 0: never. Source: choice."""
+    crosstalk_share: float = 0.1
+    """Probability that a sonar hears a neighbour when they fire together. Source: choice."""
     metres_per_us: float = 1.716e-4
     """Distance for a microsecond of flight there and back, m. Source: era."""
 
     def __post_init__(self) -> None:
-        _check(self, positive=("rays", "beam_deg", "incidence_limit_deg", "max_range", "cadence_s", "metres_per_us"))
+        _check(
+            self,
+            positive=("beam_deg", "incidence_limit_deg", "max_range", "cadence_s", "metres_per_us"),
+            unit_interval=("jitter_share", "crosstalk_share", "corner_tolerance"),
+        )
+        if self.rays < 2:
+            raise ConfigError(f"UltrasonicConfig.rays = {self.rays!r}: expected 2 or more")
         if self.mode not in ("us", "cm"):
             raise ConfigError(f"UltrasonicConfig.mode = {self.mode!r}. Allowed: us, cm")
 
@@ -112,9 +134,13 @@ class HallConfig:
     """m: 8 magnets on a wheel of 0.032 m. Source: ucboard."""
     timeout_s: float = 0.25
     """Without a tick for this long the car is taken to stand, s. Source: choice."""
+    stamp_s: float = 1e-4
+    """Resolution of the time stamp of a tick, s. Source: ucboard counts tenths of a millisecond."""
+    bounce_s: float = 1e-3
+    """A tick counted twice comes again after this long, s. Source: choice."""
 
     def __post_init__(self) -> None:
-        _check(self, positive=("metres_per_tick", "timeout_s"))
+        _check(self, positive=("metres_per_tick", "timeout_s", "stamp_s", "bounce_s"))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,144 @@
+"""Hall sensor on the rear left wheel: travel of the wheel -> ticks -> distance and speed, without direction. Batched.
+
+Eight magnets pass the sensor in a turn, one each 0.02513 m of travel (ucboard). Each passage interrupts the
+microcontroller, which counts it and stamps its time; so the time between two ticks is known far better than to a
+control period. Ticks get lost, and counted twice (report: "very unreliable").
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.config import HallConfig
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+UPDATE_DRAWS = 2
+"""Uniform numbers that `Hall.update` takes for one row: missed, doubled."""
+
+UNITS_PER_METRE = 1500 / 1.60
+"""Units of the hall counter of 2016 in a metre: 937.5. Source: report, 1500 units were 1.60 m."""
+UNITS_WRAP = 1 << 16
+"""That counter is a u16: it wraps after 69.905 m."""
+
+_GOLDEN = 0.6180339887498949
+
+
+def to_units(distance: Array) -> NDArray[np.uint16]:
+    """What the counter of 2016 shows after a distance in m, any shape."""
+    return (np.floor(np.asarray(distance) * UNITS_PER_METRE) % UNITS_WRAP).astype(np.uint16)
+
+
+def units_between(before: NDArray[np.uint16], after: NDArray[np.uint16]) -> Array:
+    """Distance in m between two readings of the counter of 2016, less than one wrap (69.9 m) apart, any shape."""
+    units = (np.asarray(after, np.int64) - np.asarray(before, np.int64)) % UNITS_WRAP
+    return units / UNITS_PER_METRE
+
+
+class Hall:
+    """The hall sensors of n cars.
+
+    Speed is the median of the last three spacings of ticks, so that one missed or one doubled tick does not show; and
+    never more than one tick in the time since the last one, so that it falls when the car brakes; and 0 once a tick is
+    overdue by `timeout_s`.
+    """
+
+    def __init__(self, n: int, config: HallConfig) -> None:
+        self._config = config
+        self._place = np.zeros(n)
+        self._ticks = np.zeros(n, np.int64)
+        self._stamp = np.zeros(n)
+        self._spacing = np.zeros((n, 3))
+        self._speed = np.zeros(n)
+        self.reset(np.arange(n))
+
+    def reset(self, rows: IntArray, place: Array | float = 0.5) -> None:
+        """Put cars at rest, distance 0.
+
+        Args:
+            rows: (k,) which.
+            place: (k,) or scalar in [0, 1): where between two magnets the wheel stands. In the middle (default) the
+                distance is wrong by at most half a tick either way.
+        """
+        self._place[rows] = place
+        self._ticks[rows] = 0
+        self._stamp[rows] = -np.inf
+        self._spacing[rows] = np.inf
+        self._speed[rows] = 0.0
+
+    def update(
+        self,
+        travel: Array,
+        time_s: Array | float,
+        period_s: float,
+        uniform: Array,
+        miss_rate: Array | float = 0.0,
+        double_rate: Array | float = 0.0,
+    ) -> None:
+        """Advance by one period.
+
+        Args:
+            travel: (n,) travel of the wheel's rim in this period, m; backward travel is negative or, all the same to
+                the sensor, positive.
+            time_s: (n,) or scalar, time at the end of the period, s.
+            period_s: length of the period, s. The wheel is taken to turn evenly within it.
+            uniform: (n, 2) numbers in [0, 1): missed, doubled.
+            miss_rate: (n,) or scalar, probability that a tick is not counted.
+            double_rate: (n,) or scalar, probability that a tick is counted twice.
+        """
+        start = self._place
+        self._place = start + travel / self._config.metres_per_tick
+        # Magnets sit at the whole numbers.
+        first = np.floor(start)
+        passed = np.abs(np.floor(self._place) - first)
+        if passed.any():
+            moved = np.where(self._place == start, 1.0, self._place - start)
+            for k in range(int(passed.max())):
+                magnet = np.where(moved > 0, first + 1 + k, first - k)
+                when = time_s - period_s + (magnet - start) / moved * period_s
+                # Ticks after the first of a period turn the same draws by the golden ratio: uniform again.
+                draw = (uniform + k * _GOLDEN) % 1.0
+                seen = (passed > k) & (draw[:, 0] >= miss_rate)
+                self._tick(seen, np.asarray(when))
+                self._tick(seen & (draw[:, 1] < double_rate), when + self._config.bounce_s)
+        self._speed = self._estimate(np.asarray(time_s))
+
+    def _tick(self, counted: NDArray[np.bool_], when: Array) -> None:
+        if not counted.any():
+            return
+        stamp = np.rint(when / self._config.stamp_s) * self._config.stamp_s
+        spacing = np.maximum(stamp - self._stamp, self._config.stamp_s)
+        spacing = np.where(spacing > self._config.timeout_s, np.inf, spacing)
+        last = self._spacing[:, 2]
+        # From rest the first spacing known stands for all three; a pause makes all three unknown.
+        anew = np.isinf(spacing) | np.isinf(last)
+        row = counted[:, None]
+        shifted = np.column_stack([self._spacing[:, 1], last, spacing])
+        fresh = np.where(anew[:, None], spacing[:, None], shifted)
+        self._spacing = np.where(row, fresh, self._spacing)
+        self._stamp = np.where(counted, stamp, self._stamp)
+        self._ticks = self._ticks + counted
+
+    def _estimate(self, time_s: Array) -> Array:
+        a, b, c = self._spacing.T
+        median = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
+        waited = time_s - self._stamp
+        speed: Array = self._config.metres_per_tick / np.maximum(median, waited)
+        return np.where(waited > self._config.timeout_s, 0.0, speed)
+
+    @property
+    def ticks(self) -> IntArray:
+        """(n,) ticks counted since reset."""
+        return self._ticks
+
+    @property
+    def distance(self) -> Array:
+        """(n,) m counted since reset, forward and backward alike."""
+        return self._ticks * self._config.metres_per_tick
+
+    @property
+    def speed(self) -> Array:
+        """(n,) m/s, without sign, at the end of the last period."""
+        return self._speed
