@@ -88,8 +88,8 @@ class UltrasonicConfig:
     incidence_spread_deg: float = 2.5
     """The limit varies from ranging to ranging by up to this much either way, deg. Source: era, 20 to 25."""
     edge_range: float = 2.0
-    """An edge or a slim post is heard no farther than this, m. Source: Devantech's figure for its rangers, a stick of
-    3 cm is detected at 2 m."""
+    """An edge or a slim post is heard no farther than this, m. Source: choice, after the SRF04's data sheet: a stick of
+    3 cm is detected at more than 2 m."""
     corner_tolerance: float = 0.26
     """Two walls are an inner corner if the cosine of the angle between them is at most this: 90 +- 15 deg. Source:
     choice."""
@@ -141,6 +141,45 @@ class HallConfig:
 
     def __post_init__(self) -> None:
         _check(self, positive=("metres_per_tick", "timeout_s", "stamp_s", "bounce_s"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineConfig:
+    """Row of eight photo diodes that look down at floor tape."""
+
+    x: float = 0.30
+    """Ahead of the rear axle, m: under the front bumper. Source: choice."""
+    pitch: float = 0.009525
+    """Distance of neighbouring diodes, m. Source: Pololu QTR-8."""
+    tape_width: float = 0.019
+    """m; 0.019 and 0.025 are sold. Source: choice."""
+
+    def __post_init__(self) -> None:
+        _check(self, positive=("pitch", "tape_width"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImuConfig:
+    """MEMS gyroscope and accelerometer. Source, where not said: MPU-9250 product specification."""
+
+    gyro_noise_dps: float = 0.01
+    """Noise density, deg/s per root Hz."""
+    gyro_bias_dps: float = 0.1
+    """Standard deviation of the bias that is left, deg/s. Raw it is up to 5; a car that stands before it starts can
+    subtract it. Source: choice."""
+    gyro_range_dps: float = 500.0
+    """Full scale, deg/s: 250, 500, 1000 or 2000."""
+    accel_noise_ug: float = 300.0
+    """Noise density, millionths of g per root Hz."""
+    accel_bias_mg: float = 30.0
+    """Standard deviation of the bias, thousandths of g: half of the 60 that the specification gives for x and y."""
+    accel_range_g: float = 4.0
+    """Full scale, g: 2, 4, 8 or 16."""
+    bandwidth_hz: float = 41.0
+    """Low pass of the chip, Hz: the setting next to half of the control rate."""
+
+    def __post_init__(self) -> None:
+        _check(self, positive=("gyro_range_dps", "accel_range_g", "bandwidth_hz"))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -136,7 +136,7 @@ class Hall:
     @property
     def distance(self) -> Array:
         """(n,) m counted since reset, forward and backward alike."""
-        return self._ticks * self._config.metres_per_tick
+        return self._ticks.astype(np.float64) * self._config.metres_per_tick
 
     @property
     def speed(self) -> Array:

@@ -1,0 +1,67 @@
+"""Inertial sensor: true angular rate and acceleration -> what a MEMS chip reads. Batched, without state.
+
+Model: reading = clip(round to the register's unit(truth + bias + white noise)). The bias is drawn once for a drive,
+the noise for every reading. Scale and axis errors (3 % and 2 % in the data sheet) are left out.
+Source: InvenSense, MPU-9250 product specification PS-MPU-9250A-01, tables 1 and 2.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.config import ImuConfig
+
+Array = NDArray[np.float64]
+
+STANDARD_GRAVITY = 9.80665
+"""m/s^2 in 1 g."""
+AXES = 6
+"""Columns: gyro x, y, z in rad/s, then accelerometer x, y, z in m/s^2."""
+
+_REGISTER = 1 << 15
+
+
+def _columns(gyro: float, accel: float) -> Array:
+    return np.repeat([gyro, accel], 3)
+
+
+def noise_sigma(config: ImuConfig) -> Array:
+    """Standard deviation of the noise of one reading, (6,): density times the root of the bandwidth."""
+    root = math.sqrt(config.bandwidth_hz)
+    return _columns(
+        math.radians(config.gyro_noise_dps) * root,
+        config.accel_noise_ug * 1e-6 * STANDARD_GRAVITY * root,
+    )
+
+
+def full_scale(config: ImuConfig) -> Array:
+    """Largest reading either way, (6,)."""
+    return _columns(math.radians(config.gyro_range_dps), config.accel_range_g * STANDARD_GRAVITY)
+
+
+def draw_bias(normal: Array, config: ImuConfig) -> Array:
+    """Bias of a drive from standard normal numbers, (..., 6) -> (..., 6)."""
+    sigma = _columns(math.radians(config.gyro_bias_dps), config.accel_bias_mg * 1e-3 * STANDARD_GRAVITY)
+    return normal * sigma
+
+
+def measure(truth: Array, bias: Array | float, normal: Array, config: ImuConfig) -> Array:
+    """Reading of the chip.
+
+    Args:
+        truth: (..., 6) angular rate, rad/s, and proper acceleration, m/s^2 (+9.8 on z for a car that stands), about and
+            along the car's axes.
+        bias: (..., 6) or 0, see `draw_bias`.
+        normal: (..., 6) standard normal numbers.
+        config: the chip.
+
+    Returns:
+        (..., 6) in the units of `truth`.
+    """
+    limit = full_scale(config)
+    unit = limit / _REGISTER
+    raw = truth + bias + normal * noise_sigma(config)
+    return np.clip(np.rint(raw / unit) * unit, -limit, limit - unit)
