@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.interface import MAX_AGE_S, NOTHING_SEEN_ID
+from tral_env.perception.gate import Sighting
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -54,18 +53,18 @@ class Sightings:
         self._next_exposure[due] += self._period_s
         return due
 
-    def expose(self, rows: Index, time_s: Array, seen: Mapping[str, Array]) -> None:
+    def expose(self, rows: Index, time_s: Array, seen: Sighting) -> None:
         """Images are taken.
 
         Args:
             rows: (k,) cars.
             time_s: (n,) now.
-            seen: ``gate_id``, ``gate_x``, .. ``marker_heading`` -> (k,); id -1 for nothing.
+            seen: what they show, arrays of (k,).
         """
         slot = self._slot[rows]
         for i, subject in enumerate(SUBJECTS):
             for j, quantity in enumerate(QUANTITIES):
-                self._queue[rows, slot, i, j] = seen[f"{subject}_{quantity}"]
+                self._queue[rows, slot, i, j] = getattr(seen, f"{subject}_{quantity}")
         self._queue_exposed[rows, slot] = time_s[rows]
         self._slot[rows] = (slot + 1) % IN_FLIGHT
 

@@ -1,0 +1,280 @@
+"""Images of the simulated car: the camera that looks ahead, and any other camera of a model.
+
+The only module of this room that knows MuJoCo. OpenGL is touched when the first image is asked for, not before.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+from types import TracebackType
+from typing import Any
+
+import cv2
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.config import CameraConfig
+from tral_env.errors import ConfigError, RenderError, nearest
+from tral_env.perception.projected import mounting_turn
+
+Image = NDArray[np.uint8]
+"""(height, width, 3) RGB."""
+
+MAX_GEOMS = 5000
+"""Geoms a scene can show."""
+
+REMEDY = (
+    "Set MUJOCO_GL=egl (Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri) or MUJOCO_GL=osmesa (apt install "
+    'libosmesa6) before Python starts, or do without OpenGL: camera="projected", render_mode=None'
+)
+
+
+class SceneRenderer:
+    """Renders any camera of a model at any size.
+
+    Shadows and reflections are off unless asked for: in software OpenGL they cost more than all the rest. One
+    OpenGL context serves all courses that share textures and meshes; another look makes a new one.
+    """
+
+    def __init__(self, offsamples: int = 4) -> None:
+        """Nothing is opened yet.
+
+        Args:
+            offsamples: samples a pixel against jagged edges; 0 is fastest.
+        """
+        self._offsamples = offsamples
+        self._gl: Any = None
+        self._context: mujoco.MjrContext | None = None
+        self._scene: mujoco.MjvScene | None = None
+        self._model: mujoco.MjModel | None = None
+        self._look: tuple[NDArray[Any], ...] = ()
+        self._option = mujoco.MjvOption()
+        self._view = mujoco.MjvCamera()
+
+    def render(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        camera: str,
+        width: int,
+        height: int,
+        *,
+        intrinsics: CameraConfig | None = None,
+        mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        effects: bool = False,
+    ) -> Image:
+        """Picture of one camera.
+
+        Args:
+            model: the compiled scene.
+            data: its state; kinematics must be up to date.
+            camera: name of a camera of the model.
+            width: px.
+            height: px.
+            intrinsics: focal lengths and principal point instead of the model's field of view; its distortion is
+                `OnboardCamera`'s business.
+            mounting: roll, pitch, yaw by which the camera is turned away from its place, rad; about x forward,
+                y left, z up.
+            effects: shadows and reflections, as far as the model has them.
+
+        Returns:
+            (height, width, 3) uint8.
+
+        Raises:
+            RenderError: no OpenGL on this machine.
+            ConfigError: the model has no such camera.
+        """
+        context, scene = self._open(model, width, height)
+        self._gl.make_current()
+        self._view.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        self._view.fixedcamid = camera_id(model, camera)
+        mujoco.mjv_updateScene(model, data, self._option, None, self._view, mujoco.mjtCatBit.mjCAT_ALL, scene)
+        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+            scene.flags[flag] = effects
+        for eye in (scene.camera[0], scene.camera[1]):
+            _aim(eye, intrinsics, mounting)
+        viewport = mujoco.MjrRect(0, 0, width, height)
+        image = np.empty((height, width, 3), np.uint8)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
+        mujoco.mjr_render(viewport, scene, context)
+        mujoco.mjr_readPixels(image, None, viewport, context)
+        return np.ascontiguousarray(image[::-1])
+
+    def _open(self, model: mujoco.MjModel, width: int, height: int) -> tuple[mujoco.MjrContext, mujoco.MjvScene]:
+        """Contexts that can show this model at this size, made or grown when needed."""
+        if self._gl is None:
+            self._gl = _gl_context(max(width, 640), max(height, 480))
+        if self._context is None or self._scene is None or not self._shows(model):
+            self._gl.make_current()
+            if self._context is not None:
+                self._context.free()
+            self._context = _render_context(model, self._offsamples)
+            self._scene = mujoco.MjvScene(model, MAX_GEOMS)
+            self._look = tuple(np.array(part) for part in _look(model))
+        self._model = model
+        if width > self._context.offWidth or height > self._context.offHeight:
+            self._gl.make_current()
+            size = max(width, self._context.offWidth), max(height, self._context.offHeight)
+            mujoco.mjr_resizeOffscreen(*size, self._context)
+        return self._context, self._scene
+
+    def _shows(self, model: mujoco.MjModel) -> bool:
+        """Whether what was uploaded to OpenGL fits this model."""
+        return model is self._model or all(np.array_equal(a, b) for a, b in zip(self._look, _look(model), strict=True))
+
+    def close(self) -> None:
+        """Free the OpenGL context. The next image opens a new one."""
+        if self._gl is not None:
+            if self._context is not None:
+                self._gl.make_current()
+                self._context.free()
+            self._gl.free()
+        self._gl = self._context = self._scene = self._model = None
+
+    def __enter__(self) -> SceneRenderer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class OnboardCamera:
+    """The camera that looks ahead, with the lens of a `CameraConfig`."""
+
+    def __init__(
+        self, config: CameraConfig | None = None, *, camera: str = "car/front", renderer: SceneRenderer | None = None
+    ) -> None:
+        """Nothing is opened yet.
+
+        Args:
+            config: the lens.
+            camera: name of the camera in the model: its place and direction are used, its field of view is not.
+            renderer: shared with other views; default: one of its own.
+        """
+        self.config = config or CameraConfig()
+        self._camera = camera
+        self.renderer = renderer or SceneRenderer()
+        self._pinhole = self.config
+        self._map: tuple[Any, Any] | None = None
+        if any(self.config.distortion):
+            self._pinhole, self._map = _unbent(self.config)
+
+    def capture(
+        self, model: mujoco.MjModel, data: mujoco.MjData, mounting: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ) -> Image:
+        """Image of the camera, (config.height, config.width, 3) uint8.
+
+        Args:
+            model: the compiled scene.
+            data: its state.
+            mounting: roll, pitch, yaw of the mounting error, rad.
+
+        Raises:
+            RenderError: no OpenGL on this machine.
+            ConfigError: the model has no such camera.
+        """
+        size = self._pinhole.width, self._pinhole.height
+        image = self.renderer.render(model, data, self._camera, *size, intrinsics=self._pinhole, mounting=mounting)
+        if self._map is None:
+            return image
+        return np.asarray(cv2.remap(image, self._map[0], self._map[1], cv2.INTER_LINEAR), np.uint8)
+
+    def close(self) -> None:
+        """Free the OpenGL context."""
+        self.renderer.close()
+
+
+def camera_id(model: mujoco.MjModel, name: str) -> int:
+    """Index of a named camera.
+
+    Raises:
+        ConfigError: the model has no such camera.
+    """
+    index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name)
+    if index < 0:
+        raise ConfigError(
+            f"no camera '{name}' in the model: {nearest(name, (model.camera(i).name for i in range(model.ncam)))}"
+        )
+    return int(index)
+
+
+def _gl_context(width: int, height: int) -> Any:
+    """An OpenGL context; without a display and without a wish in MUJOCO_GL it is EGL."""
+    wish = os.environ.get("MUJOCO_GL", "")
+    screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    try:
+        if not wish and not screen and platform.system() == "Linux":
+            from mujoco.egl import GLContext
+        else:
+            from mujoco.rendering.classic.gl_context import GLContext
+        context = GLContext(width, height)
+        context.make_current()
+    except Exception as error:  # every backend has errors of its own
+        raise RenderError(f"no OpenGL context (MUJOCO_GL={wish or 'not set'}): {error}. {REMEDY}") from error
+    return context
+
+
+def _render_context(model: mujoco.MjModel, offsamples: int) -> mujoco.MjrContext:
+    """Upload a model's look; its own number of samples is left as it was."""
+    before = model.vis.quality.offsamples
+    model.vis.quality.offsamples = offsamples
+    try:
+        context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+    except mujoco.FatalError as error:
+        raise RenderError(f"OpenGL refuses the scene: {error}. {REMEDY}") from error
+    finally:
+        model.vis.quality.offsamples = before
+    return context
+
+
+def _look(model: mujoco.MjModel) -> tuple[NDArray[Any], ...]:
+    """What OpenGL holds a copy of."""
+    return (
+        model.tex_data,
+        model.tex_width,
+        model.mat_texid,
+        model.mat_texrepeat,
+        model.mesh_vert,
+        model.mesh_face,
+        model.hfield_data,
+    )
+
+
+def _aim(eye: Any, intrinsics: CameraConfig | None, mounting: tuple[float, float, float]) -> None:
+    """Give a camera of a scene its lens and its mounting error."""
+    if intrinsics is not None:
+        near = eye.frustum_near
+        left, right = (-0.5 - intrinsics.cx) / intrinsics.fx, (intrinsics.width - 0.5 - intrinsics.cx) / intrinsics.fx
+        eye.frustum_center = near * (left + right) / 2
+        eye.frustum_width = near * (right - left) / 2
+        eye.frustum_top = near * (intrinsics.cy + 0.5) / intrinsics.fy
+        eye.frustum_bottom = near * (intrinsics.cy + 0.5 - intrinsics.height) / intrinsics.fy
+    if any(mounting):
+        forward, up = np.array(eye.forward), np.array(eye.up)
+        axes = np.stack([forward, np.cross(up, forward), up], axis=1)
+        turned = axes @ mounting_turn(np.array([mounting]))[0]
+        eye.forward, eye.up = turned[:, 0], turned[:, 2]
+
+
+def _unbent(config: CameraConfig) -> tuple[CameraConfig, tuple[Any, Any]]:
+    """A pinhole that sees all a distorting lens sees, and where each pixel of the lens lies in its image."""
+    matrix = np.array([[config.fx, 0, config.cx], [0, config.fy, config.cy], [0, 0, 1]])
+    u, v = np.meshgrid(np.arange(config.width, dtype=np.float64), np.arange(config.height, dtype=np.float64))
+    pixels = np.stack([u.ravel(), v.ravel()], axis=1)[:, None]
+    rays = cv2.undistortPoints(pixels, matrix, np.array(config.distortion)).reshape(config.height, config.width, 2)
+    x, y = rays[..., 0] * config.fx, rays[..., 1] * config.fy
+    cx, cy = np.ceil(-x.min()) + 2, np.ceil(-y.min()) + 2
+    pinhole = CameraConfig(
+        width=int(np.ceil(x.max() + cx)) + 3,
+        height=int(np.ceil(y.max() + cy)) + 3,
+        fx=config.fx,
+        fy=config.fy,
+        cx=float(cx),
+        cy=float(cy),
+    )
+    maps = cv2.convertMaps((x + cx).astype(np.float32), (y + cy).astype(np.float32), cv2.CV_16SC2)
+    return pinhole, (maps[0], maps[1])

@@ -1,0 +1,82 @@
+"""Markers to what a policy is told: the nearest gate and the nearest single marker."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.interface import GATE_MARKER_IDS, NOTHING_SEEN_ID, wrap_angle
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+DICTIONARY_SIZE = 50
+"""Ids of DICT_4X4_50."""
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """What n images show, each array (n,); where nothing is seen: id -1, the rest 0."""
+
+    gate_id: Array
+    gate_x: Array
+    gate_y: Array
+    gate_heading: Array
+    marker_id: Array
+    marker_x: Array
+    marker_y: Array
+    marker_heading: Array
+
+    @property
+    def gate_seen(self) -> Mask:
+        """(n,) whether there is a complete gate in view."""
+        return np.asarray(self.gate_id >= 0)
+
+    @property
+    def marker_seen(self) -> Mask:
+        """(n,) whether there is any marker in view."""
+        return np.asarray(self.marker_id >= 0)
+
+
+def sight(ids: NDArray[np.int64], x: Array, y: Array, heading: Array, valid: Mask) -> Sighting:
+    """Nearest complete gate and nearest marker of each row.
+
+    A gate is complete when both its markers are seen, the left one to the left. Its axis is perpendicular to the line
+    between them. Any marker counts as a single marker, those of gates too. All arrays are (n, M), M the places for
+    markers in a row.
+
+    Args:
+        ids: marker ids.
+        x: m forward.
+        y: m left.
+        heading: rad, into the marker.
+        valid: which places hold a marker that was seen.
+    """
+    row, place = np.nonzero(valid)
+    x, y, heading, marker = x[row, place], y[row, place], heading[row, place], ids[row, place]
+    # Far ones first, so that of two markers of one id the nearer one is written last and stays.
+    order = np.argsort(-(x * x + y * y), kind="stable")
+    table = np.full((3, len(ids), DICTIONARY_SIZE), np.nan)
+    table[:, row[order], marker[order]] = np.stack([x, y, heading])[:, order]
+    return Sighting(*_nearest_gate(*table), *_nearest(*table))
+
+
+def _nearest_gate(x: Array, y: Array, heading: Array) -> tuple[Array, Array, Array, Array]:
+    """Id, middle and axis of the nearest gate; tables (n, 50) by marker id, NaN: not seen."""
+    left, right = slice(GATE_MARKER_IDS.start, GATE_MARKER_IDS.stop, 2), slice(1, GATE_MARKER_IDS.stop, 2)
+    middle_x, middle_y = (x[:, left] + x[:, right]) / 2, (y[:, left] + y[:, right]) / 2
+    # The line from the left marker to the right one, turned left by a quarter, points through the gate.
+    axis = np.arctan2(x[:, right] - x[:, left], y[:, left] - y[:, right])
+    swapped = np.abs(wrap_angle(axis - heading[:, left])) > np.pi / 2
+    return _nearest(np.where(swapped, np.nan, middle_x), middle_y, axis)
+
+
+def _nearest(x: Array, y: Array, heading: Array) -> tuple[Array, Array, Array, Array]:
+    """Id, x, y and heading of the nearest entry of tables (n, columns); NaN: no entry."""
+    distance = np.where(np.isnan(x), np.inf, x * x + y * y)
+    index = np.argmin(distance, axis=1)
+    found = np.isfinite(np.min(distance, axis=1))
+    x, y, heading = (np.where(found, values[np.arange(len(index)), index], 0.0) for values in (x, y, heading))
+    return np.where(found, index, NOTHING_SEEN_ID), x, y, heading

@@ -1,0 +1,334 @@
+"""The camera without images: marker corners projected through the lens, seen or not as the rendered detector would.
+
+Batched over rows, in plain numpy, element by element, so that a row has the same bits in any batch. What is seen, and
+how wrong it is, was fitted to the rendered detector by `benchmarks/marker_accuracy.py`; see docs/perception.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.config import CameraConfig, CarConfig
+from tral_env.course.plan import Plan
+from tral_env.interface import wrap_angle
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+NOISE_PLACES = 8
+"""Markers of a row that have noise of their own in one frame; place i uses the noise of i modulo this."""
+NORMALS, UNIFORMS = 3, 2
+"""Normal and uniform numbers for each of these places."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DetectorLaw:
+    """What the rendered detector sees and how well. Fitted numbers."""
+
+    margin_px: float = 4.0
+    """A corner nearer to the image's edge is lost, px."""
+    half_size_px: float = 14.0
+    """Markers whose shorter side has this many pixels are found half of the time."""
+    size_slope: float = 3.0
+    """Steepness of that limit, 1/px."""
+    range_noise_px: float = 0.1
+    """Error of the distance: this over the apparent size, as a share of the distance, px."""
+    bearing_noise_px: float = 0.1
+    """Error across the line of sight, px."""
+    heading_noise_px: float = 0.8
+    """Error of the heading: this over the apparent size, rad px."""
+
+
+class Scenery:
+    """Markers and boxes around each of n cars. Rows are filled one by one, places grow as needed."""
+
+    def __init__(self, n: int) -> None:
+        """Rows without anything in them."""
+        self.markers = np.zeros((n, 0, 5))
+        """(n, M, 5): x, y, z of the face's centre, yaw of its normal, edge length; edge 0 = no marker."""
+        self.ids = np.full((n, 0), -1, np.int64)
+        """(n, M)"""
+        self.boxes = np.zeros((n, 0, 8))
+        """(n, B, 8): x, y, z of the centre, cos and sin of yaw, half lengths; half length 0 = no box."""
+        self.reach = np.zeros((n, 0))
+        """(n, B) radius of the circle round each box, seen from above; negative: no box."""
+
+    def place(self, row: int, plan: Plan) -> None:
+        """Put a course into a row.
+
+        Args:
+            row: which.
+            plan: the course, in the frame of the poses that will be asked for.
+        """
+        markers, boxes = len(plan.marker_id), len(plan.box_yaw)
+        self._grow(markers, boxes)
+        self.markers[row], self.ids[row] = 0.0, -1
+        self.markers[row, :markers, :3] = plan.marker_position
+        self.markers[row, :markers, 3] = plan.marker_yaw
+        self.markers[row, :markers, 4] = plan.marker_size
+        self.ids[row, :markers] = plan.marker_id
+        self.boxes[row], self.reach[row] = 0.0, -np.inf
+        self.boxes[row, :boxes, :3] = plan.box_position
+        self.boxes[row, :boxes, 3] = np.cos(plan.box_yaw)
+        self.boxes[row, :boxes, 4] = np.sin(plan.box_yaw)
+        self.boxes[row, :boxes, 5:] = plan.box_size
+        self.reach[row, :boxes] = np.hypot(plan.box_size[:, 0], plan.box_size[:, 1])
+
+    def _grow(self, markers: int, boxes: int) -> None:
+        more = max(0, markers - self.ids.shape[1])
+        self.markers = np.pad(self.markers, ((0, 0), (0, more), (0, 0)))
+        self.ids = np.pad(self.ids, ((0, 0), (0, more)), constant_values=-1)
+        more = max(0, boxes - self.reach.shape[1])
+        self.boxes = np.pad(self.boxes, ((0, 0), (0, more), (0, 0)))
+        self.reach = np.pad(self.reach, ((0, 0), (0, more)), constant_values=-np.inf)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Markers seen by k cars, each array (k, M); meaningless where not valid."""
+
+    ids: Indices
+    x: Array
+    y: Array
+    heading: Array
+    valid: Mask
+
+
+@dataclass(frozen=True)
+class _Candidates:
+    """Markers that may be seen, each array (c, ...)."""
+
+    row: Indices
+    place: Indices
+    eye: Array
+    """(c, 3) camera, course frame."""
+    points: Array
+    """(c, 5, 3) four corners and the centre, course frame."""
+    rays: Array
+    """(c, 5, 3) the same from the camera, in its frame: forward, left, up."""
+    heading: Array
+    """(c,) into the marker, in the camera's frame."""
+
+
+def project(
+    scenery: Scenery,
+    rows: Indices,
+    pose: Array,
+    camera: CameraConfig,
+    car: CarConfig,
+    *,
+    mounting: Array,
+    normal: Array,
+    uniform: Array,
+    law: DetectorLaw | None = None,
+) -> Seen:
+    """What the detector would report.
+
+    Args:
+        scenery: surroundings of all cars.
+        rows: (k,) whose camera has exposed an image.
+        pose: (k, 3) x, y, yaw of these cars, course frame.
+        camera: the lens.
+        car: where the camera sits.
+        mounting: (k, 3) roll, pitch, yaw of its mounting error, rad.
+        normal: (k, NOISE_PLACES, NORMALS) standard normal numbers.
+        uniform: (k, NOISE_PLACES, UNIFORMS) numbers in [0, 1).
+        law: the detector; default: as fitted.
+    """
+    law = law or DetectorLaw()
+    near = _candidates(scenery, rows, pose, car, mounting)
+    pixels = project_points(near.rays[:, :4], camera)
+    size = _shorter_side(pixels)
+    noise = normal[near.row, near.place % NOISE_PLACES]
+    chance = uniform[near.row, near.place % NOISE_PLACES]
+    seen = _in_image(pixels, camera, law) & (chance[:, 0] < _detection_rate(size, law))
+    index = np.flatnonzero(seen)
+    index = index[~_hidden(scenery, rows, near, index)]
+    shape = len(rows), scenery.ids.shape[1]
+    where = near.row[index], near.place[index]
+    out = Seen(scenery.ids[rows], np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape, np.bool_))
+    ahead, left = near.rays[index, 4, 0], near.rays[index, 4, 1]
+    along, across = _position_noise(ahead, left, size[index], noise[index], camera, law)
+    out.x[where] = car.camera_x + ahead + along
+    out.y[where] = left + across
+    out.heading[where] = wrap_angle(near.heading[index] + noise[index, 2] * law.heading_noise_px / size[index])
+    out.valid[where] = True
+    return out
+
+
+def _candidates(scenery: Scenery, rows: Indices, pose: Array, car: CarConfig, mounting: Array) -> _Candidates:
+    """Markers ahead of the camera whose face looks towards it."""
+    cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    eye = np.stack([pose[:, 0] + car.camera_x * cos, pose[:, 1] + car.camera_x * sin], axis=1)
+    markers = scenery.markers[rows]
+    dx, dy = markers[..., 0] - eye[:, 0, None], markers[..., 1] - eye[:, 1, None]
+    ahead = dx * cos[:, None] + dy * sin[:, None]
+    row, place = np.nonzero((ahead > NEAR) & (markers[..., 4] > 0.0))
+    marker = markers[row, place]
+    normal_x, normal_y = np.cos(marker[:, 3]), np.sin(marker[:, 3])
+    facing = normal_x * dx[row, place] + normal_y * dy[row, place] < 0.0
+    row, place, marker = row[facing], place[facing], marker[facing]
+    normal_x, normal_y = normal_x[facing], normal_y[facing]
+    half = marker[:, 4, None] / 2
+    points = np.empty((len(row), 5, 3))
+    points[..., 0] = marker[:, 0, None] - normal_y[:, None] * half * SIDE
+    points[..., 1] = marker[:, 1, None] + normal_x[:, None] * half * SIDE
+    points[..., 2] = marker[:, 2, None] + half * UP
+    turn = mounting_turn(mounting)[row]
+    eye = np.concatenate([eye[row], np.full((len(row), 1), car.camera_z)], axis=1)
+    rays = _into_camera(points - eye[:, None], cos[row, None], sin[row, None], turn[:, None])
+    into = np.stack([-normal_x, -normal_y, np.zeros(len(row))], axis=1)
+    into = _into_camera(into, cos[row], sin[row], turn)
+    return _Candidates(row, place, eye, points, rays, np.arctan2(into[:, 1], into[:, 0]))
+
+
+NEAR = 0.05
+"""Nothing nearer to the camera than this is seen, m."""
+SIDE = np.array([-1.0, 1.0, 1.0, -1.0, 0.0])
+UP = np.array([1.0, 1.0, -1.0, -1.0, 0.0])
+
+
+def mounting_turn(mounting: Array) -> Array:
+    """Matrices (k, 3, 3) from the frame of a camera to the car's.
+
+    Args:
+        mounting: (k, 3) roll about x forward, pitch about y left (+ looks down), yaw about z up, in this order, rad.
+    """
+    (cr, cp, cy), (sr, sp, sy) = np.cos(mounting).T, np.sin(mounting).T
+    entries = (
+        *(cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+        *(sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+        *(-sp, cp * sr, cp * cr),
+    )
+    return np.stack(entries, axis=1).reshape(-1, 3, 3)
+
+
+def _into_camera(vector: Array, cos: Array, sin: Array, turn: Array) -> Array:
+    """Vectors (..., 3) of the course frame in the camera's frame; no matrix product, which may differ in its last
+    bit with the size of the batch."""
+    x = vector[..., 0] * cos + vector[..., 1] * sin
+    y = vector[..., 1] * cos - vector[..., 0] * sin
+    z = vector[..., 2]
+    out = np.empty(vector.shape)
+    for axis in range(3):
+        out[..., axis] = turn[..., 0, axis] * x + turn[..., 1, axis] * y + turn[..., 2, axis] * z
+    return out
+
+
+def project_points(rays: Array, camera: CameraConfig) -> Array:
+    """Pixels of points before the camera, OpenCV's model.
+
+    Args:
+        rays: (..., 3) forward, left, up from the camera, m.
+        camera: the lens.
+
+    Returns:
+        (..., 2) u, v in px; NaN for points behind the camera or farther aside than the lens can see.
+    """
+    ahead = np.where(rays[..., 0] > NEAR, rays[..., 0], np.nan)
+    x, y = -rays[..., 1] / ahead, -rays[..., 2] / ahead
+    if any(camera.distortion):
+        k1, k2, p1, p2, k3 = camera.distortion
+        r2 = x * x + y * y
+        # Beyond the lens's edge the polynomial turns back and would put points into the image that are not there.
+        x = np.where(r2 < _lens_edge(camera), x, np.nan)
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        x, y = (
+            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+        )
+    return np.stack([camera.cx + camera.fx * x, camera.cy + camera.fy * y], axis=-1)
+
+
+@lru_cache(maxsize=16)
+def _lens_edge(camera: CameraConfig) -> float:
+    """Square of the largest tangent of a ray that an image corner can show."""
+    k1, k2, _, _, k3 = camera.distortion
+    far = max(
+        np.hypot((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy)
+        for u in (-0.5, camera.width - 0.5)
+        for v in (-0.5, camera.height - 0.5)
+    )
+    radius = np.linspace(0.0, 4.0, 4001)
+    bent = radius * (1 + k1 * radius**2 + k2 * radius**4 + k3 * radius**6)
+    turning = np.flatnonzero(np.diff(bent) <= 0)
+    stop = turning[0] if len(turning) else len(radius) - 1
+    return float(radius[min(np.searchsorted(bent[: stop + 1], 1.1 * far), stop)] ** 2)
+
+
+def _shorter_side(pixels: Array) -> Array:
+    """Shortest side of quadrilaterals (c, 4, 2), px."""
+    steps = pixels[:, [1, 2, 3, 0]] - pixels
+    squares = steps[..., 0] * steps[..., 0] + steps[..., 1] * steps[..., 1]
+    return np.sqrt(np.minimum(np.minimum(squares[:, 0], squares[:, 1]), np.minimum(squares[:, 2], squares[:, 3])))
+
+
+def _in_image(pixels: Array, camera: CameraConfig, law: DetectorLaw) -> Mask:
+    u, v = pixels[..., 0], pixels[..., 1]
+    inside = (u > law.margin_px) & (u < camera.width - 1 - law.margin_px)
+    inside &= (v > law.margin_px) & (v < camera.height - 1 - law.margin_px)
+    return np.asarray(inside.all(axis=1))
+
+
+def _detection_rate(size: Array, law: DetectorLaw) -> Array:
+    return 1.0 / (1.0 + np.exp(-law.size_slope * (size - law.half_size_px)))
+
+
+def _position_noise(
+    ahead: Array, left: Array, size: Array, noise: Array, camera: CameraConfig, law: DetectorLaw
+) -> tuple[Array, Array]:
+    """Errors forward and left: a share of the distance along the line of sight, and pixels across it."""
+    share = noise[:, 0] * law.range_noise_px / size
+    aside = noise[:, 1] * law.bearing_noise_px / camera.fx
+    return share * ahead - aside * left, share * left + aside * ahead
+
+
+CLEARANCE = 0.03
+"""Sight ends this far before the marker: the post that carries it does not hide it, m."""
+
+
+def _hidden(scenery: Scenery, rows: Indices, near: _Candidates, index: Indices) -> Mask:
+    """Whether a box stands between the camera and any of five points of the markers with these indices."""
+    eye, points = near.eye[index], near.points[index]
+    row = rows[near.row[index]]
+    # First the circles round the boxes against the middle line of sight, seen from above.
+    to_x, to_y = points[:, 4, 0, None] - eye[:, 0, None], points[:, 4, 1, None] - eye[:, 1, None]
+    box_x = scenery.boxes[row, :, 0] - eye[:, 0, None]
+    box_y = scenery.boxes[row, :, 1] - eye[:, 1, None]
+    along = np.clip((box_x * to_x + box_y * to_y) / (to_x * to_x + to_y * to_y), 0.0, 1.0)
+    off_x, off_y = box_x - along * to_x, box_y - along * to_y
+    reach = np.maximum(scenery.reach[row] + near_half(points), 0.0)
+    item, box = np.nonzero(off_x * off_x + off_y * off_y < reach * reach)
+    hit = _crosses(eye[item], points[item], scenery.boxes[row[item], box])
+    hidden = np.zeros(len(index), np.bool_)
+    hidden[item[hit]] = True
+    return hidden
+
+
+def near_half(points: Array) -> Array:
+    """(c, 1) half an edge of each marker."""
+    return (points[:, 0, 2, None] - points[:, 3, 2, None]) / 2
+
+
+def _crosses(eye: Array, points: Array, box: Array) -> Mask:
+    """Whether one of the lines (p, 5) from the eye to the points enters the box: slabs in the box's frame."""
+    cos, sin = box[:, 3], box[:, 4]
+    dx, dy, dz = (eye[:, i] - box[:, i] for i in range(3))
+    start = (dx * cos + dy * sin, dy * cos - dx * sin, dz)
+    step = points - eye[:, None]
+    cos, sin = cos[:, None], sin[:, None]
+    steps = (step[..., 0] * cos + step[..., 1] * sin, step[..., 1] * cos - step[..., 0] * sin, step[..., 2])
+    length = np.sqrt(step[..., 0] ** 2 + step[..., 1] ** 2)
+    enter, leave = np.zeros(length.shape), 1.0 - CLEARANCE / length
+    for axis in range(3):
+        pace = np.where(np.abs(steps[axis]) > 1e-12, steps[axis], 1e-12)
+        one = (-box[:, 5 + axis, None] - start[axis][:, None]) / pace
+        other = (box[:, 5 + axis, None] - start[axis][:, None]) / pace
+        enter = np.maximum(enter, np.minimum(one, other))
+        leave = np.minimum(leave, np.maximum(one, other))
+    return np.asarray((enter < leave).any(axis=1))
