@@ -1,0 +1,43 @@
+"""The `tral` command: drive, courses, tune, doctor. One file a subcommand; what is heavy is imported when needed."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from tral_fsm.cli.console import Guarded
+from tral_fsm.cli.courses import command as courses
+from tral_fsm.cli.doctor import command as doctor
+from tral_fsm.cli.drive import command as drive
+from tral_fsm.cli.tune import command as tune
+
+app = typer.Typer(
+    name="tral",
+    cls=Guarded,
+    no_args_is_help=True,
+    pretty_exceptions_show_locals=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="Exit codes: 0 all went well, 1 an episode failed, 2 bad usage, 3 this machine lacks something.",
+)
+app.command("drive")(drive)
+app.command("courses")(courses)
+app.command("tune")(tune)
+app.command("doctor")(doctor)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from tral_env import __version__
+
+        typer.echo(f"tral {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def main(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and leave.")
+    ] = False,
+) -> None:
+    """Small Ackermann cars in corridors: drive them, look at courses, tune controllers, check this machine."""

@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from lane import STEPS, Cruiser, Lane
+
+from tral_env.interface import CORE_LAYOUT
+from tral_fsm.rollout import Tick, drive
+
+
+class Stateless:
+    """A policy as a trained network is one."""
+
+    def reset(self, n: int = 1) -> None:
+        pass
+
+    def act(self, observation: np.ndarray) -> np.ndarray:
+        return np.array([0.5, 0.5])
+
+
+@pytest.mark.parametrize("ending", ["success", "collision", "missed_gate", "timeout"])
+def test_an_episode_says_how_it_ended(ending: str) -> None:
+    episode = drive(Lane(ending), Cruiser(), seed=1)
+    assert episode.outcome == ending
+    assert episode.success == (ending == "success")
+    assert episode.crash == (ending == "collision")
+
+
+def test_the_figures_are_those_of_the_last_info() -> None:
+    episode = drive(Lane(), Cruiser(), seed=1, scenario="lane")
+    assert (episode.scenario, episode.seed) == ("lane", 1)
+    assert (episode.progress, episode.gates_passed, episode.gates_total) == (1.0, 1, 1)
+    assert episode.time_s == pytest.approx(0.125)
+    assert episode.mean_speed == pytest.approx(0.5)
+
+
+def test_the_clearance_error_is_measured_where_there_is_one() -> None:
+    episode = drive(Lane(), Cruiser(), seed=1)
+    assert episode.clearance_samples == 5
+    # Steps 6 to 10: 4, 3, 4, 3, 4 cm.
+    assert episode.clearance_rmse == pytest.approx(math.sqrt((3 * 0.04**2 + 2 * 0.03**2) / 5))
+
+
+def test_without_a_measured_clearance_the_error_is_nan_and_none_in_json() -> None:
+    episode = drive(Lane(steps=5), Cruiser(), seed=1)
+    assert math.isnan(episode.clearance_rmse)
+    assert json.loads(json.dumps(episode.record(), allow_nan=False))["clearance_rmse_m"] is None
+
+
+def test_the_env_is_told_the_wanted_clearance_before_each_step() -> None:
+    env = Lane()
+    drive(env, Cruiser(), seed=1)
+    assert env.told == [(1.0, 0.4)] * STEPS
+
+
+def test_a_row_of_the_trace_has_what_was_seen_and_where_it_led() -> None:
+    trace = drive(Lane(), Cruiser(), seed=1).trace
+    assert trace.pose.shape == (STEPS, 3)
+    assert trace.readings.shape == (STEPS, CORE_LAYOUT.size)
+    assert trace.readings[:, CORE_LAYOUT.column("distance")] == pytest.approx(np.arange(STEPS) / 10)
+    assert trace.pose[:, 0] == pytest.approx(np.arange(1, STEPS + 1) / 10)
+    assert trace.states == ("near",) * 4 + ("far",) * 6
+
+
+def test_a_policy_without_states_drives_too() -> None:
+    env = Lane()
+    trace = drive(env, Stateless(), seed=1).trace
+    assert set(trace.states) == {""}
+    assert env.told == []
+    assert (trace.action == 0.5).all()
+
+
+def test_every_tick_is_shown_to_the_watcher() -> None:
+    ticks: list[Tick] = []
+    drive(Lane(), Cruiser(), seed=1, on_step=ticks.append)
+    assert [tick.index for tick in ticks] == list(range(STEPS))
+    assert ticks[-1].info["success"]
+
+
+def test_options_reach_the_env() -> None:
+    env = Lane()
+    drive(env, Cruiser(), seed=1, options={"course": "a.json"})
+    assert env.options == {"course": "a.json"}
+
+
+def test_the_same_seed_gives_the_same_episode() -> None:
+    first, again, other = (drive(Lane(), Cruiser(), seed=seed).trace.readings for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).any()

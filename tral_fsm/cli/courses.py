@@ -1,0 +1,93 @@
+"""`tral courses`: the families of courses, drawn or as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tral_env.errors import ConfigError
+from tral_fsm.cli.console import check_name
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from tral_env.course.layout import Course
+
+
+def command(
+    scenario: Annotated[str | None, typer.Option(help="One family; without it, all.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the course.")] = 0,
+    out: Annotated[
+        Path | None, typer.Option(dir_okay=False, help="Draw into this .png, or write the course into this .json.")
+    ] = None,
+) -> None:
+    """List the families of courses; draw a seeded one, or a sheet of all; write one as a course file.
+
+    The seed gives the same course as it gives to `tral drive`.
+    """
+    from tral_env.course.generate import SCENARIOS
+
+    if scenario is not None:
+        check_name("scenario", scenario, SCENARIOS)
+    if out is None:
+        _list({scenario: SCENARIOS[scenario]} if scenario else dict(SCENARIOS))
+        return
+    families = [scenario] if scenario else list(SCENARIOS)
+    if out.suffix == ".png":
+        out.parent.mkdir(parents=True, exist_ok=True)
+        draw_sheet(families, seed).savefig(out, dpi=110)
+    elif out.suffix == ".json":
+        _export(scenario, seed, out)
+    else:
+        raise ConfigError(f"--out {out}: unknown suffix '{out.suffix}'. Allowed: .png, .json")
+    typer.echo(f"Written: {out}")
+
+
+def _list(families: dict[str, str]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("family", "course", title="Families of courses", title_justify="left")
+    for name, description in families.items():
+        table.add_row(name, description)
+    Console().print(table)
+    typer.echo("Draw one: tral courses --scenario office --seed 7 --out office.png")
+
+
+def _export(scenario: str | None, seed: int, out: Path) -> None:
+    if scenario is None:
+        raise ConfigError(f"--out {out}: a course file holds one course, so --scenario is needed")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    seeded_course(scenario, seed).save(out)
+
+
+def seeded_course(scenario: str, seed: int) -> Course:
+    """The course that the env generates at `reset(seed=seed)`."""
+    from gymnasium.utils import seeding
+
+    from tral_env.course.generate import generate
+
+    # The env draws its course first from this very generator.
+    return generate(scenario, seeding.np_random(seed)[0])
+
+
+def draw_sheet(families: list[str], seed: int) -> Figure:
+    """A seeded course of each family from above: a large one, or a sheet of three columns."""
+    from matplotlib.figure import Figure
+
+    from tral_env.course.draw import draw_plan
+    from tral_env.course.geometry import build_plan
+
+    columns = min(3, len(families))
+    rows = -(-len(families) // columns)
+    size = (10.0, 8.0) if len(families) == 1 else (5.0 * columns, 4.0 * rows)
+    figure = Figure(figsize=size, layout="constrained")
+    for i, family in enumerate(families):
+        ax = figure.add_subplot(rows, columns, i + 1)
+        plan = build_plan(seeded_course(family, seed))
+        draw_plan(plan, ax)
+        ax.set_aspect("equal")
+        ax.set_title(f"{family}, seed {seed}: {plan.length:.1f} m", loc="left", fontsize=10)
+    return figure

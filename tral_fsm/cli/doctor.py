@@ -1,0 +1,188 @@
+"""`tral doctor`: what is installed, what works, and what to do about the rest."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import asdict, dataclass
+from importlib import metadata, util
+from typing import Annotated
+
+import typer
+
+from tral_fsm.cli import opengl
+from tral_fsm.cli.console import MACHINE_LACKS
+
+_CORE = (
+    "mujoco",
+    "gymnasium",
+    "numpy",
+    "opencv-python-headless",
+    "pydantic",
+    "typer",
+    "rich",
+    "matplotlib",
+    "imageio-ffmpeg",
+)
+_EXTRAS = {"rl": ("torch", "stable-baselines3"), "car": ("smbus2",)}
+_PROBE_TIMEOUT_S = 60.0
+
+_PROBE = """
+import time
+import mujoco
+XML = '''<mujoco><visual><quality shadowsize="0" offsamples="4"/></visual><worldbody><light pos="0 0 3"/>
+<geom type="plane" size="5 5 1"/><geom type="box" size=".2 .1 .1" pos="1 0 .1"/></worldbody></mujoco>'''
+model = mujoco.MjModel.from_xml_string(XML)
+data = mujoco.MjData(model)
+mujoco.mj_forward(model, data)
+with mujoco.Renderer(model, 480, 640) as renderer:
+    times = []
+    for _ in range(12):
+        start = time.perf_counter()
+        renderer.update_scene(data)
+        image = renderer.render()
+        times.append(time.perf_counter() - start)
+    assert image.max() > 0, "the image is black"
+    print("ms", 1000 * sorted(times)[len(times) // 2])
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One thing that was looked at."""
+
+    topic: str
+    name: str
+    ok: bool
+    needed: bool
+    """Without it the core does not work."""
+    detail: str
+    remedy: str = ""
+
+
+def command(as_json: Annotated[bool, typer.Option("--json", help="Findings as JSON.")] = False) -> None:
+    """Check this machine: packages, OpenGL, encoder, extras, each with its remedy.
+
+    The exit code is 0 if the core works (driving with projected markers), else 3.
+    """
+    findings = examine()
+    core = all(finding.ok for finding in findings if finding.needed)
+    if as_json:
+        typer.echo(json.dumps({"core_works": core, "findings": [asdict(finding) for finding in findings]}, indent=2))
+    else:
+        _show(findings)
+    if not core:
+        raise typer.Exit(MACHINE_LACKS)
+
+
+def examine() -> list[Finding]:
+    """Look at everything."""
+    python = ".".join(str(part) for part in sys.version_info[:3])
+    return [
+        Finding(topic="core", name="python", ok=sys.version_info >= (3, 11), needed=True, detail=python),
+        *(_package(name, "core", "pip install tral-env") for name in _CORE),
+        _physics(),
+        *_opengl(),
+        _encoder(),
+        *(
+            _package(name, f"extra {extra}", f"pip install 'tral-env[{extra}]'", needed=False)
+            for extra, names in _EXTRAS.items()
+            for name in names
+        ),
+    ]
+
+
+def _package(name: str, topic: str, remedy: str, needed: bool = True) -> Finding:
+    try:
+        detail, ok = metadata.version(name), True
+    except metadata.PackageNotFoundError:
+        detail, ok = "not installed", False
+    return Finding(topic=topic, name=name, ok=ok, needed=needed, detail=detail, remedy="" if ok else remedy)
+
+
+def _python(code: str, **environment: str) -> tuple[bool, str]:
+    """Run code in a Python of its own: whether it went well, and the last line it said."""
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, **environment},
+            capture_output=True,
+            text=True,
+            timeout=_PROBE_TIMEOUT_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return False, f"no answer within {_PROBE_TIMEOUT_S:g} s"
+    said = (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines()
+    return done.returncode == 0, said[-1] if said else f"exit code {done.returncode}"
+
+
+_DRIVE_A_SECOND = """
+import gymnasium
+env = gymnasium.make("tral_env:TralCorridor-v0", scenario="straight", camera="projected")
+env.reset(seed=0)
+import time
+start = time.perf_counter()
+for _ in range(80):
+    env.step(env.action_space.low * 0)
+print("steps/s", 80 / (time.perf_counter() - start))
+"""
+
+
+def _physics() -> Finding:
+    ok, said = _python(_DRIVE_A_SECOND, MUJOCO_GL="disable")
+    detail = f"{float(said.split()[-1]):.0f} steps/s" if ok else said
+    remedy = "" if ok else "pip install --force-reinstall tral-env"
+    return Finding(topic="core", name="env without OpenGL", ok=ok, needed=True, detail=detail, remedy=remedy)
+
+
+def _opengl() -> list[Finding]:
+    findings = []
+    for backend in opengl.backends():
+        ok, said = _python(_PROBE, MUJOCO_GL=backend)
+        detail = f"{float(said.split()[-1]):.1f} ms for a frame of 640 x 480" if ok else said
+        findings.append(Finding(topic="OpenGL", name=backend, ok=ok, needed=False, detail=detail))
+    works = [finding.name for finding in findings if finding.ok]
+    if not works:
+        detail, remedy = "no backend works", opengl.REMEDY
+    else:
+        now = os.environ.get("MUJOCO_GL") or "not set"
+        detail, remedy = f"MUJOCO_GL is {now}", "" if now in works else f"export MUJOCO_GL={works[0]}"
+    chosen = Finding(topic="OpenGL", name="choice", ok=not remedy, needed=False, detail=detail, remedy=remedy)
+    return [*findings, chosen]
+
+
+def _encoder() -> Finding:
+    if util.find_spec("imageio_ffmpeg") is None:
+        return Finding(
+            topic="video",
+            name="encoder",
+            ok=False,
+            needed=False,
+            detail="imageio-ffmpeg is not installed",
+            remedy="pip install imageio-ffmpeg",
+        )
+    import imageio_ffmpeg
+
+    try:
+        detail, ok = f"ffmpeg {imageio_ffmpeg.get_ffmpeg_version()}", True
+    except RuntimeError as error:
+        detail, ok = str(error).splitlines()[0], False
+    remedy = "" if ok else "install ffmpeg and set IMAGEIO_FFMPEG_EXE to it, or drive with --no-video"
+    return Finding(topic="video", name="encoder", ok=ok, needed=False, detail=detail, remedy=remedy)
+
+
+def _show(findings: list[Finding]) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table("", "what", "found", "remedy", title="tral doctor", title_justify="left")
+    for i, finding in enumerate(findings):
+        if i and finding.topic != findings[i - 1].topic:
+            table.add_section()
+        mark = "[green]ok[/]" if finding.ok else "[red]fails[/]" if finding.needed else "[yellow]no[/]"
+        table.add_row(mark, f"{finding.topic}: {finding.name}", escape(finding.detail), escape(finding.remedy))
+    Console().print(table)

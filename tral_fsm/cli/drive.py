@@ -1,0 +1,192 @@
+"""`tral drive`: a policy drives seeded courses, and the result in numbers and pictures."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from tral_fsm.cli import opengl
+from tral_fsm.cli.console import check_name, versions
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import gymnasium as gym
+
+    from tral_env.interface import Policy
+    from tral_fsm.rollout import Episode, Tick
+
+Camera = Literal["projected", "rendered"]
+Randomization = Literal["none", "default", "hard"]
+
+_OWN_FILES = ("trajectory.png", "drive.mp4")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveArguments:
+    """What was asked for."""
+
+    scenario: str
+    seed: int
+    episodes: int
+    policy: str
+    camera: Camera
+    randomization: Randomization
+    course: str | None
+    video: bool
+
+    @property
+    def name(self) -> str:
+        """What is driven: the family, or the course file."""
+        return Path(self.course).stem if self.course else self.scenario
+
+    @property
+    def seeds(self) -> range:
+        """One seed an episode."""
+        return range(self.seed, self.seed + self.episodes)
+
+
+def command(
+    scenario: Annotated[str, typer.Option(help="Family of courses; `tral courses` lists them.")] = "office",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the first episode; the next have the next.")] = 7,
+    episodes: Annotated[int, typer.Option(min=1, help="How many.")] = 1,
+    policy: Annotated[str, typer.Option(help="Name of a packaged machine, or a file.")] = "office",
+    camera: Annotated[
+        Camera, typer.Option(help="Render what the camera sees, or project the markers (faster, no OpenGL).")
+    ] = "rendered",
+    randomization: Annotated[Randomization, typer.Option(help="How much cars and sensors differ.")] = "default",
+    out: Annotated[
+        Path, typer.Option(file_okay=False, help="Folder of the files; those of an earlier drive are replaced.")
+    ] = Path("runs/drive"),
+    course: Annotated[
+        Path | None, typer.Option(exists=True, dir_okay=False, help="Drive this course file instead of a family.")
+    ] = None,
+    video: Annotated[bool, typer.Option(help="Write drive.mp4, which needs OpenGL.")] = True,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Write summary.json to stdout too, and nothing else.")
+    ] = False,
+) -> None:
+    """Let a policy drive.
+
+    Writes summary.json, trajectory.png and drive.mp4 into the folder; with several episodes, a subfolder seed_N holds
+    the pictures of each. The exit code is 0 if every episode succeeded, else 1.
+    """
+    arguments = DriveArguments(
+        scenario=scenario,
+        seed=seed,
+        episodes=episodes,
+        policy=policy,
+        camera=camera,
+        randomization=randomization,
+        course=str(course) if course else None,
+        video=video,
+    )
+    report = run(arguments, out)
+    if as_json:
+        typer.echo(json.dumps(report, indent=2))
+    else:
+        from rich.console import Console
+
+        from tral_fsm.cli.show import table_of_episodes
+
+        Console().print(table_of_episodes(report))
+        typer.echo(f"Files: {out}")
+    if report["figures"]["successes"] < episodes:
+        raise typer.Exit(1)
+
+
+def run(arguments: DriveArguments, out: Path) -> dict[str, Any]:
+    """Drive all episodes and write their files as they come.
+
+    Args:
+        arguments: what to drive.
+        out: folder of the files.
+
+    Returns:
+        The content of summary.json.
+
+    Raises:
+        ConfigError: unknown scenario, policy or option.
+        RenderError: images are asked for, and this machine has no OpenGL.
+    """
+    from tral_fsm import load_policy
+    from tral_fsm.report.summary import summarize
+
+    if arguments.video or arguments.camera == "rendered":
+        opengl.require()
+    policy = load_policy(arguments.policy)
+    with contextlib.closing(make_env(arguments)) as env:
+        _prepare(out)
+        report: dict[str, Any] = {
+            "complete": False,
+            "arguments": asdict(arguments),
+            "versions": versions(),
+            "figures": summarize([]).record(),
+            "episodes": [],
+        }
+        for seed in arguments.seeds:
+            folder = out if arguments.episodes == 1 else out / f"seed_{seed}"
+            folder.mkdir(exist_ok=True)
+            episode = _drive_one(env, policy, seed, folder, arguments)
+            files = [str((folder / name).relative_to(out)) for name in _OWN_FILES if (folder / name).exists()]
+            report["episodes"].append({**episode.record(), "files": files})
+            report["figures"] = summarize(report["episodes"]).record()
+            report["complete"] = seed == arguments.seeds[-1]
+            (out / "summary.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    return report
+
+
+def make_env(arguments: DriveArguments) -> gym.Env[Any, Any]:
+    """The env that the arguments ask for."""
+    import gymnasium as gym
+
+    from tral_env.course.generate import SCENARIOS
+
+    check_name("scenario", arguments.scenario, SCENARIOS)
+    return gym.make(
+        "tral_env:TralCorridor-v0",
+        scenario=arguments.scenario,
+        camera=arguments.camera,
+        randomization=arguments.randomization,
+        course=arguments.course,
+        render_mode="rgb_array" if arguments.video else None,
+    )
+
+
+def _prepare(out: Path) -> None:
+    """Make the folder; take away what an earlier drive left there, so that runs do not mix."""
+    out.mkdir(parents=True, exist_ok=True)
+    if (out / "summary.json").exists():
+        for name in _OWN_FILES:
+            for old in [out / name, *out.glob(f"seed_*/{name}")]:
+                old.unlink(missing_ok=True)
+        for folder in out.glob("seed_*/"):
+            if not any(folder.iterdir()):
+                folder.rmdir()
+        (out / "summary.json").unlink()
+
+
+def _drive_one(env: gym.Env[Any, Any], policy: Policy, seed: int, folder: Path, arguments: DriveArguments) -> Episode:
+    from tral_fsm.cli.show import DriveProgress
+    from tral_fsm.report.trajectory import save_trajectory
+    from tral_fsm.report.video import DriveVideo
+    from tral_fsm.rollout import drive
+
+    world: Any = env.unwrapped
+    with contextlib.ExitStack() as stack:
+        watchers: list[Callable[[Tick], None]] = [stack.enter_context(DriveProgress(f"{arguments.name}, seed {seed}"))]
+        if arguments.video:
+            watchers.append(stack.enter_context(DriveVideo(folder / "drive.mp4", world)))
+
+        def on_step(tick: Tick) -> None:
+            for watch in watchers:
+                watch(tick)
+
+        episode = drive(env, policy, seed, on_step=on_step, scenario=arguments.name)
+    save_trajectory(episode, world.plan, folder / "trajectory.png")
+    return episode

@@ -1,0 +1,96 @@
+"""What the terminal shows: progress on stderr, tables on stdout."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from tral_fsm.rollout import Tick
+
+_EVERY = 16
+"""Ticks between two updates of the bar: five a second of driving."""
+
+
+class DriveProgress:
+    """A bar that grows with the progress along the route: hand it to `drive` as `on_step`."""
+
+    def __init__(self, name: str) -> None:
+        """A bar of this name, on stderr."""
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TaskProgressColumn(),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[state]}"),
+            console=Console(stderr=True),
+        )
+        self._task = self._bar.add_task(name, total=1.0, state="")
+
+    def __call__(self, tick: Tick) -> None:
+        """Show where the car is."""
+        if tick.index % _EVERY == 0:
+            self._bar.update(self._task, completed=float(tick.info["progress"]), state=tick.state)
+
+    def __enter__(self) -> DriveProgress:
+        """Start the bar."""
+        self._bar.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, tb: TracebackType | None) -> None:
+        """Stop the bar."""
+        self._bar.stop()
+
+
+def table_of_episodes(report: Mapping[str, Any]) -> Table:
+    """Table of a drive: a row an episode, and one over all of them if there are several."""
+    arguments = report["arguments"]
+    name = report["episodes"][0]["scenario"]
+    table = Table(title=f"{arguments['policy']} on {name}", title_justify="left")
+    for heading in ("seed", "outcome"):
+        table.add_column(heading)
+    for heading in ("progress", "time", "mean speed", "clearance RMSE", "gates", "collisions"):
+        table.add_column(heading, justify="right")
+    for row in report["episodes"]:
+        table.add_row(*_episode_cells(row))
+    if len(report["episodes"]) > 1:
+        table.add_section()
+        table.add_row(*_figure_cells(report["figures"]), style="bold")
+    return table
+
+
+def _episode_cells(row: Mapping[str, Any]) -> list[str]:
+    outcome = row["outcome"].replace("_", " ")
+    if row["outcome"] == "collision":
+        outcome += " (crash)" if row["crash"] else " (touch)"
+    return [
+        str(row["seed"]),
+        f"[{'green' if row['success'] else 'red'}]{outcome}[/]",
+        *_shared_cells(row["progress"], row["time_s"], row),
+        str(int(row["outcome"] == "collision")),
+    ]
+
+
+def _figure_cells(figures: Mapping[str, Any]) -> list[str]:
+    return [
+        "all",
+        f"{figures['successes']} of {figures['episodes']}",
+        *_shared_cells(figures["progress"], figures["time_s"], figures),
+        str(figures["collisions"]),
+    ]
+
+
+def _shared_cells(progress: float, time: float | None, row: Mapping[str, Any]) -> list[str]:
+    rmse = row["clearance_rmse_m"]
+    return [
+        f"{100 * progress:.0f} %",
+        "-" if time is None else f"{time:.1f} s",
+        f"{row['mean_speed_mps']:.2f} m/s",
+        "-" if rmse is None else f"{100 * rmse:.1f} cm",
+        f"{row['gates_passed']}/{row['gates_total']}" if row["gates_total"] else "-",
+    ]

@@ -1,0 +1,140 @@
+"""`tral tune`: a sweep over the gains of a machine's wall-following states."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tral_env.errors import ConfigError
+from tral_fsm.cli.console import check_name, versions
+from tral_fsm.cli.drive import Randomization
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from rich.table import Table
+
+    from tral_fsm.tune import Cell, Task
+
+
+def command(
+    policy: Annotated[str, typer.Option(help="Packaged machine, or a JSON file.")] = "wall",
+    scenario: Annotated[str, typer.Option(help="Family of courses.")] = "straight",
+    grid: Annotated[int, typer.Option(min=2, max=20, help="Values of each gain.")] = 5,
+    episodes: Annotated[int, typer.Option(min=1, help="Courses a pair of gains is tried on.")] = 3,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the first course.")] = 0,
+    p: Annotated[str | None, typer.Option(help="LOW:HIGH; without it a quarter to four times the machine's.")] = None,
+    d: Annotated[str | None, typer.Option(help="LOW:HIGH; the same.")] = None,
+    randomization: Annotated[Randomization, typer.Option(help="How much cars and sensors differ.")] = "default",
+    processes: Annotated[int, typer.Option(min=1, help="How many work at once.")] = 2,
+    out: Annotated[Path, typer.Option(file_okay=False, help="Folder of sweep.json and sweep.png.")] = Path("runs/tune"),
+    as_json: Annotated[bool, typer.Option("--json", help="Write sweep.json to stdout too, and nothing else.")] = False,
+) -> None:
+    """Sweep p and d of a machine's wall-following states, on the same courses for every pair.
+
+    Prints and draws the clearance error. The best pair has the smallest error among those with the most successes.
+    """
+    from tral_env.course.generate import SCENARIOS
+    from tral_fsm.tune import Task, best, gains
+
+    check_name("scenario", scenario, SCENARIOS)
+    machine = _machine(policy)
+    base_p, base_d = gains(machine)
+    task = Task(scenario=scenario, seeds=tuple(range(seed, seed + episodes)), randomization=randomization)
+    cells = _sweep(machine, _values(p, base_p, grid, "p"), _values(d, base_d, grid, "d"), task, processes)
+    report = {
+        "policy": policy,
+        "task": asdict(task),
+        "versions": versions(),
+        "gains": {"p": base_p, "d": base_d},
+        "best": best(cells).record(),
+        "cells": [cell.record() for cell in cells],
+    }
+    _write(report, cells, out)
+    if as_json:
+        typer.echo(json.dumps(report, indent=2))
+    else:
+        _show(report, cells, out)
+
+
+def _machine(policy: str) -> dict[str, Any]:
+    """Content of a packaged machine or of a file."""
+    path = Path(policy)
+    if not path.suffix:
+        folder = Path(__file__).resolve().parents[1] / "machines"
+        names = sorted(file.stem for file in folder.glob("*.json"))
+        path = folder / f"{check_name('policy', policy, names)}.json"
+    if path.suffix != ".json" or not path.is_file():
+        raise ConfigError(f"--policy {policy}: expected the name of a packaged machine or an existing .json file")
+    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return content
+
+
+def _values(span: str | None, base: float, count: int, name: str) -> list[float]:
+    """Values of a gain: as spanned, else from a quarter of the machine's own to four times it."""
+    import numpy as np
+
+    if span is None:
+        if base <= 0:
+            raise ConfigError(f"the machine has {name} = {base:g}, so the range must be given: --{name} LOW:HIGH")
+        return [float(value) for value in base * np.geomspace(0.25, 4.0, count)]
+    low, _, high = span.partition(":")
+    try:
+        ends = float(low), float(high)
+    except ValueError:
+        raise ConfigError(f"--{name} {span}: expected LOW:HIGH, such as 0.5:8") from None
+    if not ends[0] < ends[1]:
+        raise ConfigError(f"--{name} {span}: expected the lower end first")
+    return [float(value) for value in np.linspace(*ends, count)]
+
+
+def _sweep(
+    machine: Mapping[str, Any], p: Sequence[float], d: Sequence[float], task: Task, processes: int
+) -> list[Cell]:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from tral_fsm.tune import sweep
+
+    with Progress(console=Console(stderr=True)) as bar:
+        bar_task = bar.add_task(f"{len(p)} x {len(d)} gains", total=len(p) * len(d))
+        return sweep(machine, p, d, task, processes=processes, on_cell=lambda _: bar.advance(bar_task))
+
+
+def _write(report: Mapping[str, Any], cells: Sequence[Cell], out: Path) -> None:
+    from tral_fsm.report.heatmap import sweep_figure
+
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "sweep.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    task = report["task"]
+    title = f"{report['policy']} on {task['scenario']}, {len(task['seeds'])} courses, {task['randomization']}"
+    sweep_figure(cells, title).savefig(out / "sweep.png", dpi=120)
+
+
+def _show(report: Mapping[str, Any], cells: Sequence[Cell], out: Path) -> None:
+    from rich.console import Console
+
+    Console().print(_table(cells))
+    chosen, own = report["best"], report["gains"]
+    typer.echo(
+        f"Best: p = {chosen['p']:.4g}, d = {chosen['d']:.4g}; the machine has p = {own['p']:g}, d = {own['d']:g}"
+    )
+    typer.echo(f"Files: {out}")
+
+
+def _table(cells: Sequence[Cell]) -> Table:
+    from rich.table import Table
+
+    from tral_fsm.report.heatmap import label
+
+    table = Table("p \\ d", title="Clearance RMSE [cm]", title_justify="left")
+    for value in sorted({cell.d for cell in cells}):
+        table.add_column(f"{value:.3g}", justify="right")
+    for value in sorted({cell.p for cell in cells}):
+        row = sorted((cell for cell in cells if cell.p == value), key=lambda cell: cell.d)
+        table.add_row(f"{value:.3g}", *(label(cell).replace("\n", ", ") for cell in row))
+    return table

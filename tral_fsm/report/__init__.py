@@ -1,0 +1,1 @@
+"""What a drive looks like: figures, plots, videos."""

@@ -1,0 +1,44 @@
+"""One colour per state, the same in every picture of a drive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+COLOURS: tuple[tuple[int, int, int], ...] = (
+    (31, 119, 180),
+    (255, 127, 14),
+    (44, 160, 44),
+    (214, 39, 40),
+    (148, 103, 189),
+    (140, 86, 75),
+    (227, 119, 194),
+    (23, 190, 207),
+    (188, 189, 34),
+    (65, 68, 81),
+)
+"""RGB, 0 to 255."""
+
+
+class Palette:
+    """Gives states their colours in the order in which they first drive."""
+
+    def __init__(self, states: Iterable[str] = ()) -> None:
+        """Colours for these states, more as they come."""
+        self._index: dict[str, int] = {}
+        for state in states:
+            self.rgb(state)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """The states seen so far."""
+        return tuple(self._index)
+
+    def rgb(self, state: str) -> tuple[int, int, int]:
+        """Colour of a state, 0 to 255; with more states than colours they repeat."""
+        index = self._index.setdefault(state, len(self._index))
+        return COLOURS[index % len(COLOURS)]
+
+    def unit(self, state: str) -> tuple[float, float, float]:
+        """Colour of a state, 0 to 1."""
+        r, g, b = self.rgb(state)
+        return r / 255, g / 255, b / 255

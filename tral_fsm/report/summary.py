@@ -1,0 +1,99 @@
+"""Figures over many episodes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+def wilson(successes: int, trials: int, z: float = 1.959964) -> tuple[float, float]:
+    """Wilson's score interval of a success rate.
+
+    Args:
+        successes: how often it went well.
+        trials: how often it was tried.
+        z: quantile of the normal distribution; the default gives 95 %.
+
+    Returns:
+        Lower and upper end, in [0, 1]; (0, 1) without a trial.
+
+    Source: Wilson 1927, Probable inference, the law of succession, and statistical inference.
+    """
+    if trials == 0:
+        return 0.0, 1.0
+    rate = successes / trials
+    scale = 1.0 + z * z / trials
+    middle = (rate + z * z / (2 * trials)) / scale
+    half = z / scale * math.sqrt(rate * (1.0 - rate) / trials + z * z / (4 * trials * trials))
+    # Rounding must not put the rate itself outside.
+    return max(0.0, min(rate, middle - half)), min(1.0, max(rate, middle + half))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Summary:
+    """Figures of a set of episodes."""
+
+    episodes: int
+    successes: int
+    success_rate: float
+    success_low: float
+    """Lower end of the 95 % interval."""
+    success_high: float
+    collisions: int
+    crashes: int
+    """Those of the collisions that were no mere touch."""
+    missed_gates: int
+    timeouts: int
+    progress: float
+    """Mean."""
+    time_s: float | None
+    """Mean over the successes; None without one."""
+    mean_speed_mps: float
+    clearance_rmse_m: float | None
+    """Over all ticks of all episodes; None where no clearance was measured."""
+    gates_passed: int
+    gates_total: int
+
+    def record(self) -> dict[str, Any]:
+        """The figures as a dictionary."""
+        return asdict(self)
+
+
+def summarize(records: Iterable[Mapping[str, Any]]) -> Summary:
+    """Bring the records of episodes (`Episode.record`) into one row of figures."""
+    rows = list(records)
+    outcomes = [row["outcome"] for row in rows]
+    successes = outcomes.count("success")
+    low, high = wilson(successes, len(rows))
+    return Summary(
+        episodes=len(rows),
+        successes=successes,
+        success_rate=successes / len(rows) if rows else 0.0,
+        success_low=low,
+        success_high=high,
+        collisions=outcomes.count("collision"),
+        crashes=sum(bool(row["crash"]) for row in rows),
+        missed_gates=outcomes.count("missed_gate"),
+        timeouts=outcomes.count("timeout"),
+        progress=_mean([row["progress"] for row in rows]) or 0.0,
+        time_s=_mean([row["time_s"] for row in rows if row["outcome"] == "success"]),
+        mean_speed_mps=_mean([row["mean_speed_mps"] for row in rows]) or 0.0,
+        clearance_rmse_m=_pooled_rmse(rows),
+        gates_passed=sum(row["gates_passed"] for row in rows),
+        gates_total=sum(row["gates_total"] for row in rows),
+    )
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return sum(values) / len(values) if values else None
+
+
+def _pooled_rmse(rows: Sequence[Mapping[str, Any]]) -> float | None:
+    measured = [row for row in rows if row["clearance_samples"]]
+    samples = sum(row["clearance_samples"] for row in measured)
+    if not samples:
+        return None
+    squares = sum(row["clearance_samples"] * row["clearance_rmse_m"] ** 2 for row in measured)
+    return math.sqrt(squares / samples)

@@ -1,0 +1,147 @@
+"""trajectory.png: the course from above with the path by active state; below it the ranges over time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from tral_env.course.draw import draw_plan
+from tral_env.course.plan import Plan
+from tral_env.interface import CORE_LAYOUT, NO_ECHO_M
+from tral_fsm.report.palette import Palette
+from tral_fsm.rollout import Episode, Trace
+
+SIDES = {"left": "#1f77b4", "front": "#2ca02c", "right": "#d62728"}
+"""Ultrasonics and the colours of their ranges."""
+
+_WIDTH_IN = 12.0
+_NAMES_AT_MOST = 12
+
+
+def save_trajectory(episode: Episode, plan: Plan, path: Path) -> None:
+    """Draw an episode on its course into a PNG file."""
+    figure = trajectory_figure(episode, plan)
+    figure.savefig(path, dpi=120)
+
+
+def trajectory_figure(episode: Episode, plan: Plan) -> Figure:
+    """Figure of an episode on its course."""
+    trace = episode.trace
+    palette = Palette(trace.states)
+    height = _map_height(plan)
+    figure = Figure(figsize=(_WIDTH_IN, height + 3.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    above, below = figure.subplots(2, 1, height_ratios=[height, 3.0])
+    draw_plan(plan, above)
+    _draw_path(above, trace, palette)
+    _draw_events(above, episode)
+    above.set_aspect("equal")
+    above.set_title(title(episode), loc="left")
+    _legend_of_states(above, palette)
+    _draw_bands(below, trace, palette)
+    _draw_ranges(below, trace)
+    return figure
+
+
+def title(episode: Episode) -> str:
+    """One line that says how the episode went."""
+    parts = [
+        f"{episode.scenario or 'course'}, seed {episode.seed}: {episode.outcome.replace('_', ' ')}",
+        f"{100 * episode.progress:.0f} % in {episode.time_s:.1f} s",
+        f"mean {episode.mean_speed:.2f} m/s",
+    ]
+    if episode.gates_total:
+        parts.append(f"gates {episode.gates_passed}/{episode.gates_total}")
+    if episode.clearance_samples:
+        parts.append(f"clearance RMSE {100 * episode.clearance_rmse:.1f} cm")
+    return "   ".join(parts)
+
+
+def runs(states: tuple[str, ...]) -> Iterator[tuple[str, int, int]]:
+    """Stretches of the same state: name, first tick, tick after the last."""
+    first = 0
+    for i in range(1, len(states) + 1):
+        if i == len(states) or states[i] != states[first]:
+            yield states[first], first, i
+            first = i
+
+
+def _map_height(plan: Plan) -> float:
+    """Height of the map in inches that fits the course's shape."""
+    points = np.vstack([plan.box_position[:, :2], plan.route])
+    wide, high = np.ptp(points, axis=0) + 1.0
+    return float(np.clip(_WIDTH_IN * high / wide, 1.6, 9.0))
+
+
+def _draw_path(ax: Axes, trace: Trace, palette: Palette) -> None:
+    xy = trace.pose[:, :2]
+    # Each stretch ends where the next begins, so that the path has no holes.
+    stretches = [(name, xy[first : last + 1]) for name, first, last in runs(trace.states)]
+    lines = LineCollection(
+        [points for _, points in stretches],
+        colors=[palette.unit(name) for name, _ in stretches],
+        linewidths=2.2,
+        capstyle="round",
+        zorder=6,
+    )
+    ax.add_collection(lines)
+
+
+def _draw_events(ax: Axes, episode: Episode) -> None:
+    trace = episode.trace
+    ax.plot(*trace.pose[0, :2], "o", color="black", markersize=6, zorder=7, label="start")
+    passed = np.flatnonzero(np.diff(trace.gates_passed, prepend=0) > 0)
+    if len(passed):
+        ax.plot(
+            *trace.pose[passed, :2].T, "D", color="limegreen", markeredgecolor="black", zorder=7, label="gate passed"
+        )
+    marks = {"success": "*", "collision": "X", "missed_gate": "P", "timeout": "s"}
+    colour = "gold" if episode.success else "red"
+    ax.plot(
+        *trace.pose[-1, :2],
+        marks[episode.outcome],
+        color=colour,
+        markeredgecolor="black",
+        markersize=13,
+        zorder=8,
+        linestyle="none",
+        label=episode.outcome.replace("_", " "),
+    )
+
+
+def _legend_of_states(ax: Axes, palette: Palette) -> None:
+    handles, _ = ax.get_legend_handles_labels()
+    patches = [Patch(color=palette.unit(name), label=name) for name in palette.states[:_NAMES_AT_MOST] if name]
+    ax.legend(handles=[*patches, *handles], loc="upper left", bbox_to_anchor=(1.005, 1.0), fontsize=8, frameon=False)
+
+
+def _draw_bands(ax: Axes, trace: Trace, palette: Palette) -> None:
+    edges = np.concatenate([[0.0], trace.time])
+    for name, first, last in runs(trace.states):
+        ax.axvspan(edges[first], edges[last], color=palette.unit(name), alpha=0.18, linewidth=0)
+
+
+def _draw_ranges(ax: Axes, trace: Trace) -> None:
+    for side, colour in SIDES.items():
+        ax.plot(trace.time, _echoes(trace, side), color=colour, linewidth=1.0, label=side)
+    for t in trace.time[np.diff(trace.gates_passed, prepend=0) > 0]:
+        ax.axvline(t, color="limegreen", linewidth=1.5, linestyle="--")
+    ax.set_xlim(0.0, float(trace.time[-1]))
+    ax.set_ylim(0.0, 5.2)
+    ax.set_xlabel("time [s]   (bands: active state; gaps: no echo)")
+    ax.set_ylabel("ultrasonic range [m]")
+    ax.legend(loc="upper left", bbox_to_anchor=(1.005, 1.0), fontsize=8, frameon=False)
+    ax.grid(alpha=0.3)
+
+
+def _echoes(trace: Trace, side: str) -> NDArray[np.float64]:
+    ranges = trace.readings[:, CORE_LAYOUT.column(f"ultrasonic_{side}")]
+    return np.where(ranges < NO_ECHO_M, ranges, np.nan)

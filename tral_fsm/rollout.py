@@ -1,0 +1,200 @@
+"""A policy drives an env: the one loop that drive, report, compare and tune share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.interface import Policy
+
+Array = NDArray[np.float64]
+Outcome = Literal["success", "collision", "missed_gate", "timeout"]
+
+OUTCOMES: tuple[Outcome, ...] = ("success", "collision", "missed_gate", "timeout")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tick:
+    """One tick of a drive: what the policy saw and answered, and where that led."""
+
+    index: int
+    """0 for the first."""
+    observation: NDArray[np.floating]
+    """(d,) what the policy saw."""
+    state: str
+    """The state that answered; empty for policies without states."""
+    action: NDArray[np.float32]
+    """(2,) steering, throttle."""
+    info: Mapping[str, Any]
+    """The env's info after the tick."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trace:
+    """An episode tick by tick: row k is tick k; time, pose, speed and clearance error are those at its end."""
+
+    time: Array
+    """(T,) s since reset."""
+    pose: Array
+    """(T, 3) true x, y [m] and yaw [rad] in the course frame."""
+    speed: Array
+    """(T,) true speed, m/s."""
+    clearance_error: Array
+    """(T,) m; NaN where no clearance is wanted or measured."""
+    gates_passed: NDArray[np.int64]
+    """(T,)"""
+    readings: Array
+    """(T, d) what the policy saw, the columns of the env's `Layout`."""
+    action: Array
+    """(T, 2) steering, throttle."""
+    states: tuple[str, ...]
+    """(T,) name of the state that answered."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Episode:
+    """How one drive went."""
+
+    seed: int
+    scenario: str
+    outcome: Outcome
+    crash: bool
+    """A collision at a closing speed that counts as a crash, not as a touch."""
+    progress: float
+    """Share of the route, in [0, 1]."""
+    time_s: float
+    mean_speed: float
+    """Mean of the true speed, m/s."""
+    clearance_rmse: float
+    """Root of the mean square of the clearance error, m; NaN if there was none to measure."""
+    clearance_samples: int
+    """Ticks at which there was one."""
+    gates_passed: int
+    gates_total: int
+    trace: Trace = field(repr=False)
+
+    @property
+    def success(self) -> bool:
+        """The goal was reached, all gates passed, nothing touched."""
+        return self.outcome == "success"
+
+    def record(self) -> dict[str, Any]:
+        """The numbers without the trace, fit for JSON: what could not be measured is None."""
+        rmse = None if math.isnan(self.clearance_rmse) else round(self.clearance_rmse, 5)
+        return {
+            "scenario": self.scenario,
+            "seed": self.seed,
+            "success": self.success,
+            "outcome": self.outcome,
+            "crash": self.crash,
+            "progress": round(self.progress, 4),
+            "time_s": round(self.time_s, 4),
+            "mean_speed_mps": round(self.mean_speed, 4),
+            "clearance_rmse_m": rmse,
+            "clearance_samples": self.clearance_samples,
+            "gates_passed": self.gates_passed,
+            "gates_total": self.gates_total,
+        }
+
+
+def drive(
+    env: gym.Env[Any, Any],
+    policy: Policy,
+    seed: int,
+    options: dict[str, Any] | None = None,
+    on_step: Callable[[Tick], None] | None = None,
+    *,
+    scenario: str = "",
+) -> Episode:
+    """Let a policy drive one episode. Same env, policy and seed give the same episode, bit for bit.
+
+    Args:
+        env: `TralCorridor-v0`, or anything with its info.
+        policy: if it has `active_states` they are recorded; if it has `wanted_clearance` the env is told before each
+            step, so that it can measure the clearance error.
+        seed: seed of the course, the car and the noise.
+        options: passed to the env's reset.
+        on_step: called after each tick.
+        scenario: name of what is driven, for the records.
+
+    Returns:
+        The episode with its trace.
+    """
+    observation, _ = env.reset(seed=seed, options=options)
+    policy.reset(1)
+    ticks: list[Tick] = []
+    ended = False
+    while not ended:
+        seen = np.array(observation)
+        action = np.asarray(policy.act(seen), np.float32)
+        state = _active_state(policy)
+        _tell_wanted_clearance(env, policy)
+        observation, _, terminated, truncated, info = env.step(action)
+        ticks.append(Tick(index=len(ticks), observation=seen, state=state, action=action, info=info))
+        if on_step is not None:
+            on_step(ticks[-1])
+        ended = bool(terminated or truncated)
+    return _episode(seed, scenario, ticks)
+
+
+def _active_state(policy: Policy) -> str:
+    states = getattr(policy, "active_states", None)
+    return str(states[0]) if states else ""
+
+
+def _tell_wanted_clearance(env: gym.Env[Any, Any], policy: Policy) -> None:
+    wanted = getattr(policy, "wanted_clearance", None)
+    tell = getattr(env.unwrapped, "want_clearance", None)
+    if wanted is not None and tell is not None:
+        side, metres = np.asarray(wanted, float)[0]
+        tell(float(side), float(metres))
+
+
+def _episode(seed: int, scenario: str, ticks: list[Tick]) -> Episode:
+    trace = _trace(ticks)
+    last = ticks[-1].info
+    errors = trace.clearance_error[np.isfinite(trace.clearance_error)]
+    return Episode(
+        seed=seed,
+        scenario=scenario,
+        outcome=_outcome(last),
+        crash=bool(last["crash"]),
+        progress=float(last["progress"]),
+        time_s=float(last["time_s"]),
+        mean_speed=float(np.mean(trace.speed)),
+        clearance_rmse=float(np.sqrt(np.mean(errors**2))) if len(errors) else math.nan,
+        clearance_samples=len(errors),
+        gates_passed=int(last["gates_passed"]),
+        gates_total=int(last["gates_total"]),
+        trace=trace,
+    )
+
+
+def _trace(ticks: list[Tick]) -> Trace:
+    def column(name: str) -> Array:
+        return np.array([tick.info[name] for tick in ticks], float)
+
+    return Trace(
+        time=column("time_s"),
+        pose=column("pose"),
+        speed=column("speed_mps"),
+        clearance_error=column("clearance_error_m"),
+        gates_passed=column("gates_passed").astype(np.int64),
+        readings=np.array([tick.observation for tick in ticks], float),
+        action=np.array([tick.action for tick in ticks], float),
+        states=tuple(tick.state for tick in ticks),
+    )
+
+
+def _outcome(info: Mapping[str, Any]) -> Outcome:
+    if info["success"]:
+        return "success"
+    if info["collision"]:
+        return "collision"
+    return "missed_gate" if info["missed_gate"] else "timeout"

@@ -1,0 +1,139 @@
+"""A sweep over the gains of a machine's wall-following states: what clearance error does each pair earn?"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import multiprocessing
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tral_env.errors import ConfigError
+from tral_fsm.report.summary import Summary, summarize
+
+WALL_FOLLOWING = ("BasicFollowWall", "FollowWall", "FollowWallRamp")
+"""Types of states that have the gains p and d."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """On what the gains are tried."""
+
+    scenario: str
+    seeds: tuple[int, ...]
+    randomization: str = "default"
+    camera: str = "projected"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    """What one pair of gains earned."""
+
+    p: float
+    """Steering per m."""
+    d: float
+    """Steering per m/s."""
+    summary: Summary
+
+    def record(self) -> dict[str, Any]:
+        """The cell as a dictionary."""
+        return asdict(self)
+
+
+def gains(machine: Mapping[str, Any]) -> tuple[float, float]:
+    """Gains p and d of the first wall-following state of a machine.
+
+    Raises:
+        ConfigError: it has none.
+    """
+    for state in machine["states"]:
+        if state["type"] in WALL_FOLLOWING:
+            return float(state.get("p", 1.0)), float(state.get("d", 0.0))
+    raise ConfigError(f"this machine has no wall-following state. Needed: one of {', '.join(WALL_FOLLOWING)}")
+
+
+def with_gains(machine: Mapping[str, Any], p: float, d: float) -> dict[str, Any]:
+    """The machine with these gains in all its wall-following states."""
+    states = [
+        {**state, "p": p, "d": d} if state["type"] in WALL_FOLLOWING else dict(state) for state in machine["states"]
+    ]
+    return {**machine, "states": states}
+
+
+def sweep(
+    machine: Mapping[str, Any],
+    p: Sequence[float],
+    d: Sequence[float],
+    task: Task,
+    *,
+    processes: int = 1,
+    on_cell: Callable[[Cell], None] | None = None,
+) -> list[Cell]:
+    """Drive the same courses with every pair of gains.
+
+    Args:
+        machine: content of a machine file.
+        p: values of p.
+        d: values of d.
+        task: on what they are tried.
+        processes: how many work; the result does not depend on it.
+        on_cell: called as each pair is done, in order.
+
+    Returns:
+        A cell for each pair, p slowest.
+    """
+    pairs = [(float(a), float(b)) for a in p for b in d]
+    cells = []
+    with _mapper(processes) as mapper:
+        for cell in mapper(partial(_try, machine, task), pairs):
+            cells.append(cell)
+            if on_cell is not None:
+                on_cell(cell)
+    return cells
+
+
+def best(cells: Sequence[Cell]) -> Cell:
+    """The cell with the smallest clearance error among those with the most successes."""
+    most = max(cell.summary.successes for cell in cells)
+
+    def error(cell: Cell) -> float:
+        rmse = cell.summary.clearance_rmse_m
+        return np.inf if rmse is None else rmse
+
+    return min((cell for cell in cells if cell.summary.successes == most), key=error)
+
+
+@contextlib.contextmanager
+def _mapper(processes: int) -> Iterator[Callable[..., Any]]:
+    if processes == 1:
+        yield map
+        return
+    # Threads and OpenGL contexts do not survive a fork.
+    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
+        yield pool.map
+
+
+def _try(machine: Mapping[str, Any], task: Task, pair: tuple[float, float]) -> Cell:
+    import gymnasium as gym
+
+    from tral_fsm import load_policy
+    from tral_fsm.rollout import drive
+
+    p, d = pair
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "machine.json"
+        path.write_text(json.dumps(with_gains(machine, p, d)), encoding="utf-8")
+        policy = load_policy(str(path))
+    env = gym.make(
+        "tral_env:TralCorridor-v0", scenario=task.scenario, camera=task.camera, randomization=task.randomization
+    )
+    with contextlib.closing(env):
+        records = [drive(env, policy, seed, scenario=task.scenario).record() for seed in task.seeds]
+    return Cell(p=p, d=d, summary=summarize(records))
