@@ -88,7 +88,7 @@ def _cos_limit(config: UltrasonicConfig, softness: Array | None) -> Array | floa
     limit, spread = math.radians(config.incidence_limit_deg), math.radians(config.incidence_spread_deg)
     if softness is None:
         return math.cos(limit)
-    # Linear in the cosine: no trigonometry per call, and within 0.1 degrees of linear in the angle.
+    # Linear in the cosine: no trigonometry per call, and within 0.15 degrees of linear in the angle.
     low, high = math.cos(limit - spread), math.cos(limit + spread)
     return (low + (high - low) * np.asarray(softness))[..., None]
 
@@ -96,8 +96,8 @@ def _cos_limit(config: UltrasonicConfig, softness: Array | None) -> Array | floa
 def _bends(reach: Array, x: Array, y: Array, nx: Array, ny: Array, height: Array, config: UltrasonicConfig) -> Array:
     """Ranges of the corners and edges between neighbouring rays, (..., R - 1); inf where the surface runs on.
 
-    How far each of the two points hit lies in front of the other's surface tells which it is: both in front: an inner
-    corner; one behind: an edge.
+    How far each of the two points hit lies in front of the other's surface tells which it is: one behind: an edge;
+    neither, and the surfaces stand across each other: an inner corner.
     """
     ax, ay, bx, by = nx[..., :-1], ny[..., :-1], nx[..., 1:], ny[..., 1:]
     dx, dy = x[..., 1:] - x[..., :-1], y[..., 1:] - y[..., :-1]
@@ -106,7 +106,9 @@ def _bends(reach: Array, x: Array, y: Array, nx: Array, ny: Array, height: Array
     step = config.jitter_m / 4  # a quarter of a wavelength: less is no step to the wave
     found = np.where((front < -step) & (near <= config.edge_range), near, np.inf)
     cosine = ax * bx + ay * by
-    inner = (front > step) & (np.abs(cosine) <= config.corner_tolerance)
+    # A ray that ends in the corner itself lies on both surfaces, in front of neither.
+    across = np.abs(cosine) <= config.corner_tolerance
+    inner = across & (front >= -step) & (np.maximum(reach[..., 1:], reach[..., :-1]) < _NOTHING_M)
     if inner.any():
         # Distance of the line in which two planes at heights a and b above the sensor meet.
         a, b = height[..., :-1], height[..., 1:]
