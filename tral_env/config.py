@@ -76,6 +76,51 @@ class CarConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ServoConfig:
+    """Steering servo, servo saver and tyres' scrub, seen at the bicycle angle."""
+
+    speed: float = 5.6
+    """Fastest change of the steering angle, rad/s: a TSU-01 class servo turns 60 deg in 0.16 s at 6 V, and 0.285 ms of
+    pulse, about 25.6 deg of the horn, are 22 deg of steering. Source: ucboard for the pulses, choice for the speed."""
+    dead_zone_deg: float = 0.4
+    """The servo sets out when its error exceeds this, deg: 5 us of 285 us. Source: choice, usual for its class."""
+    travel_deg: float = 25.0
+    """The linkage stops this far either side of its own middle, deg. Source: era (Apollo_13: +25 deg)."""
+    scrub_torque: float = 0.075
+    """Friction of both front tyres about their kingpins at standstill, N m: 0.9 * 9.3 N of axle load on a patch of 9 mm
+    mean radius. With the saver's 0.65 N m/rad it holds back 6.6 deg. Source: choice, fits the fault in the report."""
+    scrub_speed: float = 0.06
+    """Rolling this fast the scrub has fallen to 71 %, m/s: a patch of 2 cm turning at 3 rad/s. Source: choice."""
+
+    def __post_init__(self) -> None:
+        _check(self, positive=tuple(field.name for field in fields(self)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class EscConfig:
+    """Motor controller and motor. Motor and gears are those of `assets/car.xml`, seen at the wheels."""
+
+    dead_zone: float = 0.08
+    """Throttle up to which the motor stays off. Source: fit to Velocity.csv of echtzeitsysteme; the data sheet's
+    +-50 us would be 0.13."""
+    switch_s: float = 0.1
+    """Brake and neutral must each last this long before the other direction drives, s. Source: ucboard."""
+    motor_resistance: float = 0.918
+    """Ohm. Source: fit, time constant 0.3 s."""
+    back_emf: float = 0.0790 / 0.032
+    """V at a rolling speed of 1 m/s. Source: fit to Velocity.csv of echtzeitsysteme."""
+    battery_v: float = 7.2
+    """Nominal voltage of the pack, V. Source: ucboard."""
+    max_latency_s: float = 0.2
+    """Largest delay of a command that can be simulated, s. Source: choice."""
+    nominal_latency_s: float = 0.02
+    """Delay of a command when nothing is randomized, s. Source: choice."""
+
+    def __post_init__(self) -> None:
+        _check(self, positive=("switch_s", "motor_resistance", "back_emf", "battery_v"), unit_interval=("dead_zone",))
+
+
+@dataclass(frozen=True, kw_only=True)
 class UltrasonicConfig:
     """One SRF08 ranger."""
 
