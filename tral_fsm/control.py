@@ -1,0 +1,135 @@
+"""The control laws, one equation each, on plain floats: a machine is ticked 80 times a second, one row at a time.
+
+Frame: x forward, y left, angles counter-clockwise; + steering = left. Metres, seconds, radians.
+"""
+
+from __future__ import annotations
+
+import math
+
+PID_S = 0.0125
+"""Time of a tick in the controllers of 2016, s."""
+PID_INVS = 80.0
+"""1 / PID_S, Hz."""
+
+WHEELBASE = 0.258
+"""Distance of the axles, m. Source: data sheet of the same cars."""
+TRACK = 0.155
+"""Distance of the wheels of an axle, m. Source: as above."""
+FULL_LOCK = math.radians(22.0)
+"""Steering angle of the bicycle model at command 1, rad."""
+
+THROTTLE_DEAD = 0.1
+"""Throttle at which the car begins to roll. Source: line through the level/speed table of the same cars."""
+SPEED_PER_THROTTLE = 2.64
+"""m/s for a unit of throttle above that. Source: as above."""
+SPEED_P = 0.15
+"""Throttle for a speed error of 1 m/s. Source: choice."""
+SPEED_I = 0.25
+"""Throttle a second for a speed error of 1 m/s: weight and battery. Source: choice."""
+SPEED_I_LIMIT = 0.25
+"""The integral adds at most this much throttle. Source: choice."""
+
+
+def clip(value: float, limit: float = 1.0) -> float:
+    """Bring a value into [-limit, limit]."""
+    return -limit if value < -limit else limit if value > limit else value
+
+
+def wrap(angle: float) -> float:
+    """Bring an angle [rad] into [-pi, pi)."""
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+
+
+def pid(p: float, i: float, d: float, error: float, error_sum: float, error_old: float) -> float:
+    """The controller of 2016: y = p e + i esum PID_S + d (e - eold) PID_INVS.
+
+    Args:
+        p: steering per m.
+        i: steering per m and second.
+        d: steering per m/s.
+        error: e, range minus wanted clearance now, m.
+        error_sum: esum, sum of e over the ticks, m.
+        error_old: eold, e of the tick before, m.
+
+    Returns:
+        y, steering towards the wall, not yet clipped.
+    """
+    return p * error + i * error_sum * PID_S + d * (error - error_old) * PID_INVS
+
+
+def pid_rate(p: float, i: float, d: float, error: float, error_sum: float, rate: float) -> float:
+    """The same law with the derivative taken elsewhere, over the sonar's own interval: y = p e + i esum PID_S + d e'.
+
+    Args:
+        p: steering per m.
+        i: steering per m and second.
+        d: steering per m/s.
+        error: e, m.
+        error_sum: sum of e over the ticks, m.
+        rate: e', m/s.
+
+    Returns:
+        y, steering towards the wall, not yet clipped.
+    """
+    return p * error + i * error_sum * PID_S + d * rate
+
+
+def ramp(start: float, target: float, distance: float, driven: float) -> float:
+    """Clearance [m] that runs linearly from `start` to `target` while `distance` metres are driven, then stays."""
+    if driven >= distance:
+        return target
+    return start + (target - start) * driven / distance
+
+
+def curvature(steering: float) -> float:
+    """Curvature [1/m], + = left, of the rear axle's path at a steering command: tan(lock s) / wheelbase."""
+    return math.tan(FULL_LOCK * steering) / WHEELBASE
+
+
+def steering_for(path_curvature: float) -> float:
+    """Steering command in [-1, 1] for a curvature [1/m]; the inverse of `curvature`, clipped."""
+    return clip(math.atan(WHEELBASE * path_curvature) / FULL_LOCK)
+
+
+def pursuit(x: float, y: float) -> float:
+    """Steering onto the circle through a point (x forward, y left) [m]: curvature 2 y / (x^2 + y^2)."""
+    return steering_for(2.0 * y / max(x * x + y * y, 1e-6))
+
+
+def line(offset: float, heading: float, length: float) -> float:
+    """Steering onto a line without overshoot: curvature -(offset / length^2 + 2 sin(heading) / length).
+
+    Args:
+        offset: where the car is beside the line, + = left of it, m.
+        heading: of the car against the line, rad.
+        length: in which an offset dies away by the factor e, m.
+
+    Returns:
+        Steering command in [-1, 1]. The approach is never steeper than 45 degrees.
+    """
+    steep = clip(offset / (2.0 * length), math.sin(math.pi / 4.0))
+    return steering_for(-2.0 / length * (steep + math.sin(heading)))
+
+
+def feed_forward(speed: float) -> float:
+    """Throttle that holds a speed [m/s] on the level: 0.1 + v / 2.64; 0 at 0."""
+    return THROTTLE_DEAD + speed / SPEED_PER_THROTTLE if speed > 0.0 else 0.0
+
+
+def speed_control(wanted: float, speed: float, integral: float) -> tuple[float, float]:
+    """Feed-forward and PI on the speed of the hall sensor; one tick.
+
+    Args:
+        wanted: m/s, not negative.
+        speed: from the hall sensor, m/s.
+        integral: of the tick before, throttle.
+
+    Returns:
+        Throttle in [-1, 1] and the new integral. A standing car is never given negative throttle: that would be
+        reverse gear.
+    """
+    error = wanted - speed
+    integral = clip(integral + SPEED_I * error * PID_S, SPEED_I_LIMIT)
+    throttle = clip(feed_forward(wanted) + SPEED_P * error + integral)
+    return (max(throttle, 0.0) if speed < 0.15 else throttle), integral

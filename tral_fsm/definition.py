@@ -1,0 +1,353 @@
+"""What a machine is, as plain validated data: states, transitions, their conditions and parameters.
+
+Every class here is one "type" of a machine file. Parameters are in physical units; `STATES` and
+`CONDITIONS` list them all. How they run stands in `states` and `transitions`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, StrictInt, StrictStr, model_validator
+
+from tral_env.interface import NO_ECHO_M
+
+Id = StrictInt | Annotated[StrictStr, Field(min_length=1)]
+"""Name of a state or transition: a number or a word."""
+Side = Literal["left", "right"]
+SonarName = Literal["left", "front", "right"]
+
+
+def quantity(default: float | None, unit: str, description: str, **limits: Any) -> Any:
+    """A parameter with unit, meaning and limits (`ge`, `gt`, `le`, `lt`)."""
+    return Field(default, description=description, json_schema_extra={"unit": unit}, **limits)
+
+
+def required(unit: str, description: str, **limits: Any) -> Any:
+    """A parameter that has no default."""
+    return Field(description=description, json_schema_extra={"unit": unit}, **limits)
+
+
+class Spec(BaseModel):
+    """Base of all parts of a machine: frozen, nothing unknown, nothing converted in silence, no NaN."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, populate_by_name=True)
+
+
+class StateSpec(Spec):
+    """Base of all states. A state of your own derives from it and names itself in `type`."""
+
+    targetable: ClassVar[bool] = False
+    """Takes a target point at run time."""
+
+    type: str
+    id: Id
+    label: str = Field("", description="what it is for, in your words")
+    final: bool = Field(False, description="the machine may end here: the state needs no way out")
+
+    @property
+    def finishable(self) -> bool:
+        """Can say that it is finished."""
+        return False
+
+    @property
+    def may_end(self) -> bool:
+        """Needs no transition that leaves it."""
+        return self.final
+
+
+class DrivingSpec(StateSpec):
+    """A state that moves the car: with a speed (regulated on the hall sensor) or a throttle (open loop)."""
+
+    speed: float | None = quantity(None, "m/s", "regulated on the hall sensor", ge=0.0, le=5.0)
+    throttle: float | None = quantity(None, "", "open loop, as in 2016", ge=-1.0, le=1.0)
+    steering_trim: float = quantity(0.0, "", "added to the steering: a car that does not run straight", ge=-1.0, le=1.0)
+
+    @model_validator(mode="after")
+    def _one_drive(self) -> DrivingSpec:
+        if (self.speed is None) == (self.throttle is None):
+            got = "neither" if self.speed is None else "both"
+            raise ValueError(f"got {got} of speed [m/s] and throttle: give exactly one")
+        return self
+
+
+class WallSpec(DrivingSpec):
+    """Base of the states that keep a clearance to a wall."""
+
+    side: Side = Field("right", description="the wall that is followed")
+    p: float = quantity(1.2, "1/m", "steering for a metre of deviation", ge=0.0, le=1000.0)
+    i: float = quantity(0.0, "1/(m s)", "steering for a metre of deviation a second", ge=0.0, le=1000.0)
+    d: float = quantity(1.5, "s/m", "steering for a deviation that grows by 1 m/s", ge=0.0, le=1000.0)
+    derivative: Literal["sonar", "tick"] = Field(
+        "sonar", description="over the sonar's own interval, or tick: the literal law of 2016"
+    )
+    max_error: float | None = quantity(0.4, "m", "e is clipped to this; null: not at all", gt=0.0, le=6.0)
+    max_rate: float = quantity(0.5, "m/s", "e' over the sonar's interval is clipped to this", gt=0.0, le=1000.0)
+    reach: float = quantity(2.5, "m", "a range above it is no wall: the course is held", gt=0.0, le=NO_ECHO_M)
+    at_most_half: bool = Field(
+        False, description="the wanted clearance is never more than half of what both sides have together"
+    )
+    slow_front: float | None = quantity(None, "m", "front range from which on the car slows down", gt=0.0, le=5.0)
+    slow_speed: float = quantity(0.3, "m/s", "speed at half of slow_front and nearer", ge=0.0, le=5.0)
+
+    @model_validator(mode="after")
+    def _slow_needs_speed(self) -> WallSpec:
+        if self.slow_front is not None and self.speed is None:
+            raise ValueError("slow_front needs speed: an open-loop throttle is not slowed down")
+        return self
+
+
+def _clearance() -> Any:
+    return quantity(0.8, "m", "wanted range of the side ultrasonic", gt=0.0, le=5.0)
+
+
+class BasicFollowWallSpec(WallSpec):
+    """Keeps a clearance to one wall: y = p e + i esum PID_S + d (e - eold) PID_INVS, e = range - clearance."""
+
+    type: Literal["BasicFollowWall"] = "BasicFollowWall"
+    clearance: float = _clearance()
+
+
+class FollowWallSpec(WallSpec):
+    """Wall following that ignores sudden changes of the range, so that door frames do not upset it."""
+
+    type: Literal["FollowWall"] = "FollowWall"
+    clearance: float = _clearance()
+    ignore_jump: float = quantity(0.02, "m", "a larger change from one reading to the next is ignored", gt=0.0, le=6.0)
+
+
+class FollowWallRampSpec(WallSpec):
+    """Wall following whose clearance runs linearly with the distance driven, from `start` to `target`."""
+
+    targetable: ClassVar[bool] = True
+
+    type: Literal["FollowWallRamp"] = "FollowWallRamp"
+    start: float | None = quantity(None, "m", "clearance at entry; null: the range then", gt=0.0, le=5.0)
+    target: float = quantity(0.5, "m", "clearance at the end", gt=0.0, le=5.0)
+    distance: float = quantity(1.5, "m", "hall distance in which it changes", gt=0.0, le=100.0)
+
+    @property
+    def finishable(self) -> bool:
+        """At the end of its distance."""
+        return True
+
+
+class ApproachPointSpec(DrivingSpec):
+    """Drives to a point by dead reckoning; a gate that is handed over is approached along its axis."""
+
+    targetable: ClassVar[bool] = True
+
+    type: Literal["ApproachPoint"] = "ApproachPoint"
+    x: float = quantity(1.0, "m", "point ahead of the car at entry, unless one is handed over", ge=-20.0, le=20.0)
+    y: float = quantity(0.0, "m", "point left of the car at entry", ge=-20.0, le=20.0)
+    heading_deg: float | None = quantity(
+        None, "deg", "direction in which the point is passed, + = left; null: any", ge=-180.0, le=180.0
+    )
+    before: float = quantity(
+        1.0, "m", "stops this far before a gate that is handed over; negative: behind it", ge=-5.0, le=5.0
+    )
+    tolerance: float = quantity(0.05, "m", "arrived within this distance along the way", gt=0.0, le=2.0)
+    length: float = quantity(0.35, "m", "an offset from the axis dies away by e in it", gt=0.0, le=5.0)
+    track: bool = Field(True, description="take each new sighting of the gate that was handed over")
+
+    @property
+    def finishable(self) -> bool:
+        """On arrival."""
+        return True
+
+
+class ArucoGateCenterSpec(DrivingSpec):
+    """Full lock towards the side on which the gate's middle is, until the car is aligned with the gate's axis."""
+
+    type: Literal["ArucoGateCenter"] = "ArucoGateCenter"
+    tolerance_deg: float = quantity(4.0, "deg", "aligned within this angle", gt=0.0, le=45.0)
+    lock: float = quantity(1.0, "", "share of full lock", gt=0.0, le=1.0)
+    max_distance: float = quantity(1.5, "m", "gives up, and is finished, after this hall distance", gt=0.0, le=20.0)
+
+    @property
+    def finishable(self) -> bool:
+        """When aligned."""
+        return True
+
+
+class MotorSpec(DrivingSpec):
+    """Fixed steering and speed, for a distance or until a transition fires."""
+
+    type: Literal["Motor"] = "Motor"
+    steering: float = quantity(0.0, "", "+1 = full left", ge=-1.0, le=1.0)
+    distance: float | None = quantity(None, "m", "hall distance after which it is finished", gt=0.0, le=1000.0)
+
+    @property
+    def finishable(self) -> bool:
+        """After its distance, if it has one."""
+        return self.distance is not None
+
+
+class StopSpec(StateSpec):
+    """Stops the car: brakes while it rolls, then neutral."""
+
+    type: Literal["Stop"] = "Stop"
+    brake: float = quantity(0.3, "", "throttle backwards while the car rolls", ge=0.0, le=1.0)
+
+    @property
+    def may_end(self) -> bool:
+        """A stopped car may stay."""
+        return True
+
+
+class IdleSpec(StateSpec):
+    """Does nothing: the command stays at neutral."""
+
+    type: Literal["Idle"] = "Idle"
+
+
+class FSMStateSpec(StateSpec):
+    """A whole machine as one state, inline or by the name of a packaged one."""
+
+    type: Literal["FSMState"] = "FSMState"
+    machine: MachineDefinition | str = Field(description="the inner machine, or the name of a packaged one")
+
+    @property
+    def finishable(self) -> bool:
+        """When its machine has come to a final state."""
+        return True
+
+
+class ConditionSpec(Spec):
+    """Base of what makes a transition fire. A condition of your own derives from it and names itself in `type`."""
+
+    type: str
+
+
+class AlwaysSpec(ConditionSpec):
+    """Fires at once."""
+
+    type: Literal["Always"] = "Always"
+
+
+class DistanceSpec(ConditionSpec):
+    """Fires after a hall distance in the state."""
+
+    type: Literal["Distance"] = "Distance"
+    distance: float = required("m", "driven since entry", ge=0.0, le=10000.0)
+
+
+class TimerSpec(ConditionSpec):
+    """Fires after a time in the state."""
+
+    type: Literal["Timer"] = "Timer"
+    seconds: float = required("s", "since entry", ge=0.0, le=100000.0)
+
+
+class TurnedSpec(ConditionSpec):
+    """Fires when the car has turned by an angle in the state, by dead reckoning, to either side."""
+
+    type: Literal["Turned"] = "Turned"
+    angle_deg: float = required("deg", "turned since entry", gt=0.0, le=3600.0)
+
+
+class FinishedSpec(ConditionSpec):
+    """Fires when the state says that it is finished."""
+
+    type: Literal["Finished"] = "Finished"
+
+
+class SensorLevelSpec(ConditionSpec):
+    """Fires when an ultrasonic reads above or below a level. No echo counts as above."""
+
+    type: Literal["SensorLevel"] = "SensorLevel"
+    sensor: SonarName = Field("front", description="which ultrasonic")
+    above: float | None = quantity(None, "m", "fires when the range is above", ge=0.0, lt=NO_ECHO_M)
+    below: float | None = quantity(None, "m", "fires when the range is below", gt=0.0, le=NO_ECHO_M)
+    readings: int = Field(1, description="so many readings must agree, one after the other", ge=1, le=100)
+
+    @model_validator(mode="after")
+    def _one_level(self) -> SensorLevelSpec:
+        if (self.above is None) == (self.below is None):
+            got = "neither" if self.above is None else "both"
+            raise ValueError(f"got {got} of above [m] and below [m]: give exactly one")
+        return self
+
+
+class SightingSpec(ConditionSpec):
+    """Base of what fires when something is seen."""
+
+    ids: tuple[int, ...] = Field((), description="only these ids; empty: any", strict=False)
+    max_age: float = quantity(0.25, "s", "the sighting is not older", gt=0.0, le=10.0)
+    max_distance: float = quantity(6.0, "m", "it is not farther away", gt=0.0, le=20.0)
+
+
+class ArucoGateFoundSpec(SightingSpec):
+    """Fires when a gate is seen ahead, and hands its position to the next state."""
+
+    type: Literal["ArucoGateFound"] = "ArucoGateFound"
+    hand_over: bool = Field(True, description="the next state must be targetable and takes the gate as its target")
+
+
+class MarkerFoundSpec(SightingSpec):
+    """Fires when a single marker is seen ahead."""
+
+    type: Literal["MarkerFound"] = "MarkerFound"
+
+
+class AllSpec(ConditionSpec):
+    """Fires when all of its conditions hold in the same tick."""
+
+    type: Literal["All"] = "All"
+    of: tuple[SerializeAsAny[ConditionSpec], ...] = Field(description="conditions", min_length=1)
+
+
+class AnySpec(ConditionSpec):
+    """Fires when one of its conditions holds."""
+
+    type: Literal["Any"] = "Any"
+    of: tuple[SerializeAsAny[ConditionSpec], ...] = Field(description="conditions", min_length=1)
+
+
+class NotSpec(ConditionSpec):
+    """Fires when its one condition does not hold."""
+
+    type: Literal["Not"] = "Not"
+    of: tuple[SerializeAsAny[ConditionSpec], ...] = Field(description="one condition", min_length=1, max_length=1)
+
+
+class TransitionSpec(Spec):
+    """A way from one state to another. In a file the condition's members stand beside id, from and to."""
+
+    id: Id
+    source: Id = Field(alias="from")
+    target: Id = Field(alias="to")
+    when: SerializeAsAny[ConditionSpec]
+
+
+class MachineDefinition(Spec):
+    """A machine: its states, the transitions between them, in the order in which they are checked, and its root."""
+
+    root: Id = Field(description="id of the state in which it starts")
+    name: str = ""
+    description: str = ""
+    states: tuple[SerializeAsAny[StateSpec], ...]
+    transitions: tuple[TransitionSpec, ...] = ()
+
+
+FSMStateSpec.model_rebuild()
+
+
+def type_name(spec: type[StateSpec] | type[ConditionSpec]) -> str:
+    """The "type" under which a class stands in files."""
+    return str(spec.model_fields["type"].default)
+
+
+_STATES = (
+    BasicFollowWallSpec, FollowWallSpec, FollowWallRampSpec, ApproachPointSpec, ArucoGateCenterSpec, MotorSpec,
+    StopSpec, IdleSpec, FSMStateSpec,
+)  # fmt: skip
+_CONDITIONS = (
+    AlwaysSpec, DistanceSpec, FinishedSpec, SensorLevelSpec, ArucoGateFoundSpec, TimerSpec, TurnedSpec,
+    MarkerFoundSpec, AllSpec, AnySpec, NotSpec,
+)  # fmt: skip
+
+STATES: dict[str, type[StateSpec]] = {type_name(spec): spec for spec in _STATES}
+"""Every known type of state. `states.runs` adds to it."""
+CONDITIONS: dict[str, type[ConditionSpec]] = {type_name(spec): spec for spec in _CONDITIONS}
+"""Every known type of condition. `transitions.runs` adds to it."""

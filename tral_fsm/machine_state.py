@@ -1,0 +1,255 @@
+"""The blackboard of a machine: what its sensors say, consolidated, and what its states order.
+
+`MachineState.update` takes one row of the observation a tick. Besides the readings themselves it knows which of them
+are new, and where the car has driven by hall sensor and steering (dead reckoning).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+
+from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT, MAX_AGE_S, NO_ECHO_M
+from tral_fsm.control import TRACK, clip, curvature, speed_control, wrap
+
+_HISTORY_TICKS = 128
+"""Poses kept for late camera images: 1.6 s."""
+_STEERING_LAG_S = 0.06
+"""Time constant of the servo in dead reckoning. Source: choice."""
+_CORRIDOR_BLEND = 0.15
+"""Weight of one sonar interval in the estimate of the corridor's direction. Source: choice."""
+_QUARTER = math.pi / 2.0
+_HALF_PERIOD = CONTROL_PERIOD_S / 2.0
+
+COLUMNS = CORE_LAYOUT.names
+"""Readings a machine sees, in the order of the observation."""
+
+
+def _is_new(age: float, age_before: float) -> bool:
+    """A reading is new unless it only grew older by the tick since."""
+    return age < MAX_AGE_S and age < age_before + _HALF_PERIOD
+
+
+class Sonar:
+    """One ultrasonic sensor: its range now and the reading before."""
+
+    __slots__ = ("age", "fired", "interval", "name", "new", "previous", "range")
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        """left, front or right."""
+        self.range = NO_ECHO_M
+        """m; 6: no echo."""
+        self.age = MAX_AGE_S
+        """s since the sensor fired."""
+        self.new = False
+        """This tick brought a new reading."""
+        self.previous = NO_ECHO_M
+        """The raw reading before, m."""
+        self.interval = 0.0
+        """Time between those two, s; 0 before there were two."""
+        self.fired = math.nan
+        """When the sensor fired, s on the machine's clock."""
+
+    def update(self, reading: float, age: float, time: float) -> None:
+        """Take the reading [m] and its age [s] of this tick."""
+        self.new = new = _is_new(age, self.age)
+        self.age = age
+        if new:
+            fired = time - age
+            self.previous = self.range
+            self.interval = fired - self.fired if self.fired == self.fired else 0.0
+            self.fired = fired
+            self.range = reading
+
+    @property
+    def echo(self) -> bool:
+        """Something answered."""
+        return self.range < NO_ECHO_M - 0.01
+
+
+class Sighting:
+    """A gate or marker, kept in the frame of dead reckoning, so that it can be found again when out of view."""
+
+    __slots__ = ("age", "heading", "id", "new", "x", "y")
+
+    def __init__(self) -> None:
+        self.id = -1
+        """-1: none yet."""
+        self.x = 0.0
+        self.y = 0.0
+        self.heading = 0.0
+        self.age = MAX_AGE_S
+        """s since the image was exposed."""
+        self.new = False
+        """This tick brought a new image of it."""
+
+
+Pose = tuple[float, float, float]
+"""x forward [m], y left [m], heading [rad]."""
+
+
+class MachineState:
+    """Readings, dead reckoning and outputs of one car."""
+
+    __slots__ = (
+        "_history",
+        "_integral",
+        "_travelled",
+        "_wheel",
+        "applied_steering",
+        "applied_throttle",
+        "corridor_yaw",
+        "direction",
+        "distance",
+        "front",
+        "gate",
+        "left",
+        "marker",
+        "right",
+        "speed",
+        "speed_target",
+        "steering",
+        "throttle",
+        "tick",
+        "time",
+        "wanted_clearance",
+        "wanted_side",
+        "x",
+        "y",
+        "yaw",
+    )
+
+    def __init__(self) -> None:
+        self.tick = 0
+        """Ticks since reset."""
+        self.time = 0.0
+        """s since reset."""
+        self.left = Sonar("left")
+        self.front = Sonar("front")
+        self.right = Sonar("right")
+        self.distance = 0.0
+        """Driven, by the hall sensor, m."""
+        self.speed = 0.0
+        """By the hall sensor, m/s."""
+        self.gate = Sighting()
+        self.marker = Sighting()
+        self.applied_steering = 0.0
+        """Last command, as applied."""
+        self.applied_throttle = 0.0
+        """Last command, as applied."""
+        self.x = 0.0
+        """Dead reckoning from the start, m."""
+        self.y = 0.0
+        """Dead reckoning from the start, m."""
+        self.yaw = 0.0
+        """Dead reckoning from the start, rad, not wrapped."""
+        self.corridor_yaw = 0.0
+        """Direction of the corridor in dead reckoning, rad; wall following learns it from the side ranges."""
+        self.direction = 1.0
+        """+1 forward, -1 after reverse gear was ordered at standstill: the hall sensor does not know."""
+        self.steering = 0.0
+        """Output, + = left."""
+        self.throttle = 0.0
+        """Output."""
+        self.wanted_side = math.nan
+        """Wall that the active state keeps a clearance to: +1 left, -1 right, NaN none."""
+        self.wanted_clearance = math.nan
+        """That clearance, side ultrasonic to wall, m."""
+        self.speed_target = math.nan
+        """Speed that the active state regulates, m/s; NaN: open loop."""
+        self._integral = 0.0
+        self._wheel = 0.0
+        self._travelled = math.nan
+        self._history: deque[Pose] = deque(maxlen=_HISTORY_TICKS)
+
+    def update(self, row: Sequence[float]) -> None:
+        """Take one row of the observation.
+
+        Args:
+            row: the readings in the order of `COLUMNS`.
+        """
+        (
+            range_left, range_front, range_right, age_left, age_front, age_right,
+            self.distance, self.speed,
+            gate_id, gate_x, gate_y, gate_heading, gate_age,
+            marker_id, marker_x, marker_y, marker_heading, marker_age,
+            self.applied_steering, self.applied_throttle,
+        ) = row  # fmt: skip
+        self.tick += 1
+        self.time = time = self.tick * CONTROL_PERIOD_S
+        self._reckon()
+        self.left.update(range_left, age_left, time)
+        self.front.update(range_front, age_front, time)
+        self.right.update(range_right, age_right, time)
+        self._see(self.gate, gate_id, gate_x, gate_y, gate_heading, gate_age)
+        self._see(self.marker, marker_id, marker_x, marker_y, marker_heading, marker_age)
+        self.wanted_side = self.wanted_clearance = self.speed_target = math.nan
+
+    def _reckon(self) -> None:
+        """Move the pose by what the hall sensor counted, on the circle that the steering gives."""
+        self._wheel += (self.applied_steering - self._wheel) * (CONTROL_PERIOD_S / _STEERING_LAG_S)
+        step = self.distance - self._travelled
+        self._travelled = self.distance
+        if self.speed < 0.05:
+            self.direction = -1.0 if self.applied_throttle < 0.0 else 1.0
+        elif self.applied_throttle > 0.0:
+            self.direction = 1.0
+        if step > 0.0:  # also false for NaN, at the first tick
+            bend = curvature(self._wheel)
+            # the magnets sit on the rear left wheel, which runs on the inner circle of a left turn
+            step = self.direction * step / (1.0 - bend * TRACK / 2.0)
+            middle = self.yaw + step * bend / 2.0
+            self.x += step * math.cos(middle)
+            self.y += step * math.sin(middle)
+            self.yaw += step * bend
+        self._history.append((self.x, self.y, self.yaw))
+
+    def _see(self, seen: Sighting, number: float, x: float, y: float, heading: float, age: float) -> None:
+        """Bring a sighting into the frame of dead reckoning, with the pose at which its image was exposed."""
+        seen.new = number >= 0.0 and _is_new(age, seen.age)
+        seen.age = age
+        if not seen.new:
+            return
+        back = min(int(age / CONTROL_PERIOD_S + 0.5), len(self._history) - 1)
+        px, py, yaw = self._history[-1 - back]
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        seen.id = int(number)
+        seen.x = px + cos * x - sin * y
+        seen.y = py + sin * x + cos * y
+        seen.heading = yaw + heading
+
+    def side(self, is_left: bool) -> Sonar:
+        """Side ultrasonic of that side."""
+        return self.left if is_left else self.right
+
+    def from_here(self, x: float, y: float, heading: float) -> Pose:
+        """A pose of dead reckoning, as seen from the car now: x forward, y left, heading wrapped."""
+        dx, dy = x - self.x, y - self.y
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        return cos * dx + sin * dy, cos * dy - sin * dx, wrap(heading - self.yaw)
+
+    def to_reckoning(self, x: float, y: float, heading: float) -> Pose:
+        """A pose seen from the car now, in the frame of dead reckoning."""
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        return self.x + cos * x - sin * y, self.y + sin * x + cos * y, self.yaw + heading
+
+    @property
+    def heading(self) -> float:
+        """Heading of the car against the corridor, in [-45, 45) degrees, rad: corridors meet at right angles."""
+        return (self.yaw - self.corridor_yaw + _QUARTER / 2.0) % _QUARTER - _QUARTER / 2.0
+
+    def learn_heading(self, measured: float) -> None:
+        """Correct the corridor's direction by a measured heading [rad] against it."""
+        self.corridor_yaw += _CORRIDOR_BLEND * clip(self.heading - measured, 0.5)
+
+    def regulate(self, speed: float) -> None:
+        """Set the throttle that brings the car to a speed [m/s]."""
+        self.speed_target = speed
+        self.throttle, self._integral = speed_control(speed, self.speed, self._integral)
+
+    def want_clearance(self, is_left: bool, clearance: float) -> None:
+        """Say which clearance [m] to which wall the active state keeps."""
+        self.wanted_side = 1.0 if is_left else -1.0
+        self.wanted_clearance = clearance

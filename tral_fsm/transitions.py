@@ -1,0 +1,293 @@
+"""When transitions fire. Each class runs one condition of `definition`.
+
+A condition has a memory of its own (a distance, a timer, readings that agreed), which starts anew whenever the state
+that it leaves is entered.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
+
+from tral_fsm.definition import (
+    CONDITIONS,
+    AllSpec,
+    AlwaysSpec,
+    AnySpec,
+    ArucoGateFoundSpec,
+    ConditionSpec,
+    DistanceSpec,
+    FinishedSpec,
+    MarkerFoundSpec,
+    NotSpec,
+    SensorLevelSpec,
+    SightingSpec,
+    TimerSpec,
+    TurnedSpec,
+    type_name,
+)
+from tral_fsm.machine_state import MachineState, Sighting
+from tral_fsm.states import State
+
+C = TypeVar("C", bound=ConditionSpec)
+G = TypeVar("G", bound=SightingSpec)
+
+
+class Condition(Generic[C]):
+    """Base of all running conditions."""
+
+    def __init__(self, spec: C, owner: State[Any]) -> None:
+        self.spec = spec
+        self.owner = owner
+        """The state that is left."""
+
+    def on_enter(self, m: MachineState) -> None:
+        """Called when the owner is entered."""
+
+    def triggered(self, m: MachineState) -> bool:
+        """Whether to fire; called once a tick, after the owner's tick."""
+        raise NotImplementedError
+
+    def why(self, m: MachineState) -> str:
+        """The values that were compared, for the trace."""
+        return self.spec.type
+
+    def hand_over(self, m: MachineState) -> Sighting | None:
+        """What the next state gets as its target."""
+        return None
+
+
+RUNTIMES: dict[str, type[Condition[Any]]] = {}
+"""The class that runs each type of condition."""
+
+R = TypeVar("R", bound=type[Condition[Any]])
+
+
+def runs(spec: type[ConditionSpec]) -> Callable[[R], R]:
+    """Class decorator: this class runs conditions of that spec, which machine files may name from now on."""
+
+    def register(runtime: R) -> R:
+        CONDITIONS[type_name(spec)] = spec
+        RUNTIMES[type_name(spec)] = runtime
+        return runtime
+
+    return register
+
+
+def build(spec: ConditionSpec, owner: State[Any]) -> Condition[Any]:
+    """The running condition of a spec."""
+    return RUNTIMES[spec.type](spec, owner)
+
+
+@runs(AlwaysSpec)
+class Always(Condition[AlwaysSpec]):
+    """Fires at once: in the tick in which its owner computed its first output."""
+
+    def triggered(self, m: MachineState) -> bool:
+        """Always."""
+        return True
+
+
+@runs(DistanceSpec)
+class Distance(Condition[DistanceSpec]):
+    """Fires after a hall distance."""
+
+    def on_enter(self, m: MachineState) -> None:
+        """Remember where it began."""
+        self.entry = m.distance
+
+    def triggered(self, m: MachineState) -> bool:
+        """Driven far enough."""
+        return m.distance - self.entry >= self.spec.distance
+
+    def why(self, m: MachineState) -> str:
+        """Driven and wanted."""
+        return f"driven {m.distance - self.entry:.3f} >= {self.spec.distance:g} m"
+
+
+@runs(TimerSpec)
+class Timer(Condition[TimerSpec]):
+    """Fires after a time."""
+
+    def on_enter(self, m: MachineState) -> None:
+        """Remember when it began."""
+        self.entry = m.time
+
+    def triggered(self, m: MachineState) -> bool:
+        """Long enough; half a nanosecond of rounding is forgiven."""
+        return m.time - self.entry >= self.spec.seconds - 5e-10
+
+    def why(self, m: MachineState) -> str:
+        """Time since entry and wanted."""
+        return f"{m.time - self.entry:.3f} >= {self.spec.seconds:g} s"
+
+
+@runs(TurnedSpec)
+class Turned(Condition[TurnedSpec]):
+    """Fires after a turn by dead reckoning."""
+
+    def __init__(self, spec: TurnedSpec, owner: State[Any]) -> None:
+        super().__init__(spec, owner)
+        self.angle = math.radians(spec.angle_deg)
+
+    def on_enter(self, m: MachineState) -> None:
+        """Remember the heading."""
+        self.entry = m.yaw
+
+    def triggered(self, m: MachineState) -> bool:
+        """Turned far enough, to either side."""
+        return abs(m.yaw - self.entry) >= self.angle
+
+    def why(self, m: MachineState) -> str:
+        """Turned and wanted."""
+        return f"turned {math.degrees(m.yaw - self.entry):+.1f}, {self.spec.angle_deg:g} deg wanted"
+
+
+@runs(FinishedSpec)
+class Finished(Condition[FinishedSpec]):
+    """Fires when its owner says that it is finished."""
+
+    def triggered(self, m: MachineState) -> bool:
+        """Ask the owner."""
+        return bool(self.owner.finished)  # type: ignore[attr-defined]
+
+
+@runs(SensorLevelSpec)
+class SensorLevel(Condition[SensorLevelSpec]):
+    """Fires when an ultrasonic is above or below a level.
+
+    The reading that stands at entry counts as the first one; later ones count when they are new.
+    """
+
+    def __init__(self, spec: SensorLevelSpec, owner: State[Any]) -> None:
+        super().__init__(spec, owner)
+        self.is_below = spec.below is not None
+        self.level = spec.below if spec.below is not None else spec.above if spec.above is not None else math.nan
+        self.agreed = 0
+        self.fresh = True
+
+    def on_enter(self, m: MachineState) -> None:
+        """No reading has agreed yet."""
+        self.agreed = 0
+        self.fresh = True
+
+    def triggered(self, m: MachineState) -> bool:
+        """Count readings that agree, one after the other."""
+        sonar = getattr(m, self.spec.sensor)
+        if sonar.new or self.fresh:
+            self.fresh = False
+            agrees = sonar.range < self.level if self.is_below else sonar.range > self.level
+            self.agreed = self.agreed + 1 if agrees else 0
+        return self.agreed >= self.spec.readings
+
+    def why(self, m: MachineState) -> str:
+        """Range and level."""
+        reading = getattr(m, self.spec.sensor).range
+        return f"{self.spec.sensor} {reading:.3f} {'<' if self.is_below else '>'} {self.level:g} m"
+
+
+class Seen(Condition[G]):
+    """Fires when something is seen ahead, near and fresh enough."""
+
+    def sighting(self, m: MachineState) -> Sighting:
+        """What is looked for."""
+        raise NotImplementedError
+
+    def triggered(self, m: MachineState) -> bool:
+        """Seen, ahead, near and fresh enough."""
+        spec, seen = self.spec, self.sighting(m)
+        if seen.id < 0 or seen.age > spec.max_age or (spec.ids and seen.id not in spec.ids):
+            return False
+        x, y, _ = m.from_here(seen.x, seen.y, seen.heading)
+        return x > 0.0 and math.hypot(x, y) <= spec.max_distance
+
+    def why(self, m: MachineState) -> str:
+        """Id, place and age."""
+        seen = self.sighting(m)
+        x, y, heading = m.from_here(seen.x, seen.y, seen.heading)
+        return f"id {seen.id} at {x:.2f}, {y:+.2f} m, {math.degrees(heading):+.0f} deg, {seen.age:.2f} s old"
+
+
+@runs(ArucoGateFoundSpec)
+class ArucoGateFound(Seen[ArucoGateFoundSpec]):
+    """Fires when a gate is seen and hands it over."""
+
+    def sighting(self, m: MachineState) -> Sighting:
+        """The nearest gate."""
+        return m.gate
+
+    def hand_over(self, m: MachineState) -> Sighting | None:
+        """The gate."""
+        return m.gate if self.spec.hand_over else None
+
+
+@runs(MarkerFoundSpec)
+class MarkerFound(Seen[MarkerFoundSpec]):
+    """Fires when a single marker is seen."""
+
+    def sighting(self, m: MachineState) -> Sighting:
+        """The nearest marker."""
+        return m.marker
+
+
+class Composite(Condition[Any]):
+    """Conditions combined. Each is asked in every tick, so that those that count readings miss none."""
+
+    def __init__(self, spec: AllSpec | AnySpec | NotSpec, owner: State[Any]) -> None:
+        super().__init__(spec, owner)
+        self.parts = [build(part, owner) for part in spec.of]
+        self.holds = [False] * len(self.parts)
+
+    def on_enter(self, m: MachineState) -> None:
+        """All parts start anew."""
+        for part in self.parts:
+            part.on_enter(m)
+
+    def ask(self, m: MachineState) -> list[bool]:
+        """Ask every part."""
+        self.holds = [part.triggered(m) for part in self.parts]
+        return self.holds
+
+    def why(self, m: MachineState) -> str:
+        """The reasons of the parts."""
+        return f"{self.spec.type}({'; '.join(part.why(m) for part in self.parts)})"
+
+    def hand_over(self, m: MachineState) -> Sighting | None:
+        """What the first part that holds hands over."""
+        for part, holds in zip(self.parts, self.holds, strict=True):
+            target = part.hand_over(m) if holds else None
+            if target is not None:
+                return target
+        return None
+
+
+@runs(AllSpec)
+class All(Composite):
+    """Fires when all parts hold."""
+
+    def triggered(self, m: MachineState) -> bool:
+        """All."""
+        return all(self.ask(m))
+
+
+@runs(AnySpec)
+class Any_(Composite):  # noqa: N801
+    """Fires when one part holds."""
+
+    def triggered(self, m: MachineState) -> bool:
+        """Any."""
+        return any(self.ask(m))
+
+
+@runs(NotSpec)
+class Not(Composite):
+    """Fires when its part does not hold."""
+
+    def triggered(self, m: MachineState) -> bool:
+        """Not."""
+        return not self.ask(m)[0]
+
+    def hand_over(self, m: MachineState) -> Sighting | None:
+        """Nothing: what is not seen cannot be handed over."""
+        return None
