@@ -1,0 +1,230 @@
+"""What one car needs to know about itself: the servo and motor controller pulses that mean left, straight, forward.
+
+A calibration is a JSON file. The law from a command to pulses, and its way back, are pure functions of it.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from tral_env.errors import ConfigError
+
+Array = NDArray[np.float64]
+PulseUs = Annotated[int, Field(ge=500, le=2500)]
+
+
+class Knots(NamedTuple):
+    """Pulses of a channel at command -1, 0 and +1, and the width that the law skips beside the centre, us."""
+
+    minus: int
+    centre: int
+    plus: int
+    skip: int
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class ChannelCalibration(_Section):
+    """What the servo and the motor controller have in common."""
+
+    channel: int = Field(ge=0, le=15, description="Output of the PWM board.")
+    neutral_us: PulseUs = Field(description="Pulse of command 0, us.")
+    min_us: PulseUs = Field(description="Hard limit: no shorter pulse is ever sent, us.")
+    max_us: PulseUs = Field(description="Hard limit: no longer pulse is ever sent, us.")
+    slew_per_s: float | None = Field(default=None, gt=0, description="Largest change of the command in a second.")
+
+    @property
+    def knots(self) -> Knots:
+        """Where the piecewise linear law bends."""
+        raise NotImplementedError
+
+    @model_validator(mode="after")
+    def _consistent(self) -> ChannelCalibration:
+        minus, centre, plus, skip = self.knots
+        problems = []
+        if not self.min_us < self.max_us:
+            problems.append(f"min_us = {self.min_us} is not below max_us = {self.max_us}")
+        for what, pulse in (("-1", minus), ("0", centre), ("+1", plus)):
+            if not self.min_us <= pulse <= self.max_us:
+                problems.append(
+                    f"command {what} is {pulse} us, outside the hard limits {self.min_us} .. {self.max_us} us"
+                )
+        if (minus - centre) * (plus - centre) >= 0:
+            problems.append(f"command 0 is {centre} us, not between command -1 = {minus} us and command +1 = {plus} us")
+        elif min(abs(minus - centre), abs(plus - centre)) <= skip:
+            problems.append(f"the dead zone of {skip} us leaves nothing of {minus} .. {centre} .. {plus} us")
+        if problems:
+            raise ValueError("\n".join(problems))
+        return self
+
+
+class SteeringCalibration(ChannelCalibration):
+    """The servo."""
+
+    left_us: PulseUs = Field(description="Pulse of full left, us.")
+    right_us: PulseUs = Field(description="Pulse of full right, us.")
+    trim_us: int = Field(default=0, ge=-300, le=300, description="Added to neutral, so that command 0 drives straight.")
+
+    @property
+    def knots(self) -> Knots:
+        """Right, straight, left."""
+        return Knots(self.right_us, self.neutral_us + self.trim_us, self.left_us, 0)
+
+
+class ThrottleCalibration(ChannelCalibration):
+    """The motor controller (ESC)."""
+
+    forward_us: PulseUs = Field(description="Pulse of full forward, us.")
+    reverse_us: PulseUs = Field(description="Pulse of full reverse or brake, us.")
+    dead_zone_us: int = Field(default=0, ge=0, le=300, description="The motor rests this near to neutral, us.")
+    skip_dead_zone: bool = Field(default=False, description="Whether the smallest command already moves the motor.")
+
+    @property
+    def knots(self) -> Knots:
+        """Reverse, neutral, forward."""
+        return Knots(self.reverse_us, self.neutral_us, self.forward_us, self.dead_zone_us if self.skip_dead_zone else 0)
+
+
+class CarCalibration(_Section):
+    """Calibration of one car: the content of a calibration file."""
+
+    schema_: str | None = Field(default=None, alias="$schema", description="JSON Schema, for editors.")
+    version: Literal[1] = Field(description="Version of this format.")
+    name: str = Field(min_length=1, description="Which car this is.")
+    period_us: int = Field(ge=4000, le=34000, description="Time from pulse to pulse, us.")
+    oscillator_hz: float = Field(
+        default=25e6, gt=20e6, lt=30e6, description="Clock of the PWM board as measured; boards differ by some percent."
+    )
+    steering: SteeringCalibration
+    throttle: ThrottleCalibration
+
+    @model_validator(mode="after")
+    def _neighbours(self) -> CarCalibration:
+        if abs(self.steering.channel - self.throttle.channel) != 1:
+            raise ValueError(
+                f"steering.channel = {self.steering.channel} and throttle.channel = {self.throttle.channel} are not "
+                "neighbours: both pulses are to change in one transaction"
+            )
+        return self
+
+    @property
+    def neutral_us(self) -> tuple[float, float]:
+        """Pulses of steering straight and throttle neutral, us."""
+        return float(self.steering.knots.centre), float(self.throttle.knots.centre)
+
+    @property
+    def limits_us(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Shortest pulses and longest pulses of (steering, throttle), us."""
+        return (self.steering.min_us, self.throttle.min_us), (self.steering.max_us, self.throttle.max_us)
+
+    def limited(self, pulses_us: ArrayLike) -> Array:
+        """Pulses within the hard limits.
+
+        Args:
+            pulses_us: (..., 2) steering, throttle.
+
+        Returns:
+            (..., 2).
+
+        Raises:
+            ConfigError: a pulse is not a finite number.
+        """
+        pulses_us = np.asarray(pulses_us, np.float64)
+        if pulses_us.shape[-1:] != (2,) or not np.isfinite(pulses_us).all():
+            raise ConfigError(f"refused to send the pulses {pulses_us.tolist()}: expected (..., 2) finite us")
+        limited: Array = np.clip(pulses_us, *self.limits_us)
+        return limited
+
+
+def _knots(calibration: CarCalibration) -> NDArray[np.int64]:
+    return np.array([calibration.steering.knots, calibration.throttle.knots]).T
+
+
+def checked(action: ArrayLike) -> Array:
+    """A command, known to be finite and brought into [-1, 1].
+
+    Args:
+        action: (..., 2) steering, throttle.
+
+    Returns:
+        (..., 2).
+
+    Raises:
+        ConfigError: wrong shape, or not a number, or infinite.
+    """
+    command = np.asarray(action, np.float64)
+    if command.shape[-1:] != (2,) or not np.isfinite(command).all():
+        raise ConfigError(f"refused the action {action!r}: expected (..., 2) finite numbers: steering, throttle")
+    return np.clip(command, -1.0, 1.0)
+
+
+def pulses(action: ArrayLike, calibration: CarCalibration) -> Array:
+    """Pulses that carry out a command: linear from command 0 to either end, exact at -1, 0 and +1.
+
+    Args:
+        action: (..., 2) steering, throttle; brought into [-1, 1].
+        calibration: of the car.
+
+    Returns:
+        (..., 2) us, within the hard limits.
+
+    Raises:
+        ConfigError: wrong shape, or not a number, or infinite.
+    """
+    command = checked(action)
+    minus, centre, plus, skip = _knots(calibration)
+    end = np.where(command > 0, plus, minus)
+    start = centre + np.where(command == 0, 0, np.sign(end - centre) * skip)
+    return calibration.limited(start + np.abs(command) * (end - start))
+
+
+def action_of(pulses_us: ArrayLike, calibration: CarCalibration) -> Array:
+    """Command that pulses carry out: the way back of `pulses`.
+
+    Args:
+        pulses_us: (..., 2) us; what is beyond full left, right, forward or reverse counts as that.
+        calibration: of the car.
+
+    Returns:
+        (..., 2) in [-1, 1]: steering, throttle.
+
+    Raises:
+        ConfigError: wrong shape, or not a number, or infinite.
+    """
+    us = calibration.limited(pulses_us)
+    minus, centre, plus, skip = _knots(calibration)
+    positive = (us - centre) * (plus - centre) > 0
+    end = np.where(positive, plus, minus)
+    start = centre + np.sign(end - centre) * skip
+    share = np.clip((us - start) / (end - start), 0.0, 1.0)
+    command: Array = np.where(positive, share, 0.0 - share)
+    return command
+
+
+def limit_slew(action: ArrayLike, last: ArrayLike, period_s: float, calibration: CarCalibration) -> Array:
+    """Command that comes as near to the wanted one as the slew limits allow; throttle 0 is always allowed.
+
+    Args:
+        action: (..., 2) wanted command.
+        last: (..., 2) command before.
+        period_s: time between the two, s.
+        calibration: of the car.
+
+    Returns:
+        (..., 2).
+
+    Raises:
+        ConfigError: wrong shape, or not a number, or infinite.
+    """
+    rates = [section.slew_per_s or np.inf for section in (calibration.steering, calibration.throttle)]
+    step = np.array(rates) * period_s
+    before = checked(last)
+    low = np.minimum(before - step, [np.inf, 0.0])
+    high = np.maximum(before + step, [-np.inf, 0.0])
+    return np.clip(checked(action), low, high)

@@ -1,0 +1,250 @@
+"""The real car as a Gymnasium environment: the spaces of the simulated one, paced by a clock."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from gymnasium.error import ResetNeeded
+from numpy.typing import NDArray
+
+from tral_env.errors import ConfigError, HardwareError, nearest
+from tral_env.hardware.calibration import CarCalibration, checked, limit_slew, pulses
+from tral_env.hardware.calibration_file import load_calibration
+from tral_env.hardware.i2c import Smbus
+from tral_env.hardware.pwm import Pca9685, PulseOutput, Recorder
+from tral_env.hardware.sensors import Sensors
+from tral_env.hardware.sonar import SonarArray
+from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ, Layout, action_space
+
+Observation = NDArray[np.float32]
+OUTPUTS = ("recorder", "pca9685")
+SENSORS = ("srf08",)
+
+
+class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
+    """The car made of metal, behind the spaces of ``TralCorridor-v0``.
+
+    ``gym.make("TralCar-v0", output="pca9685", sensors="srf08")`` drives; by default nothing moves: pulses are recorded.
+
+    Action: steering (+1 = full left) and throttle (+1 = full forward), brought into [-1, 1], turned into pulses by the
+    calibration. Observation: the fields of `tral_env.interface.CORE_LAYOUT`; a field without a sensor is "nothing
+    seen"; steering and throttle are the command as applied, after the slew limit. Reward 0.0: the car cannot see its
+    progress. Never terminated; truncated after `max_duration_s`, with the car in neutral.
+
+    A step sends the pulses at once, then sleeps until its period of 1/80 s is over, then reads the sensors. A step that
+    comes late is counted in ``info["late_ticks"]`` and the schedule moves back with it: steps are never made up for in
+    a burst. Whatever goes wrong in a step, neutral is commanded before the error leaves it. ``info`` has ``tick``,
+    ``late_ticks``, ``steering_us`` and ``throttle_us``.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": [], "render_fps": CONTROL_RATE_HZ}  # noqa: RUF012
+
+    def __init__(
+        self,
+        *,
+        calibration: str | Path | CarCalibration = "tt01",
+        output: str | PulseOutput = "recorder",
+        sensors: str | Sensors | None = None,
+        bus: int | str | Smbus = 1,
+        groups: Sequence[str] = (),
+        max_duration_s: float = 60.0,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+        render_mode: None = None,
+    ) -> None:
+        """Open the output, which sends neutral.
+
+        Args:
+            calibration: name, path, or the calibration itself.
+            output: "recorder", "pca9685", or an object.
+            sensors: "srf08", an object, or None.
+            bus: I2C bus of what is opened here.
+            groups: optional groups of fields, see `tral_env.interface.OPTIONAL_GROUPS`.
+            max_duration_s: length of an episode, s.
+            clock: time that never goes back, s.
+            sleep: waits some seconds.
+            render_mode: there is none.
+
+        Raises:
+            CalibrationError: the calibration cannot be used.
+            ConfigError: an option is not allowed.
+            MissingExtraError: smbus2 is not installed.
+            HardwareError: a device does not answer.
+        """
+        if render_mode is not None:
+            raise ConfigError(f"render_mode = {render_mode!r}: the real car has none")
+        if not max_duration_s > 0:
+            raise ConfigError(f"max_duration_s = {max_duration_s!r}: expected a number above 0")
+        self.render_mode = None
+        self._layout = Layout.of(groups)
+        self.observation_space: spaces.Box = self._layout.space()  # type: ignore[assignment]
+        self.action_space: spaces.Box = action_space()  # type: ignore[assignment]
+        self.calibration = load_calibration(calibration)
+        self._max_duration_s, self._clock, self._sleep = max_duration_s, clock, sleep
+        self._running, self._closed = False, False
+        # The board first: until it is set up it answers to the address of the first ultrasonic too.
+        self.output = _output(output, self.calibration, bus, clock, sleep)
+        try:
+            self.sensors = _sensors(sensors, bus, sleep)
+        except BaseException:
+            self.output.close()
+            raise
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Command neutral and start the sensors. Waits for nobody: put the car in place before.
+
+        Raises:
+            ConfigError: there are no options.
+            HardwareError: a device does not answer.
+        """
+        super().reset(seed=seed)
+        if options:
+            raise ConfigError(f"unknown reset option(s) {', '.join(options)}: the real car has none")
+        self._running = False
+        self._neutral()
+        self._start = self._clock()
+        self._deadline: float | None = None
+        self._tick = self._late = 0
+        self._command = np.zeros(2)
+        with _Guard(self):
+            if self.sensors is not None:
+                self.sensors.start()
+            observation = self._observe()
+        self._running = True
+        return observation, self._info()
+
+    def step(self, action: NDArray[np.floating]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Send a command, wait for the end of its period, read the sensors.
+
+        Args:
+            action: (2,).
+
+        Raises:
+            ConfigError: wrong shape, or not a number; neutral has been commanded.
+            HardwareError: a device failed; neutral has been commanded.
+            ResetNeeded: there was no reset, or the episode is over.
+        """
+        if not self._running:
+            raise ResetNeeded("TralCar-v0 stands in neutral: call reset() first")
+        with _Guard(self):
+            self._apply(action)
+            self._pace()
+            observation = self._observe()
+            truncated = self._clock() - self._start >= self._max_duration_s
+            if truncated:
+                self._running = False
+                self._neutral()
+        return observation, 0.0, False, truncated, self._info()
+
+    def close(self) -> None:
+        """Neutral, then let go of all devices. A second call does nothing.
+
+        Raises:
+            HardwareError: neutral could not be sent.
+        """
+        if self._closed:
+            return
+        self._closed, self._running = True, False
+        try:
+            self.output.close()
+        finally:
+            if self.sensors is not None:
+                self.sensors.stop()
+
+    def _apply(self, action: NDArray[np.floating]) -> None:
+        if np.shape(action) != (2,):
+            raise ConfigError(f"action has shape {np.shape(action)}, expected (2,): steering, throttle")
+        self._command = limit_slew(checked(action), self._command, CONTROL_PERIOD_S, self.calibration)
+        self._send(*pulses(self._command, self.calibration).tolist())
+
+    def _neutral(self) -> None:
+        self._send(*self.calibration.neutral_us)
+
+    def _send(self, steering_us: float, throttle_us: float) -> None:
+        self.output.write(steering_us, throttle_us)
+        self._pulses_us = steering_us, throttle_us
+
+    def _pace(self) -> None:
+        now = self._clock()
+        if self._deadline is not None and now > self._deadline:
+            self._late += 1
+            self._deadline = None
+        deadline = now + CONTROL_PERIOD_S if self._deadline is None else self._deadline
+        if now < deadline:
+            self._sleep(deadline - now)
+        self._deadline = deadline + CONTROL_PERIOD_S
+        self._tick += 1
+
+    def _observe(self) -> Observation:
+        readings: Mapping[str, float] = {} if self.sensors is None else self.sensors.read(self._clock())
+        for name, value in readings.items():
+            if not np.isfinite(value):
+                raise HardwareError(f"the sensors say {name} = {value!r}: expected a finite number")
+        steering, throttle = self._command.tolist()
+        observation: Observation = self._layout.pack({**readings, "steering": steering, "throttle": throttle}, 1)[0]
+        return observation
+
+    def _info(self) -> dict[str, Any]:
+        steering_us, throttle_us = self._pulses_us
+        return {
+            "tick": self._tick,
+            "late_ticks": self._late,
+            "steering_us": steering_us,
+            "throttle_us": throttle_us,
+        }
+
+    def _fail(self, error: BaseException) -> None:
+        self._running = False
+        try:
+            self._neutral()
+        except Exception as second:
+            error.add_note(f"Neutral could not be commanded either ({second}): cut the power of the motor.")
+
+
+class _Guard:
+    """Commands neutral when its block fails, and calls a bus error what it is."""
+
+    def __init__(self, env: TralCarEnv) -> None:
+        self._env = env
+
+    def __enter__(self) -> None:
+        """Nothing to prepare."""
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if error is None:
+            return
+        self._env._fail(error)
+        if isinstance(error, OSError) and not isinstance(error, HardwareError):
+            raise HardwareError(f"a device of the car failed, neutral was commanded: {error}") from error
+
+
+def _output(
+    output: str | PulseOutput,
+    calibration: CarCalibration,
+    bus: int | str | Smbus,
+    clock: Callable[[], float],
+    sleep: Callable[[float], None],
+) -> PulseOutput:
+    if not isinstance(output, str):
+        return output
+    if output == "recorder":
+        return Recorder(calibration, clock)
+    if output == "pca9685":
+        return Pca9685(calibration, bus, sleep=sleep)
+    raise ConfigError(f"unknown output '{output}': {nearest(output, OUTPUTS)}")
+
+
+def _sensors(sensors: str | Sensors | None, bus: int | str | Smbus, sleep: Callable[[float], None]) -> Sensors | None:
+    if not isinstance(sensors, str):
+        return sensors
+    if sensors == "srf08":
+        return SonarArray(bus, sleep=sleep)
+    raise ConfigError(f"unknown sensors '{sensors}': {nearest(sensors, SENSORS)}")

@@ -1,0 +1,117 @@
+"""The I2C bus: one transaction at a time, and errors that say who was silent and what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from tral_env.errors import HardwareError, MissingExtraError
+
+
+class Smbus(Protocol):
+    """The part of ``smbus2.SMBus`` that is used here."""
+
+    def write_i2c_block_data(self, i2c_addr: int, register: int, data: Sequence[int], /) -> None:
+        """Write bytes from a register on, one transaction."""
+
+    def read_i2c_block_data(self, i2c_addr: int, register: int, length: int, /) -> list[int]:
+        """Read bytes from a register on, one transaction."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the bus."""
+
+
+class Bus:
+    """An I2C bus by number, by device file, or anything that speaks like ``smbus2.SMBus``."""
+
+    def __init__(self, bus: int | str | Smbus = 1) -> None:
+        """Open the bus.
+
+        Args:
+            bus: number (1 is ``/dev/i2c-1``), path, or an open bus, which stays its owner's to close.
+
+        Raises:
+            MissingExtraError: smbus2 is not installed.
+            HardwareError: the bus cannot be opened.
+        """
+        self._owned = isinstance(bus, int | str)
+        self.label = f"/dev/i2c-{bus}" if isinstance(bus, int) else bus if isinstance(bus, str) else type(bus).__name__
+        self._smbus = _open(bus, self.label) if isinstance(bus, int | str) else bus
+
+    def device(self, address: int, name: str) -> Device:
+        """A device on this bus.
+
+        Args:
+            address: 7 bit.
+            name: what to call it in an error message.
+        """
+        return Device(self, address, name)
+
+    def write(self, address: int, register: int, data: Sequence[int]) -> None:
+        """Write bytes from a register on; raises what the driver raises."""
+        self._smbus.write_i2c_block_data(address, register, list(data))
+
+    def read(self, address: int, register: int, length: int) -> list[int]:
+        """Read bytes from a register on; raises what the driver raises."""
+        return self._smbus.read_i2c_block_data(address, register, length)
+
+    def close(self) -> None:
+        """Let go of the bus if this object opened it."""
+        if self._owned:
+            self._smbus.close()
+
+
+class Device:
+    """One address on a bus."""
+
+    def __init__(self, bus: Bus, address: int, name: str) -> None:
+        """See `Bus.device`."""
+        self._bus, self._address, self._name = bus, address, name
+
+    def write(self, register: int, *data: int) -> None:
+        """Write bytes from a register on, one transaction.
+
+        Raises:
+            HardwareError: no answer.
+        """
+        try:
+            self._bus.write(self._address, register, data)
+        except OSError as error:
+            raise self._silent(error) from error
+
+    def read(self, register: int, length: int = 1) -> list[int]:
+        """Read bytes from a register on, one transaction.
+
+        Raises:
+            HardwareError: no answer.
+        """
+        try:
+            return self._bus.read(self._address, register, length)
+        except OSError as error:
+            raise self._silent(error) from error
+
+    def nonsense(self, got: str) -> HardwareError:
+        """Error for an answer that cannot be right."""
+        return HardwareError(f"{self._name} at 0x{self._address:02x} on {self._bus.label}: {got}")
+
+    def _silent(self, error: OSError) -> HardwareError:
+        return self.nonsense(
+            f"no answer ({error}). Check its power, the wires SDA and SCL and its address; "
+            "`i2cdetect -y <bus>` lists the addresses that answer"
+        )
+
+
+def _open(bus: int | str, label: str) -> Smbus:
+    try:
+        import smbus2
+    except ImportError as error:
+        raise MissingExtraError("smbus2", "car", "the I2C bus of the car") from error
+    try:
+        opened: Smbus = smbus2.SMBus(bus)
+    except OSError as error:
+        raise HardwareError(
+            f"cannot open the I2C bus {label} ({error}). Switch I2C on in the computer's settings and add the user to "
+            "the group i2c; without a car, output='recorder' is a dry run"
+        ) from error
+    return opened

@@ -1,0 +1,198 @@
+"""Pulses for servo and motor controller: written to a PWM board, or recorded. Neutral comes first and last."""
+
+from __future__ import annotations
+
+import atexit
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol, Self
+
+from tral_env.errors import HardwareError
+from tral_env.hardware.calibration import CarCalibration
+from tral_env.hardware.i2c import Bus, Smbus
+
+
+class PulseOutput(Protocol):
+    """Something that turns pulses into motion. It has sent neutral before it is handed out."""
+
+    def write(self, steering_us: float, throttle_us: float) -> None:
+        """Send both pulses, within the hard limits.
+
+        Raises:
+            ConfigError: a pulse is not a finite number; nothing has been sent.
+            HardwareError: no answer, or closed.
+        """
+
+    def close(self) -> None:
+        """Send neutral, then let go of the device. A second call does nothing.
+
+        Raises:
+            HardwareError: neutral could not be sent.
+        """
+
+
+@dataclass(frozen=True)
+class Sent:
+    """Pulses and when they were sent."""
+
+    time_s: float
+    steering_us: float
+    throttle_us: float
+
+
+class Recorder:
+    """Keeps what would have been sent: for dry runs and tests."""
+
+    def __init__(self, calibration: CarCalibration, clock: Callable[[], float] = time.monotonic) -> None:
+        """Record neutral.
+
+        Args:
+            calibration: of the car.
+            clock: time, s.
+        """
+        self.sent: list[Sent] = []
+        self._calibration, self._clock, self._open = calibration, clock, True
+        self.write(*calibration.neutral_us)
+
+    def write(self, steering_us: float, throttle_us: float) -> None:
+        """Record both pulses; see `PulseOutput.write`."""
+        if not self._open:
+            raise HardwareError("the recorder is closed: open a new one")
+        steering, throttle = self._calibration.limited([steering_us, throttle_us]).tolist()
+        self.sent.append(Sent(self._clock(), steering, throttle))
+
+    def close(self) -> None:
+        """Record neutral, once."""
+        if self._open:
+            self.write(*self._calibration.neutral_us)
+            self._open = False
+
+
+_MODE1, _MODE2, _LED0, _PRESCALE = 0x00, 0x01, 0x06, 0xFE
+_SLEEP, _AUTO_INCREMENT, _RESTART, _TOTEM_POLE = 0x10, 0x20, 0x80, 0x04
+_WAKE_UP_S = 0.001
+_STEPS = 4096
+_ATTEMPTS = 3
+
+
+class Pca9685:
+    """The PCA9685 PWM board. Source of registers and order: data sheet of NXP, revision 4.
+
+    Opening it sends neutral before the outputs wake. Closing it, leaving its ``with`` block and the end of the
+    interpreter send neutral and leave the board sending it, because a motor controller without pulses may do anything.
+    A process that is killed outright (SIGKILL, SIGTERM without a handler) leaves the last pulses standing.
+    """
+
+    def __init__(
+        self,
+        calibration: CarCalibration,
+        bus: int | str | Smbus = 1,
+        address: int = 0x40,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        """Open the board, set its period, and send neutral.
+
+        Args:
+            calibration: of the car.
+            bus: see `Bus`.
+            address: of the board, 7 bit.
+            sleep: waits some seconds; the oscillator needs half a millisecond to start.
+
+        Raises:
+            MissingExtraError: smbus2 is not installed.
+            HardwareError: the bus cannot be opened, or the board does not answer.
+        """
+        self._calibration = calibration
+        self._prescale = _prescale(calibration)
+        self._bus = Bus(bus)
+        self._device = self._bus.device(address, "PWM board PCA9685")
+        self._closed = False
+        try:
+            self._start(sleep)
+        except BaseException:
+            self._bus.close()
+            raise
+        atexit.register(self.close)
+
+    @property
+    def period_us(self) -> float:
+        """Time from pulse to pulse that the board's divider allows: near the wanted one, us."""
+        return self.step_us * _STEPS
+
+    @property
+    def step_us(self) -> float:
+        """Pulses come in steps of this length, us."""
+        return (self._prescale + 1) / self._calibration.oscillator_hz * 1e6
+
+    def write(self, steering_us: float, throttle_us: float) -> None:
+        """Send both pulses in one transaction, rounded to steps; see `PulseOutput.write`."""
+        if self._closed:
+            raise HardwareError("the PWM board is closed: open it anew")
+        self._send(steering_us, throttle_us)
+
+    def close(self) -> None:
+        """Send neutral, then let go of the bus; see `PulseOutput.close`."""
+        if self._closed:
+            return
+        self._closed = True
+        atexit.unregister(self.close)
+        try:
+            self._send_neutral()
+        finally:
+            self._bus.close()
+
+    def __enter__(self) -> Self:
+        """The open board."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Neutral, whatever happened."""
+        self.close()
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        """A board cannot be copied; specifications of environments try to."""
+        return self
+
+    def _start(self, sleep: Callable[[float], None]) -> None:
+        # Asleep, the board sends nothing, takes a new divider, and no longer answers to its second address 0x70,
+        # which is that of the first ultrasonic.
+        self._device.write(_MODE1, _SLEEP | _AUTO_INCREMENT)
+        self._device.write(_PRESCALE, self._prescale)
+        if (got := self._device.read(_PRESCALE)[0]) != self._prescale:
+            raise self._device.nonsense(f"reads back a divider of {got} instead of {self._prescale}: another device?")
+        self._device.write(_MODE2, _TOTEM_POLE)
+        self._send(*self._calibration.neutral_us)
+        self._device.write(_MODE1, _AUTO_INCREMENT)
+        sleep(_WAKE_UP_S)
+        if self._device.read(_MODE1)[0] & _RESTART:
+            self._device.write(_MODE1, _AUTO_INCREMENT | _RESTART)
+
+    def _send(self, steering_us: float, throttle_us: float) -> None:
+        wanted = self._calibration.limited([steering_us, throttle_us]).tolist()
+        ticks = [self._ticks(us, low, high) for us, low, high in zip(wanted, *self._calibration.limits_us, strict=True)]
+        channels = [self._calibration.steering.channel, self._calibration.throttle.channel]
+        # Of each channel: on at tick 0, off at its tick. The board takes them over at the end of the transaction:
+        # both or none.
+        data = [byte for _, off in sorted(zip(channels, ticks, strict=True)) for byte in (0, 0, off & 0xFF, off >> 8)]
+        self._device.write(_LED0 + 4 * min(channels), *data)
+
+    def _ticks(self, us: float, low_us: float, high_us: float) -> int:
+        # Rounding must not step over a hard limit either.
+        low, high = math.ceil(low_us / self.step_us), math.floor(high_us / self.step_us)
+        return min(max(round(us / self.step_us), low), high)
+
+    def _send_neutral(self) -> None:
+        for attempt in range(_ATTEMPTS):
+            try:
+                return self._send(*self._calibration.neutral_us)
+            except HardwareError as error:
+                if attempt == _ATTEMPTS - 1:
+                    error.add_note("Neutral could not be sent: cut the power of the motor.")
+                    raise
+        return None
+
+
+def _prescale(calibration: CarCalibration) -> int:
+    return round(calibration.oscillator_hz * calibration.period_us * 1e-6 / _STEPS) - 1

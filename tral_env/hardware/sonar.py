@@ -1,0 +1,165 @@
+"""Three SRF08 ultrasonic rangers on the I2C bus. Source of registers and commands: data sheet of the SRF08."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+
+from tral_env.config import UltrasonicConfig
+from tral_env.errors import ConfigError, HardwareError
+from tral_env.hardware.i2c import Bus, Device, Smbus
+from tral_env.interface import NO_ECHO_M
+from tral_env.sensors.ultrasonic import limits
+
+ADDRESSES: Mapping[str, int] = {"left": 0x70, "front": 0x71, "right": 0x72}
+"""Address of each ranger, 7 bit."""
+
+_BROADCAST = 0x00
+_COMMAND, _GAIN, _RANGE, _FIRST_ECHO = 0, 1, 2, 2
+_REPLY: Mapping[str, int] = {"cm": 0x51, "us": 0x52}
+_BUSY = 0xFF
+_MAX_GAIN = 31
+_RANGE_STEP_M = 0.043
+_PATIENCE_S = 0.3
+_START_ATTEMPTS = 10
+
+
+class Srf08:
+    """One ranger: its registers, without any notion of time."""
+
+    def __init__(self, device: Device, config: UltrasonicConfig) -> None:
+        """Take over a device; nothing is sent yet."""
+        self._device, self._config = device, config
+
+    def configure(self) -> None:
+        """Full gain, and listen no longer than the maximum range takes.
+
+        Raises:
+            HardwareError: no answer, or not an SRF08.
+        """
+        if self.busy():
+            raise self._device.nonsense("busy")
+        self._device.write(_GAIN, _MAX_GAIN)
+        self._device.write(_RANGE, math.ceil(limits(self._config)[1] / _RANGE_STEP_M) - 1)
+
+    def fire(self) -> None:
+        """Begin a ranging."""
+        self._device.write(_COMMAND, _REPLY[self._config.mode])
+
+    def busy(self) -> bool:
+        """Whether it is still listening: nobody drives the bus then, which reads as version 0xFF."""
+        return self._device.read(_COMMAND)[0] == _BUSY
+
+    def range_m(self) -> float:
+        """Distance of the first echo, m; `NO_ECHO_M` without one."""
+        high, low = self._device.read(_FIRST_ECHO, 2)
+        scale = self._config.metres_per_us if self._config.mode == "us" else 0.01
+        metres = scale * (high << 8 | low)
+        least, greatest = limits(self._config)
+        return metres if least <= metres <= greatest else NO_ECHO_M
+
+
+class SonarArray:
+    """The three rangers as `Sensors`: fired again and again, read when they are ready, never waited for."""
+
+    def __init__(
+        self,
+        bus: int | str | Smbus = 1,
+        config: UltrasonicConfig | None = None,
+        addresses: Mapping[str, int] = ADDRESSES,
+        firing: str = "together",
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        """Open the bus; nothing is sent yet.
+
+        Args:
+            bus: see `Bus`.
+            config: mode, cadence, range and scale.
+            addresses: side -> address, 7 bit.
+            firing: "together" by broadcast, each at the full cadence, or "in turn", slower and without crosstalk.
+            sleep: waits some seconds; used by `start` alone.
+
+        Raises:
+            ConfigError: a side or a firing that does not exist.
+            MissingExtraError: smbus2 is not installed.
+            HardwareError: the bus cannot be opened.
+        """
+        if firing not in ("together", "in turn") or not addresses or not set(addresses) <= set(ADDRESSES):
+            raise ConfigError(
+                f"firing = {firing!r}, addresses = {dict(addresses)}. "
+                "Allowed: together, in turn; addresses of left, front, right"
+            )
+        self._config = config or UltrasonicConfig()
+        self._bus = Bus(bus)
+        self._broadcast = Srf08(self._bus.device(_BROADCAST, "ultrasonics, all together,"), self._config)
+        self._rangers = {
+            side: Srf08(self._bus.device(address, f"{side} ultrasonic SRF08"), self._config)
+            for side, address in addresses.items()
+        }
+        self._together, self._sleep = firing == "together", sleep
+        self._forget()
+
+    def start(self) -> None:
+        """Configure each ranger, which may have to finish a ranging first, and forget all readings."""
+        self._forget()
+        for ranger in self._rangers.values():
+            for attempt in range(_START_ATTEMPTS):
+                try:
+                    ranger.configure()
+                    break
+                except HardwareError:
+                    if attempt == _START_ATTEMPTS - 1:
+                        raise
+                    self._sleep(self._config.cadence_s / 4)
+
+    def read(self, now: float) -> Mapping[str, float]:
+        """Latest ranges and their ages since firing; see `Sensors.read`."""
+        self._collect(now)
+        if not self._listening and now - self._fired >= self._config.cadence_s:
+            self._fire(now)
+        readings: dict[str, float] = {}
+        for side, (metres, fired) in self._latest.items():
+            readings[f"ultrasonic_{side}"] = metres
+            readings[f"ultrasonic_{side}_age"] = now - fired
+        return readings
+
+    def stop(self) -> None:
+        """Let go of the bus."""
+        self._bus.close()
+
+    def _forget(self) -> None:
+        self._latest: dict[str, tuple[float, float]] = {}
+        self._listening: set[str] = set()
+        self._fired = -math.inf
+        self._turn = 0
+
+    def _fire(self, now: float) -> None:
+        sides = tuple(self._rangers)
+        if self._together:
+            self._broadcast.fire()
+            self._listening = set(sides)
+        else:
+            side = sides[self._turn % len(sides)]
+            self._rangers[side].fire()
+            self._listening = {side}
+            self._turn += 1
+        self._fired = now
+
+    def _collect(self, now: float) -> None:
+        for side in sorted(self._listening):
+            try:
+                if self._rangers[side].busy():
+                    self._overdue(side, now)
+                    continue
+                self._latest[side] = self._rangers[side].range_m(), self._fired
+            except HardwareError:
+                # Some bus drivers report the silence of a busy ranger as an error instead of 0xFF.
+                if now - self._fired > _PATIENCE_S:
+                    raise
+                continue
+            self._listening.discard(side)
+
+    def _overdue(self, side: str, now: float) -> None:
+        if now - self._fired > _PATIENCE_S:
+            raise HardwareError(f"the {side} ultrasonic has been busy for {now - self._fired:.2f} s, expected 0.07 s")
