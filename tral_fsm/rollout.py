@@ -47,6 +47,8 @@ class Trace:
     """(T,) true speed, m/s."""
     clearance_error: Array
     """(T,) m; NaN where no clearance is wanted or measured."""
+    lateral_offset: Array
+    """(T,) from the route, + = left of it, m."""
     gates_passed: NDArray[np.int64]
     """(T,)"""
     readings: Array
@@ -75,6 +77,8 @@ class Episode:
     """Root of the mean square of the clearance error, m; NaN if there was none to measure."""
     clearance_samples: int
     """Ticks at which there was one."""
+    lateral_rms: float
+    """Root of the mean square of the distance from the route, m."""
     gates_passed: int
     gates_total: int
     trace: Trace = field(repr=False)
@@ -98,6 +102,7 @@ class Episode:
             "mean_speed_mps": round(self.mean_speed, 4),
             "clearance_rmse_m": rmse,
             "clearance_samples": self.clearance_samples,
+            "lateral_rms_m": round(self.lateral_rms, 5),
             "gates_passed": self.gates_passed,
             "gates_total": self.gates_total,
         }
@@ -170,6 +175,7 @@ def _episode(seed: int, scenario: str, ticks: list[Tick]) -> Episode:
         mean_speed=float(np.mean(trace.speed)),
         clearance_rmse=float(np.sqrt(np.mean(errors**2))) if len(errors) else math.nan,
         clearance_samples=len(errors),
+        lateral_rms=float(np.sqrt(np.mean(trace.lateral_offset**2))),
         gates_passed=int(last["gates_passed"]),
         gates_total=int(last["gates_total"]),
         trace=trace,
@@ -185,6 +191,7 @@ def _trace(ticks: list[Tick]) -> Trace:
         pose=column("pose"),
         speed=column("speed_mps"),
         clearance_error=column("clearance_error_m"),
+        lateral_offset=column("lateral_offset_m"),
         gates_passed=column("gates_passed").astype(np.int64),
         readings=np.array([tick.observation for tick in ticks], float),
         action=np.array([tick.action for tick in ticks], float),

@@ -45,6 +45,7 @@ class Lane(gym.Env[Any, Any]):
             "gates_total": 1,
             # Nothing to measure on the first half, then 3 cm and 4 cm in turn.
             "clearance_error_m": (0.03 if self.k % 2 else -0.04) if self.k > 5 else math.nan,
+            "lateral_offset_m": -0.2 if self.k % 2 else 0.1,
             "pose": np.array([0.1 * self.k, 0.0, 0.0]),
             "speed_mps": 0.5,
             "time_s": 0.0125 * self.k,

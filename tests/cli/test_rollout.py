@@ -44,6 +44,12 @@ def test_the_clearance_error_is_measured_where_there_is_one() -> None:
     assert episode.clearance_rmse == pytest.approx(math.sqrt((3 * 0.04**2 + 2 * 0.03**2) / 5))
 
 
+def test_the_distance_from_the_route_is_measured_always() -> None:
+    episode = drive(Lane(), Cruiser(), seed=1)
+    # Ten steps, 20 cm and 10 cm in turn.
+    assert episode.lateral_rms == pytest.approx(math.sqrt((0.2**2 + 0.1**2) / 2))
+
+
 def test_without_a_measured_clearance_the_error_is_nan_and_none_in_json() -> None:
     episode = drive(Lane(steps=5), Cruiser(), seed=1)
     assert math.isnan(episode.clearance_rmse)

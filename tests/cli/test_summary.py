@@ -18,6 +18,7 @@ def record(outcome: str = "success", **changes: Any) -> dict[str, Any]:
         "mean_speed_mps": 0.5,
         "clearance_rmse_m": None,
         "clearance_samples": 0,
+        "lateral_rms_m": 0.1,
         "gates_passed": 0,
         "gates_total": 0,
         **changes,

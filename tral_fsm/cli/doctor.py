@@ -28,6 +28,8 @@ _CORE = (
 )
 _EXTRAS = {"rl": ("torch", "stable-baselines3"), "car": ("smbus2",)}
 _PROBE_TIMEOUT_S = 60.0
+_LONGEST = 100
+"""Characters of a message that are shown."""
 
 _PROBE = """
 import time
@@ -116,7 +118,11 @@ def _python(code: str, **environment: str) -> tuple[bool, str]:
     except subprocess.TimeoutExpired:
         return False, f"no answer within {_PROBE_TIMEOUT_S:g} s"
     said = (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines()
-    return done.returncode == 0, said[-1] if said else f"exit code {done.returncode}"
+    return done.returncode == 0, _shortened(said[-1]) if said else f"exit code {done.returncode}"
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
 _DRIVE_A_SECOND = """
@@ -145,13 +151,13 @@ def _opengl() -> list[Finding]:
         detail = f"{float(said.split()[-1]):.1f} ms for a frame of 640 x 480" if ok else said
         findings.append(Finding(topic="OpenGL", name=backend, ok=ok, needed=False, detail=detail))
     works = [finding.name for finding in findings if finding.ok]
+    now = opengl.backend_in_use()
     if not works:
-        detail, remedy = "no backend works", opengl.REMEDY
+        remedy = opengl.REMEDY
     else:
-        now = os.environ.get("MUJOCO_GL") or "not set"
-        detail, remedy = f"MUJOCO_GL is {now}", "" if now in works else f"export MUJOCO_GL={works[0]}"
-    chosen = Finding(topic="OpenGL", name="choice", ok=not remedy, needed=False, detail=detail, remedy=remedy)
-    return [*findings, chosen]
+        remedy = "" if now in works else f"export MUJOCO_GL={works[0]}"
+    used = Finding(topic="OpenGL", name="in use", ok=not remedy, needed=False, detail=now, remedy=remedy)
+    return [*findings, used]
 
 
 def _encoder() -> Finding:

@@ -112,13 +112,12 @@ def run(arguments: DriveArguments, out: Path) -> dict[str, Any]:
 
     Raises:
         ConfigError: unknown scenario, policy or option.
-        RenderError: images are asked for, and this machine has no OpenGL.
+        RenderError: pictures are asked for, and this machine has no OpenGL.
     """
     from tral_fsm import load_policy
     from tral_fsm.report.summary import summarize
 
-    if arguments.video or arguments.camera == "rendered":
-        opengl.require()
+    opengl.require_loadable()
     policy = load_policy(arguments.policy)
     with contextlib.closing(make_env(arguments)) as env:
         _prepare(out)

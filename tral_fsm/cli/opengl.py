@@ -1,4 +1,4 @@
-"""OpenGL without a screen: which backend MuJoCo shall use, and what to do where there is none."""
+"""OpenGL on this machine: which backends there are, and what to do where none works."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ BACKENDS = {"linux": ("egl", "osmesa", "glfw"), "darwin": ("cgl", "glfw"), "win3
 """Values of MUJOCO_GL worth trying, the best first."""
 
 REMEDY = (
-    "install OpenGL without a screen (Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri) and set MUJOCO_GL=egl; "
-    "`tral doctor` tries every backend; `--camera projected --no-video` needs none"
+    "install OpenGL that needs no screen (Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri), "
+    "or do without it: tral drive --camera projected --no-video"
 )
 
 
@@ -22,26 +22,27 @@ def backends() -> tuple[str, ...]:
     return BACKENDS.get(sys.platform, BACKENDS["linux"])
 
 
-def choose_backend() -> None:
-    """Choose EGL on a Linux machine without a screen, if MUJOCO_GL says nothing. Before MuJoCo is imported.
-
-    MuJoCo itself would choose GLFW, which needs a screen.
-    """
+def backend_in_use() -> str:
+    """The backend that the environments will use now."""
+    wish = os.environ.get("MUJOCO_GL", "").lower()
     screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    if sys.platform == "linux" and not screen:
-        os.environ.setdefault("MUJOCO_GL", "egl")
+    if sys.platform == "linux":
+        return wish or ("glfw" if screen else "egl")
+    return wish or backends()[0]
 
 
-def require() -> None:
-    """Choose a backend and load it.
+def require_loadable() -> None:
+    """Import MuJoCo, which already fails if MUJOCO_GL names a backend whose library is missing.
 
     Raises:
-        RenderError: it cannot be loaded.
+        RenderError: it fails.
     """
-    choose_backend()
     try:
         importlib.import_module("mujoco")
     # PyOpenGL fails with any of these where a library is missing.
     except (ImportError, AttributeError, OSError, RuntimeError) as error:
-        backend = os.environ.get("MUJOCO_GL", "")
-        raise RenderError(f"OpenGL backend MUJOCO_GL='{backend}' does not load ({error}): {REMEDY}") from error
+        wish = os.environ.get("MUJOCO_GL", "")
+        raise RenderError(
+            f"MuJoCo does not load with MUJOCO_GL='{wish}' ({error}): unset MUJOCO_GL or set it to one of "
+            f"{', '.join(backends())}; `tral doctor` says which works"
+        ) from error

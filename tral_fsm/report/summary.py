@@ -53,6 +53,8 @@ class Summary:
     mean_speed_mps: float
     clearance_rmse_m: float | None
     """Over all ticks of all episodes; None where no clearance was measured."""
+    lateral_rms_m: float | None
+    """Mean over the episodes."""
     gates_passed: int
     gates_total: int
 
@@ -81,6 +83,7 @@ def summarize(records: Iterable[Mapping[str, Any]]) -> Summary:
         time_s=_mean([row["time_s"] for row in rows if row["outcome"] == "success"]),
         mean_speed_mps=_mean([row["mean_speed_mps"] for row in rows]) or 0.0,
         clearance_rmse_m=_pooled_rmse(rows),
+        lateral_rms_m=_mean([row["lateral_rms_m"] for row in rows]),
         gates_passed=sum(row["gates_passed"] for row in rows),
         gates_total=sum(row["gates_total"] for row in rows),
     )

@@ -27,6 +27,7 @@ _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _WHITE = (255, 255, 255)
 _GREY = (170, 170, 170)
 _GREEN = (90, 220, 90)
+_RED = (240, 60, 50)
 _SIDES = {"left": (-1, 0), "front": (0, -1), "right": (1, 0)}
 """Direction of each ultrasonic in the drawing of the car, px right and down."""
 
@@ -155,7 +156,8 @@ def _draw_state(image: Image, tick: Tick, colour: tuple[int, int, int]) -> None:
     _text(image, line, (32, 70))
     ended = [word for word in ("success", "collision", "missed_gate") if info[word]]
     if ended:
-        _text(image, ended[0].replace("_", " ").upper(), (WIDTH // 2 - 110, HEIGHT // 2), 1.4, _WHITE, 3)
+        outcome = _GREEN if ended[0] == "success" else _RED
+        _text(image, ended[0].replace("_", " ").upper(), (WIDTH // 2 - 110, HEIGHT // 2), 1.4, outcome, 3)
 
 
 def _draw_ranges(image: Image, readings: dict[str, float]) -> None:
@@ -169,7 +171,7 @@ def _draw_ranges(image: Image, readings: dict[str, float]) -> None:
         reach = int(40 * min(metres, 2.5))
         ends = (x + right * (8 + reach), y + down * (14 + reach))
         cv2.line(image, (x + right * 8, y + down * 14), ends, _GREEN if echo else _GREY, 2, cv2.LINE_AA)
-        label = f"{metres:.2f}" if echo else "none"
+        label = f"{metres:.2f}" if echo else "no echo"
         at = {"left": (20, y - 12), "front": (x + 10, y - 90), "right": (212, y - 12)}[side]
         _text(image, label, at, 0.45, _GREEN if echo else _GREY)
     _text(image, "ultrasonics [m]", (20, HEIGHT - 164), 0.42, _GREY)

@@ -1,0 +1,166 @@
+"""A briefly trained PPO beside the state machine, on the same courses and seeds.
+
+    python benchmarks/compare.py --steps 20000 --scenario straight --seeds 1000:1010
+
+A few thousand steps make no good driver. The figures show that the road from env to trained policy is whole, and
+what a learner has to beat.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import gymnasium as gym
+import numpy as np
+import typer
+from host import host
+from report import span
+from rich.console import Console
+from rich.table import Table
+
+from tral_env.errors import MissingExtraError, TralError
+from tral_fsm import load_policy
+from tral_fsm.report.summary import Summary, summarize
+from tral_fsm.rollout import drive
+
+REPEAT = 8
+"""Ticks for which the learner's command is held: it decides ten times a second."""
+
+
+class Repeat(gym.Wrapper[Any, Any, Any, Any]):
+    """Holds each action for some ticks and adds up what they earn."""
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """One decision."""
+        total = 0.0
+        for _ in range(REPEAT):
+            observation, reward, terminated, truncated, info = self.env.step(action)
+            total += float(reward)
+            if terminated or truncated:
+                break
+        return observation, total, terminated, truncated, info
+
+
+class Learner:
+    """A trained model as a policy; it decides as often as it did in training."""
+
+    def __init__(self, model: Any, normalizer: Any) -> None:
+        self._model, self._normalizer = model, normalizer
+        self.reset()
+
+    def reset(self, n: int = 1) -> None:
+        """Start anew."""
+        self._ticks = 0
+        self._action = np.zeros(2, np.float32)
+
+    def act(self, observation: Any) -> Any:
+        """Command for one car, (2,)."""
+        if self._ticks % REPEAT == 0:
+            normal = self._normalizer.normalize_obs(observation)
+            self._action, _ = self._model.predict(normal, deterministic=True)
+        self._ticks += 1
+        return self._action
+
+
+def train(scenario: str, randomization: str, steps: int, seed: int) -> Learner:
+    """Train PPO for some decisions.
+
+    Raises:
+        MissingExtraError: stable-baselines3 or torch is not installed.
+    """
+    try:
+        import torch
+        from stable_baselines3 import PPO
+        from stable_baselines3.common.env_util import make_vec_env
+        from stable_baselines3.common.vec_env import VecNormalize
+    except ImportError as error:
+        raise MissingExtraError(error.name or "stable-baselines3", "rl", "training PPO") from error
+    torch.set_num_threads(1)  # nets this small are slower on more
+    envs = make_vec_env(
+        "tral_env:TralCorridor-v0",
+        n_envs=4,
+        seed=seed,
+        env_kwargs={"scenario": scenario, "camera": "projected", "randomization": randomization},
+        wrapper_class=Repeat,
+    )
+    with contextlib.closing(VecNormalize(envs)) as normalized:
+        model = PPO("MlpPolicy", normalized, n_steps=512, batch_size=256, gamma=0.98, seed=seed, device="cpu")
+        model.learn(steps, progress_bar=False)
+        normalized.training = False
+        return Learner(model, normalized)
+
+
+def evaluate(policy: Any, scenario: str, randomization: str, seeds: range) -> list[dict[str, Any]]:
+    """Records of a policy's episodes."""
+    env = gym.make("tral_env:TralCorridor-v0", scenario=scenario, camera="projected", randomization=randomization)
+    with contextlib.closing(env):
+        return [drive(env, policy, seed, scenario=scenario).record() for seed in seeds]
+
+
+def main(
+    steps: Annotated[int, typer.Option(help="Decisions that PPO is trained for.")] = 20_000,
+    scenario: str = "straight",
+    seeds: Annotated[str, typer.Option(help="FIRST:BEHIND, courses of the evaluation.")] = "1000:1010",
+    policy: Annotated[str, typer.Option(help="The state machine.")] = "office",
+    randomization: str = "default",
+    seed: Annotated[int, typer.Option(help="Seed of the training.")] = 0,
+    out: Path = Path("benchmarks/results/compare.json"),
+) -> None:
+    """Train PPO, drive both, print and write the figures."""
+    try:
+        run = span(seeds)
+        rival = load_policy(policy)
+        start = time.perf_counter()
+        learner = train(scenario, randomization, steps, seed)
+        trained_s = time.perf_counter() - start
+        drivers = {f"machine '{policy}'": rival, f"PPO, {steps} steps": learner}
+        records = {name: evaluate(driver, scenario, randomization, run) for name, driver in drivers.items()}
+    except TralError as error:
+        raise SystemExit(f"Error: {error}") from None
+    figures = {name: summarize(rows) for name, rows in records.items()}
+    Console().print(table(figures, f"{scenario}, seeds {seeds}, {randomization}; trained in {trained_s:.0f} s"))
+    result = {
+        "host": host(),
+        "training": {
+            "algorithm": "PPO",
+            "steps": steps,
+            "seed": seed,
+            "repeat": REPEAT,
+            "seconds": round(trained_s, 1),
+        },
+        "scenario": scenario,
+        "seeds": seeds,
+        "randomization": randomization,
+        "figures": {name: asdict(summary) for name, summary in figures.items()},
+        "episodes": records,
+    }
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+
+
+def table(figures: dict[str, Summary], title: str) -> Table:
+    """The drivers below one another."""
+    table = Table("driver", title=title, title_justify="left")
+    for heading in ("success", "95 %", "progress", "time", "mean speed", "clearance RMSE", "off the route"):
+        table.add_column(heading, justify="right")
+    for name, row in figures.items():
+        table.add_row(
+            name,
+            f"{row.successes}/{row.episodes}",
+            f"{100 * row.success_low:.0f} to {100 * row.success_high:.0f} %",
+            f"{100 * row.progress:.0f} %",
+            "-" if row.time_s is None else f"{row.time_s:.1f} s",
+            f"{row.mean_speed_mps:.2f} m/s",
+            "-" if row.clearance_rmse_m is None else f"{100 * row.clearance_rmse_m:.1f} cm",
+            "-" if row.lateral_rms_m is None else f"{100 * row.lateral_rms_m:.1f} cm",
+        )
+    return table
+
+
+if __name__ == "__main__":
+    typer.run(main)

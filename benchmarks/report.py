@@ -1,0 +1,202 @@
+"""How often does a policy arrive? Seeds x families, with 95 % intervals.
+
+    python benchmarks/report.py --seeds 1000:1050 --scenarios all --policy office --camera rendered \
+        --out benchmarks/results/office.jsonl
+
+Each episode is appended to the file as it ends; run it again and it goes on where it was stopped.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import multiprocessing
+from collections.abc import Iterator
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from host import host
+from rich.console import Console
+from rich.progress import Progress
+
+from tral_env.course.generate import SCENARIOS
+from tral_env.errors import ConfigError, TralError, nearest
+from tral_fsm.report.summary import Summary, summarize
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """What every episode of a file has in common."""
+
+    policy: str
+    camera: str
+    randomization: str
+
+
+def main(
+    seeds: Annotated[str, typer.Option(help="FIRST:BEHIND, as a range.")] = "1000:1050",
+    scenarios: Annotated[str, typer.Option(help="Names with commas between them, or all.")] = "all",
+    policy: str = "office",
+    camera: str = "rendered",
+    randomization: str = "default",
+    processes: int = 2,
+    out: Path = Path("benchmarks/results/office.jsonl"),
+    table_only: Annotated[bool, typer.Option(help="Drive nothing, print the table of the file.")] = False,
+) -> None:
+    """Drive seeds x families and print a table."""
+    settings = Settings(policy=policy, camera=camera, randomization=randomization)
+    try:
+        done = read(out, settings)
+        jobs = [(name, seed) for name in families(scenarios) for seed in span(seeds)]
+        missing = [] if table_only else [job for job in jobs if job not in done]
+        if missing:
+            append(out, {"kind": "run", "settings": asdict(settings), "host": host()})
+            work(missing, settings, processes, out)
+        print(markdown(out, settings))
+    except TralError as error:
+        raise SystemExit(f"Error: {error}") from None
+
+
+def families(names: str) -> list[str]:
+    """Families by name; "all" for all."""
+    chosen = list(SCENARIOS) if names == "all" else names.split(",")
+    for name in chosen:
+        if name not in SCENARIOS:
+            raise ConfigError(f"unknown scenario '{name}': {nearest(name, SCENARIOS)}")
+    return chosen
+
+
+def span(text: str) -> range:
+    """Seeds FIRST:BEHIND."""
+    first, _, behind = text.partition(":")
+    if not (first.isdigit() and behind.isdigit() and int(first) < int(behind)):
+        raise ConfigError(f"--seeds {text}: expected FIRST:BEHIND, such as 1000:1050")
+    return range(int(first), int(behind))
+
+
+def lines(path: Path) -> Iterator[dict[str, Any]]:
+    """Lines of a result file; one that was cut off in writing is left out."""
+    if path.exists():
+        for line in path.read_text(encoding="utf-8").splitlines():
+            with contextlib.suppress(json.JSONDecodeError):
+                yield json.loads(line)
+
+
+def read(path: Path, settings: Settings) -> dict[tuple[str, int], dict[str, Any]]:
+    """Episodes that a file holds, by family and seed.
+
+    Raises:
+        ConfigError: it was made with other settings.
+    """
+    episodes = {}
+    for line in lines(path):
+        if line["kind"] == "run" and line["settings"] != asdict(settings):
+            raise ConfigError(f"{path} was made with {line['settings']}, not {asdict(settings)}: choose another --out")
+        if line["kind"] == "episode":
+            episodes[line["scenario"], line["seed"]] = line
+    return episodes
+
+
+def append(path: Path, line: dict[str, Any]) -> None:
+    """Write a line at once."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(line) + "\n")
+
+
+def work(jobs: list[tuple[str, int]], settings: Settings, processes: int, out: Path) -> None:
+    """Drive all jobs and append their episodes as they come."""
+    # Threads and OpenGL contexts do not survive a fork.
+    context = multiprocessing.get_context("spawn")
+    with Progress(console=Console(stderr=True)) as bar, ProcessPoolExecutor(processes, context) as pool:
+        task = bar.add_task("episodes", total=len(jobs))
+        futures: list[Future[dict[str, Any]]] = [pool.submit(episode, *job, settings) for job in jobs]
+        try:
+            for future in as_completed(futures):
+                append(out, {"kind": "episode", **future.result()})
+                bar.advance(task)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+_kept: dict[tuple[str, Settings], tuple[Any, Any]] = {}
+
+
+def episode(scenario: str, seed: int, settings: Settings) -> dict[str, Any]:
+    """Record of one episode, driven in a process that keeps its last env."""
+    from tral_fsm.rollout import drive
+
+    key = (scenario, settings)
+    if key not in _kept:
+        for env, _ in _kept.values():
+            env.close()
+        _kept.clear()
+        _kept[key] = _make(scenario, settings)
+    env, policy = _kept[key]
+    return drive(env, policy, seed, scenario=scenario).record()
+
+
+def _make(scenario: str, settings: Settings) -> tuple[Any, Any]:
+    import gymnasium as gym
+
+    from tral_fsm import load_policy
+
+    env = gym.make(
+        "tral_env:TralCorridor-v0",
+        scenario=scenario,
+        camera=settings.camera,
+        randomization=settings.randomization,
+    )
+    return env, load_policy(settings.policy)
+
+
+def markdown(path: Path, settings: Settings) -> str:
+    """The file as a Markdown table."""
+    episodes = read(path, settings)
+    runs = [line["host"] for line in lines(path) if line["kind"] == "run"]
+    commits = sorted({str(run["commit"]) for run in runs})
+    seeds = sorted({seed for _, seed in episodes})
+    heading = [
+        f"policy {settings.policy}, camera {settings.camera}, randomization {settings.randomization}",
+        f"seeds {seeds[0]} to {seeds[-1]}" if seeds else "no episodes",
+        *(f"{run['cpu']}, {run['cores']} cores, {run['versions']}" for run in runs[-1:]),
+        f"commits {', '.join(commits)}",
+    ]
+    rows = [
+        "| family | episodes | success | 95 % | collisions (crashes) | missed gates | timeouts | progress "
+        "| clearance RMSE | gates | mean speed |",
+        "| --- " + "| ---: " * 10 + "|",
+    ]
+    for name in SCENARIOS:
+        records = [record for (family, _), record in episodes.items() if family == name]
+        if records:
+            rows.append(row(name, summarize(records)))
+    rows.append(row("all", summarize(episodes.values())))
+    return "\n".join([*heading, "", *rows])
+
+
+def row(name: str, figures: Summary) -> str:
+    """One line of the table."""
+    rmse = "-" if figures.clearance_rmse_m is None else f"{100 * figures.clearance_rmse_m:.1f} cm"
+    cells = [
+        name,
+        figures.episodes,
+        f"{100 * figures.success_rate:.0f} %",
+        f"{100 * figures.success_low:.0f} to {100 * figures.success_high:.0f} %",
+        f"{figures.collisions} ({figures.crashes})",
+        figures.missed_gates,
+        figures.timeouts,
+        f"{100 * figures.progress:.0f} %",
+        rmse,
+        f"{figures.gates_passed}/{figures.gates_total}" if figures.gates_total else "-",
+        f"{figures.mean_speed_mps:.2f} m/s",
+    ]
+    return f"| {' | '.join(str(cell) for cell in cells)} |"
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+from lane import Cruiser, Lane
+
+from tral_fsm.report.palette import COLOURS, Palette
+from tral_fsm.report.video import FPS, HEIGHT, INSET_WIDTH, WIDTH, DriveVideo, compose
+from tral_fsm.rollout import Tick, drive
+
+
+class Painted:
+    """Views of one colour each."""
+
+    def render_view(self, view: str, width: int, height: int) -> np.ndarray:
+        colour = {"chase": (90, 90, 90), "onboard": (10, 200, 30)}[view]
+        return np.full((height, width, 3), colour, np.uint8)
+
+
+def last_tick(ending: str = "success") -> Tick:
+    ticks: list[Tick] = []
+    drive(Lane(ending), Cruiser(), seed=1, on_step=ticks.append)
+    return ticks[-1]
+
+
+def picture(tick: Tick) -> np.ndarray:
+    views = Painted()
+    return compose(views.render_view("chase", WIDTH, HEIGHT), views.render_view("onboard", 288, 216), tick, COLOURS[1])
+
+
+def test_a_video_has_twenty_frames_a_second_and_holds_its_end_for_one(tmp_path: Path) -> None:
+    with DriveVideo(tmp_path / "drive.mp4", Painted()) as video:
+        drive(Lane(steps=160), Cruiser(), seed=1, on_step=video)
+    frames, seconds = imageio_ffmpeg.count_frames_and_secs(tmp_path / "drive.mp4")
+    # 160 ticks are two seconds of driving.
+    assert frames == 3 * FPS
+    assert seconds == pytest.approx(3.0, abs=0.05)
+
+
+def test_a_video_of_a_drive_that_broke_off_is_finished_without_hiding_the_error(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match="broke"), DriveVideo(tmp_path / "drive.mp4", Painted()) as video:
+        video(last_tick())
+        raise RuntimeError("broke")
+    assert (tmp_path / "drive.mp4").exists()
+
+
+def test_the_onboard_view_is_inset_at_the_upper_right() -> None:
+    image = picture(last_tick())
+    assert tuple(image[100, WIDTH - 12 - INSET_WIDTH // 2]) == (10, 200, 30)
+
+
+def test_the_active_state_shows_its_colour() -> None:
+    assert tuple(picture(last_tick())[50, 16]) == COLOURS[1]
+
+
+def test_a_range_with_an_echo_is_green_and_one_without_is_grey() -> None:
+    image = picture(last_tick())
+    # The lane has 1 m to the left and no echo ahead; 40 px are a metre.
+    assert tuple(image[HEIGHT - 48, 137 - 30]) == (90, 220, 90)
+    assert tuple(image[HEIGHT - 48 - 50, 137]) == (170, 170, 170)
+
+
+def test_states_keep_the_colour_of_their_first_appearance() -> None:
+    palette = Palette(["a", "b", "a"])
+    assert palette.states == ("a", "b")
+    assert palette.rgb("a") == COLOURS[0]
+    assert palette.rgb("c") == COLOURS[2]
+    assert max(palette.unit("b")) <= 1.0
