@@ -128,10 +128,14 @@ class SceneRenderer:
         """Free the OpenGL context. The next image opens a new one."""
         if self._gl is not None:
             if self._context is not None:
-                self._gl.make_current()
-                self._context.free()
+                with self._gl.as_current():
+                    self._context.free()
             self._gl.free()
         self._gl = self._context = self._scene = self._model = None
+
+    def __del__(self) -> None:
+        # Left to chance, the context would be freed while another renderer's is current, and take its images along.
+        self.close()
 
     def __enter__(self) -> SceneRenderer:
         return self
@@ -153,11 +157,12 @@ class OnboardCamera:
         Args:
             config: the lens.
             camera: name of the camera in the model: its place and direction are used, its field of view is not.
-            renderer: shared with other views; default: one of its own.
+            renderer: shared with other views; default: one of its own, without smoothing of edges, which doubles the
+                cost and hardly helps the detector.
         """
         self.config = config or CameraConfig()
         self._camera = camera
-        self.renderer = renderer or SceneRenderer()
+        self.renderer = renderer or SceneRenderer(offsamples=0)
         self._pinhole = self.config
         self._map: tuple[Any, Any] | None = None
         if any(self.config.distortion):

@@ -22,26 +22,39 @@ Mask = NDArray[np.bool_]
 
 NOISE_PLACES = 8
 """Markers of a row that have noise of their own in one frame; place i uses the noise of i modulo this."""
-NORMALS, UNIFORMS = 3, 2
-"""Normal and uniform numbers for each of these places."""
+NORMALS, UNIFORMS = 4, 1
+"""Normal numbers (distance, bearing, heading, flip) and uniform ones (found or not) for each of these places."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DetectorLaw:
-    """What the rendered detector sees and how well. Fitted numbers."""
+    """What the rendered detector sees and how well: fitted numbers, all in pixels so that they hold for any lens."""
 
-    margin_px: float = 4.0
-    """A corner nearer to the image's edge is lost, px."""
-    half_size_px: float = 14.0
-    """Markers whose shorter side has this many pixels are found half of the time."""
-    size_slope: float = 3.0
+    margin_px: float = 3.0
+    """A corner nearer to the image's edge is lost."""
+    half_found_px: float = 9.5
+    """Markers whose shortest side has this many pixels are found half of the time."""
+    found_slope: float = 0.8
     """Steepness of that limit, 1/px."""
-    range_noise_px: float = 0.1
-    """Error of the distance: this over the apparent size, as a share of the distance, px."""
-    bearing_noise_px: float = 0.1
-    """Error across the line of sight, px."""
-    heading_noise_px: float = 0.8
-    """Error of the heading: this over the apparent size, rad px."""
+    shrink_px: float = 0.2
+    """The marker looks this much smaller than it is, and so farther away."""
+    size_noise_px: float = 0.14
+    """Standard deviation of that."""
+    bearing_noise_px: float = 0.09
+    """Standard deviation across the line of sight."""
+    heading_noise_px: float = 0.42
+    """Standard deviation of the apparent width, from which the heading is estimated."""
+    perspective_gain: float = 3.0
+    """How much the nearer edge looking larger than the farther one helps the heading of a marker seen head-on."""
+    flip_px: float = 0.33
+    """When the edges' difference drowns in this noise, the heading is mirrored at the line of sight."""
+
+    def found(self, size: Array) -> Array:
+        """Probability that a marker of this shortest side, px, is found."""
+        return 1.0 / (1.0 + np.exp(-self.found_slope * (size - self.half_found_px)))
+
+
+LAW = DetectorLaw()
 
 
 class Scenery:
@@ -55,8 +68,8 @@ class Scenery:
         """(n, M)"""
         self.boxes = np.zeros((n, 0, 8))
         """(n, B, 8): x, y, z of the centre, cos and sin of yaw, half lengths; half length 0 = no box."""
-        self.reach = np.zeros((n, 0))
-        """(n, B) radius of the circle round each box, seen from above; negative: no box."""
+        self.circles = np.zeros((3, n, 0))
+        """(3, n, B): x, y, radius of the circle round each box, seen from above; radius 0: no box."""
 
     def place(self, row: int, plan: Plan) -> None:
         """Put a course into a row.
@@ -72,20 +85,21 @@ class Scenery:
         self.markers[row, :markers, 3] = plan.marker_yaw
         self.markers[row, :markers, 4] = plan.marker_size
         self.ids[row, :markers] = plan.marker_id
-        self.boxes[row], self.reach[row] = 0.0, -np.inf
+        self.boxes[row], self.circles[:, row] = 0.0, 0.0
         self.boxes[row, :boxes, :3] = plan.box_position
         self.boxes[row, :boxes, 3] = np.cos(plan.box_yaw)
         self.boxes[row, :boxes, 4] = np.sin(plan.box_yaw)
         self.boxes[row, :boxes, 5:] = plan.box_size
-        self.reach[row, :boxes] = np.hypot(plan.box_size[:, 0], plan.box_size[:, 1])
+        self.circles[:2, row, :boxes] = plan.box_position[:, :2].T
+        self.circles[2, row, :boxes] = np.hypot(plan.box_size[:, 0], plan.box_size[:, 1])
 
     def _grow(self, markers: int, boxes: int) -> None:
         more = max(0, markers - self.ids.shape[1])
         self.markers = np.pad(self.markers, ((0, 0), (0, more), (0, 0)))
         self.ids = np.pad(self.ids, ((0, 0), (0, more)), constant_values=-1)
-        more = max(0, boxes - self.reach.shape[1])
+        more = max(0, boxes - self.boxes.shape[1])
         self.boxes = np.pad(self.boxes, ((0, 0), (0, more), (0, 0)))
-        self.reach = np.pad(self.reach, ((0, 0), (0, more)), constant_values=-np.inf)
+        self.circles = np.pad(self.circles, ((0, 0), (0, 0), (0, more)))
 
 
 @dataclass(frozen=True)
@@ -125,7 +139,7 @@ def project(
     mounting: Array,
     normal: Array,
     uniform: Array,
-    law: DetectorLaw | None = None,
+    law: DetectorLaw = LAW,
 ) -> Seen:
     """What the detector would report.
 
@@ -138,25 +152,23 @@ def project(
         mounting: (k, 3) roll, pitch, yaw of its mounting error, rad.
         normal: (k, NOISE_PLACES, NORMALS) standard normal numbers.
         uniform: (k, NOISE_PLACES, UNIFORMS) numbers in [0, 1).
-        law: the detector; default: as fitted.
+        law: the detector.
     """
-    law = law or DetectorLaw()
     near = _candidates(scenery, rows, pose, car, mounting)
     pixels = project_points(near.rays[:, :4], camera)
     size = _shorter_side(pixels)
-    noise = normal[near.row, near.place % NOISE_PLACES]
-    chance = uniform[near.row, near.place % NOISE_PLACES]
-    seen = _in_image(pixels, camera, law) & (chance[:, 0] < _detection_rate(size, law))
-    index = np.flatnonzero(seen)
-    index = index[~_hidden(scenery, rows, near, index)]
-    shape = len(rows), scenery.ids.shape[1]
+    chance = uniform[near.row, near.place % NOISE_PLACES, 0]
+    index = np.flatnonzero(_in_image(pixels, camera, law) & (chance < law.found(size)))
+    index = index[~_hidden(scenery, rows, pose, near, index)]
     where = near.row[index], near.place[index]
-    out = Seen(scenery.ids[rows], np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape, np.bool_))
+    noise = normal[where[0], where[1] % NOISE_PLACES]
     ahead, left = near.rays[index, 4, 0], near.rays[index, 4, 1]
-    along, across = _position_noise(ahead, left, size[index], noise[index], camera, law)
+    along, across = _position_error(ahead, left, size[index], noise, camera, law)
+    shape = len(rows), scenery.ids.shape[1]
+    out = Seen(scenery.ids[rows], np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape, np.bool_))
     out.x[where] = car.camera_x + ahead + along
     out.y[where] = left + across
-    out.heading[where] = wrap_angle(near.heading[index] + noise[index, 2] * law.heading_noise_px / size[index])
+    out.heading[where] = _seen_heading(near, index, noise, camera, law)
     out.valid[where] = True
     return out
 
@@ -275,44 +287,67 @@ def _in_image(pixels: Array, camera: CameraConfig, law: DetectorLaw) -> Mask:
     return np.asarray(inside.all(axis=1))
 
 
-def _detection_rate(size: Array, law: DetectorLaw) -> Array:
-    return 1.0 / (1.0 + np.exp(-law.size_slope * (size - law.half_size_px)))
-
-
-def _position_noise(
+def _position_error(
     ahead: Array, left: Array, size: Array, noise: Array, camera: CameraConfig, law: DetectorLaw
 ) -> tuple[Array, Array]:
     """Errors forward and left: a share of the distance along the line of sight, and pixels across it."""
-    share = noise[:, 0] * law.range_noise_px / size
+    share = (law.shrink_px + noise[:, 0] * law.size_noise_px) / size
     aside = noise[:, 1] * law.bearing_noise_px / camera.fx
     return share * ahead - aside * left, share * left + aside * ahead
+
+
+def _seen_heading(near: _Candidates, index: Indices, noise: Array, camera: CameraConfig, law: DetectorLaw) -> Array:
+    """Heading with its error: the width tells the angle to the line of sight, the perspective tells its sign."""
+    ahead, left = near.rays[index, 4, 0], near.rays[index, 4, 1]
+    edge = 2.0 * _half_edge(near.points[index])
+    distance = np.sqrt(ahead * ahead + left * left)
+    sight = np.arctan2(left, ahead)
+    angle = wrap_angle(near.heading[index] - sight)
+    sine, depth = np.abs(np.sin(angle)), edge / distance
+    face_on = camera.fx * depth
+    flipped = noise[:, 3] * law.flip_px > face_on * depth * sine
+    spread = law.heading_noise_px / (face_on * np.sqrt(sine * sine + (law.perspective_gain * depth) ** 2))
+    angle = np.where(flipped, -angle, angle) + noise[:, 2] * np.minimum(spread, 1.0)
+    return np.asarray(wrap_angle(sight + angle))
 
 
 CLEARANCE = 0.03
 """Sight ends this far before the marker: the post that carries it does not hide it, m."""
 
 
-def _hidden(scenery: Scenery, rows: Indices, near: _Candidates, index: Indices) -> Mask:
+def _hidden(scenery: Scenery, rows: Indices, pose: Array, near: _Candidates, index: Indices) -> Mask:
     """Whether a box stands between the camera and any of five points of the markers with these indices."""
-    eye, points = near.eye[index], near.points[index]
-    row = rows[near.row[index]]
-    # First the circles round the boxes against the middle line of sight, seen from above.
-    to_x, to_y = points[:, 4, 0, None] - eye[:, 0, None], points[:, 4, 1, None] - eye[:, 1, None]
-    box_x = scenery.boxes[row, :, 0] - eye[:, 0, None]
-    box_y = scenery.boxes[row, :, 1] - eye[:, 1, None]
-    along = np.clip((box_x * to_x + box_y * to_y) / (to_x * to_x + to_y * to_y), 0.0, 1.0)
+    eye, points, row = near.eye[index], near.points[index], near.row[index]
+    farthest = np.zeros(len(rows))
+    np.maximum.at(farthest, row, near.rays[index, 4, 0] + points[:, 0, 2] - points[:, 3, 2])
+    item, box = np.nonzero(_before(scenery, rows, pose, farthest)[row])
+    circle = scenery.circles[:, rows[row[item]], box]
+    to_x, to_y = (points[:, 4, axis] - eye[:, axis] for axis in (0, 1))
+    square = to_x * to_x + to_y * to_y
+    to_x, to_y, square = to_x[item], to_y[item], square[item]
+    box_x, box_y = circle[0] - eye[item, 0], circle[1] - eye[item, 1]
+    along = np.clip((box_x * to_x + box_y * to_y) / square, 0.0, 1.0)
     off_x, off_y = box_x - along * to_x, box_y - along * to_y
-    reach = np.maximum(scenery.reach[row] + near_half(points), 0.0)
-    item, box = np.nonzero(off_x * off_x + off_y * off_y < reach * reach)
-    hit = _crosses(eye[item], points[item], scenery.boxes[row[item], box])
+    reach = circle[2] + _half_edge(points)[item]
+    near_line = np.flatnonzero(off_x * off_x + off_y * off_y < reach * reach)
+    item, box = item[near_line], box[near_line]
+    hit = _crosses(eye[item], points[item], scenery.boxes[rows[row[item]], box])
     hidden = np.zeros(len(index), np.bool_)
     hidden[item[hit]] = True
     return hidden
 
 
-def near_half(points: Array) -> Array:
-    """(c, 1) half an edge of each marker."""
-    return (points[:, 0, 2, None] - points[:, 3, 2, None]) / 2
+def _before(scenery: Scenery, rows: Indices, pose: Array, farthest: Array) -> Mask:
+    """(k, B) boxes ahead of the rear axle and not farther than the farthest marker: the only ones that can hide one."""
+    x, y, radius = scenery.circles[:, rows]
+    cos, sin = np.cos(pose[:, 2, None]), np.sin(pose[:, 2, None])
+    ahead = (x - pose[:, 0, None]) * cos + (y - pose[:, 1, None]) * sin
+    return np.asarray((radius > 0.0) & (ahead > -radius) & (ahead - radius < 1.0 + farthest[:, None] * 1.1))
+
+
+def _half_edge(points: Array) -> Array:
+    """(c,) half an edge of each marker."""
+    return (points[:, 0, 2] - points[:, 3, 2]) / 2
 
 
 def _crosses(eye: Array, points: Array, box: Array) -> Mask:
