@@ -142,7 +142,10 @@ def test_all_problems_are_listed_with_their_place():
     [
         ({"steering": {"neutral_us": float("nan")}}, "steering.neutral_us: got"),
         ({"steering": {"channel": 4}}, "steering.channel = 4 and throttle.channel = 1 are not neighbours"),
-        ({"throttle": {"dead_zone_us": 300, "skip_dead_zone": True, "reverse_us": 1800}}, "leaves nothing"),
+        (
+            {"throttle": {"dead_zone_us": 300, "skip_dead_zone": True, "reverse_us": 1860}},
+            "only 30 us are left between command 0 and an end",
+        ),
         ({"throttle": {"min_us": 1900}}, "min_us = 1900 is not below max_us = 1860"),
         ({"colour": "red"}, "colour: unknown; "),
     ],

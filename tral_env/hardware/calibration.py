@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from tral_env.errors import ConfigError
 
 Array = NDArray[np.float64]
+_LEAST_TRAVEL_US = 50
 PulseUs = Annotated[int, Field(ge=500, le=2500)]
 
 
@@ -57,8 +58,11 @@ class ChannelCalibration(_Section):
                 )
         if (minus - centre) * (plus - centre) >= 0:
             problems.append(f"command 0 is {centre} us, not between command -1 = {minus} us and command +1 = {plus} us")
-        elif min(abs(minus - centre), abs(plus - centre)) <= skip:
-            problems.append(f"the dead zone of {skip} us leaves nothing of {minus} .. {centre} .. {plus} us")
+        elif (least := min(abs(minus - centre), abs(plus - centre)) - skip) < _LEAST_TRAVEL_US:
+            problems.append(
+                f"only {least} us are left between command 0 and an end: {minus} .. {centre} .. {plus} us, dead zone "
+                f"{skip} us; expected at least {_LEAST_TRAVEL_US} us"
+            )
         if problems:
             raise ValueError("\n".join(problems))
         return self
