@@ -275,6 +275,8 @@ class SightingSpec(ConditionSpec):
     ids: tuple[int, ...] = Field((), description="only these ids; empty: any", strict=False)
     max_age: float = quantity(0.25, "s", "the sighting is not older", gt=0.0, le=10.0)
     max_distance: float = quantity(6.0, "m", "it is not farther away", gt=0.0, le=20.0)
+    max_ahead: float = quantity(20.0, "m", "it is not farther ahead, by dead reckoning", gt=0.0, le=20.0)
+    max_bearing_deg: float = quantity(90.0, "deg", "it is not farther to the side", gt=0.0, le=90.0)
 
 
 class ArucoGateFoundSpec(SightingSpec):

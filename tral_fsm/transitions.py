@@ -190,6 +190,10 @@ class SensorLevel(Condition[SensorLevelSpec]):
 class Seen(Condition[G]):
     """Fires when something is seen ahead, near and fresh enough."""
 
+    def __init__(self, spec: G, owner: State[Any]) -> None:
+        super().__init__(spec, owner)
+        self.bearing = math.radians(spec.max_bearing_deg)
+
     def sighting(self, m: MachineState) -> Sighting:
         """What is looked for."""
         raise NotImplementedError
@@ -200,7 +204,8 @@ class Seen(Condition[G]):
         if seen.id < 0 or seen.age > spec.max_age or (spec.ids and seen.id not in spec.ids):
             return False
         x, y, _ = m.from_here(seen.x, seen.y, seen.heading)
-        return x > 0.0 and math.hypot(x, y) <= spec.max_distance
+        near = 0.0 < x <= spec.max_ahead and math.hypot(x, y) <= spec.max_distance
+        return near and abs(math.atan2(y, x)) <= self.bearing
 
     def why(self, m: MachineState) -> str:
         """Id, place and age."""
