@@ -133,8 +133,8 @@ class UltrasonicConfig:
     incidence_spread_deg: float = 2.5
     """The limit varies from ranging to ranging by up to this much either way, deg. Source: era, 20 to 25."""
     edge_range: float = 2.0
-    """An edge or a slim post is heard no farther than this, m. Source: choice, after the SRF04's data sheet: a stick of
-    3 cm is detected at more than 2 m."""
+    """An edge or a slim post on the boresight is heard no farther than this, m. Source: choice, after the SRF04's data
+    sheet: a stick of 3 cm is detected at more than 2 m."""
     corner_tolerance: float = 0.26
     """Two walls are an inner corner if the cosine of the angle between them is at most this: 90 +- 15 deg. Source:
     choice."""
@@ -183,9 +183,11 @@ class HallConfig:
     """Resolution of the time stamp of a tick, s. Source: ucboard counts tenths of a millisecond."""
     bounce_s: float = 1e-3
     """A tick counted twice comes again after this long, s. Source: choice."""
+    max_speed: float = 5.0
+    """A tick that comes faster than at this speed is left out of the speed, m/s. Source: choice."""
 
     def __post_init__(self) -> None:
-        _check(self, positive=("metres_per_tick", "timeout_s", "stamp_s", "bounce_s"))
+        _check(self, positive=("metres_per_tick", "timeout_s", "stamp_s", "bounce_s", "max_speed"))
 
 
 @dataclass(frozen=True, kw_only=True)

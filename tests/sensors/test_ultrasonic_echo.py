@@ -102,14 +102,21 @@ def test_face_of_a_slim_post_ahead_echoes_like_a_wall() -> None:
     assert first_echo(box(4.02, 0.0, 0.02), CONFIG) == pytest.approx(4.0)
 
 
-def test_slim_post_off_the_boresight_is_heard_to_two_metres_only() -> None:
-    def post(distance: float) -> float:
-        a = math.radians(11.0)  # a ray's angle: slim posts between two rays are not hit
-        return first_echo(box(distance * math.cos(a), distance * math.sin(a), 0.02), CONFIG)
+def slim_post(distance: float, bearing_deg: float) -> float:
+    """First echo of a post of 4 cm; a bearing that is a ray's, for slim posts between two rays are not hit."""
+    a = math.radians(bearing_deg)
+    return first_echo(box(distance * math.cos(a), distance * math.sin(a), 0.02), CONFIG)
 
-    assert post(1.0) == pytest.approx(0.98, abs=0.01)
-    assert post(1.9) == pytest.approx(1.88, abs=0.01)
-    assert post(2.1) == math.inf
+
+def test_slim_post_whose_faces_look_elsewhere_is_heard_by_its_edges() -> None:
+    assert slim_post(1.0, 11.0) == pytest.approx(0.98, abs=0.01)
+
+
+# Halfway out of the beam (11 + 2.75 of 27.5 degrees): 2 m / 2 ** 0.25 = 1.68 m. At the rim: about 1 m.
+@pytest.mark.parametrize(("bearing_deg", "reach"), [(11.0, 1.77), (27.5, 1.13)])
+def test_edge_is_heard_less_far_off_the_boresight(bearing_deg: float, reach: float) -> None:
+    assert slim_post(reach - 0.05, bearing_deg) < reach
+    assert slim_post(reach + 0.20, bearing_deg) == math.inf
 
 
 def test_post_before_a_wall_is_heard_before_the_wall() -> None:

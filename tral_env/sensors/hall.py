@@ -40,9 +40,9 @@ def units_between(before: NDArray[np.uint16], after: NDArray[np.uint16]) -> Arra
 class Hall:
     """The hall sensors of n cars.
 
-    Speed is the median of the last three spacings of ticks, so that one missed or one doubled tick does not show; and
-    never more than one tick in the time since the last one, so that it falls when the car brakes; and 0 once a tick is
-    overdue by `timeout_s`.
+    Speed is the median of the last three spacings of ticks, so that one missed tick does not stay in it; a tick that
+    comes again too soon is left out; it is never more than one tick in the time since the last one, so that it falls
+    when the car brakes; and 0 once the last tick is `timeout_s` old.
     """
 
     def __init__(self, n: int, config: HallConfig) -> None:
@@ -108,18 +108,19 @@ class Hall:
     def _tick(self, counted: NDArray[np.bool_], when: Array) -> None:
         if not counted.any():
             return
+        self._ticks = self._ticks + counted
         stamp = np.rint(when / self._config.stamp_s) * self._config.stamp_s
-        spacing = np.maximum(stamp - self._stamp, self._config.stamp_s)
+        spacing = stamp - self._stamp
+        # A tick that comes faster than the car can drive is a bounce: counted, but no measure of speed.
+        timed = counted & (spacing >= self._config.metres_per_tick / self._config.max_speed)
         spacing = np.where(spacing > self._config.timeout_s, np.inf, spacing)
         last = self._spacing[:, 2]
         # From rest the first spacing known stands for all three; a pause makes all three unknown.
         anew = np.isinf(spacing) | np.isinf(last)
-        row = counted[:, None]
         shifted = np.column_stack([self._spacing[:, 1], last, spacing])
         fresh = np.where(anew[:, None], spacing[:, None], shifted)
-        self._spacing = np.where(row, fresh, self._spacing)
-        self._stamp = np.where(counted, stamp, self._stamp)
-        self._ticks = self._ticks + counted
+        self._spacing = np.where(timed[:, None], fresh, self._spacing)
+        self._stamp = np.where(timed, stamp, self._stamp)
 
     def _estimate(self, time_s: Array) -> Array:
         a, b, c = self._spacing.T

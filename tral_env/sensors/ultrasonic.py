@@ -33,14 +33,19 @@ class _Fan:
     x: Array
     y: Array
     cos_half_spacing: float
+    edge_share: Array
+    """(R - 1,) share of `edge_range` to which an edge between two rays is heard."""
 
 
 @lru_cache(maxsize=32)
 def _fan(rays: int, beam_deg: float) -> _Fan:
     angle = np.radians(np.linspace(-beam_deg / 2, beam_deg / 2, rays))
     half_spacing = math.radians(beam_deg / (rays - 1) / 2)
+    # A beam that is Gaussian in the angle, 6 dB down at its rim on the way out and again on the way in, and an echo
+    # whose amplitude falls with the square of the range: half the range at the rim.
+    off_axis = (angle[1:] + angle[:-1]) / math.radians(beam_deg)
     # The margin lets a foot exactly midway between two rays belong to either.
-    return _Fan(angle, np.cos(angle), np.sin(angle), math.cos(half_spacing * 1.001))
+    return _Fan(angle, np.cos(angle), np.sin(angle), math.cos(half_spacing * 1.001), 0.5**off_axis**2)
 
 
 def ray_angles(config: UltrasonicConfig) -> Array:
@@ -57,7 +62,8 @@ def echo(distance: Array, normal: Array, config: UltrasonicConfig, softness: Arr
       the perpendicular leaves the boresight by at most `incidence_limit_deg` (era: 20 to 25) and its foot lies on
       the wall (the ray nearest to it hits that wall);
     - an inner corner of about 90 degrees, by two reflections: range = distance of the corner, anywhere in the beam;
-    - an edge (outer corner, door frame, slim post), by diffraction: weak, heard to `edge_range` only.
+    - an edge (outer corner, door frame, slim post), by diffraction: weak, heard to `edge_range` only, and to half of
+      that at the rim of the beam. Its range is that of the nearer ray beside it: right to a ray's spacing.
 
     Sources: R. Kuc and M. W. Siegel, "Physically based simulation model for acoustic sensor robot navigation", IEEE
     PAMI 9(6), 1987 (planes, corners and edges as the three targets); beam, limit and wavelength see `UltrasonicConfig`.
@@ -104,7 +110,8 @@ def _bends(reach: Array, x: Array, y: Array, nx: Array, ny: Array, height: Array
     front = np.minimum(ax * dx + ay * dy, -(bx * dx + by * dy))
     near = np.minimum(reach[..., 1:], reach[..., :-1])
     step = config.jitter_m / 4  # a quarter of a wavelength: less is no step to the wave
-    found = np.where((front < -step) & (near <= config.edge_range), near, np.inf)
+    edge_limit = config.edge_range * _fan(config.rays, config.beam_deg).edge_share
+    found = np.where((front < -step) & (near <= edge_limit), near, np.inf)
     cosine = ax * bx + ay * by
     # A ray that ends in the corner itself lies on both surfaces, in front of neither.
     across = np.abs(cosine) <= config.corner_tolerance
