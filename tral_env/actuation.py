@@ -273,17 +273,18 @@ class Actuation:
         """One control tick of the named cars.
 
         Args:
-            rows: which, as indices or a slice; k of them.
+            rows: which, as distinct indices or a slice; k of them.
             command: steering and throttle, finite, (k, 2); clipped to [-1, 1].
             speed: mean rate of the four wheels times the nominal wheel radius, m/s, (k,).
 
         Returns:
             What to write into the model for this tick, each (k,).
         """
+        parameters = self.parameters
         delayed = self._delayed(rows, np.minimum(np.maximum(command, -1.0), 1.0))
         target = steering_target(
             delayed[:, STEERING],
-            self.parameters.steering_offset[rows],
+            parameters.steering_offset[rows],
             self._lock[rows],
             self._low[rows],
             self._high[rows],
@@ -309,10 +310,12 @@ class Actuation:
     def _motor(self, rows: Rows, throttle: Array, speed: Array) -> tuple[Array, Array]:
         """Voltage at the motor and of the battery."""
         esc = self._esc
-        direction, phase, held = controller_step(
-            self._direction[rows], self._phase[rows], self._held[rows], throttle, esc.dead_zone, self._switch_ticks
-        )
-        self._direction[rows], self._phase[rows], self._held[rows] = direction, phase, held
+        direction, phase = self._direction[rows], self._phase[rows]
+        if phase.any() or (direction * throttle < -esc.dead_zone).any():  # else the step would change nothing
+            direction, phase, held = controller_step(
+                direction, phase, self._held[rows], throttle, esc.dead_zone, self._switch_ticks
+            )
+            self._direction[rows], self._phase[rows], self._held[rows] = direction, phase, held
         duty = motor_duty(throttle, esc.dead_zone)
         back_emf = esc.back_emf * speed
         battery_v = self.parameters.battery_v[rows]
