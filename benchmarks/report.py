@@ -101,10 +101,12 @@ def read(path: Path, settings: Settings) -> dict[tuple[str, int], dict[str, Any]
 
 
 def append(path: Path, line: dict[str, Any]) -> None:
-    """Write a line at once."""
+    """Write a line at once, below whatever was cut off there."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("a", encoding="utf-8") as file:
-        file.write(json.dumps(line) + "\n")
+    with path.open("a+", encoding="utf-8") as file:
+        file.seek(0)
+        whole = file.read()[-1:] in ("", "\n")
+        file.write(("" if whole else "\n") + json.dumps(line) + "\n")
 
 
 def work(jobs: list[tuple[str, int]], settings: Settings, processes: int, out: Path) -> None:

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import multiprocessing
-import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 
 from tral_env.errors import ConfigError
+from tral_fsm.definition import MachineDefinition, WallSpec
+from tral_fsm.policy import MachinePolicy
 from tral_fsm.report.summary import Summary, summarize
-
-WALL_FOLLOWING = ("BasicFollowWall", "FollowWall", "FollowWallRamp")
-"""Types of states that have the gains p and d."""
+from tral_fsm.rollout import drive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,28 +45,38 @@ class Cell:
         return asdict(self)
 
 
-def gains(machine: Mapping[str, Any]) -> tuple[float, float]:
+def gains(machine: MachineDefinition) -> tuple[float, float]:
     """Gains p and d of the first wall-following state of a machine.
 
     Raises:
         ConfigError: it has none.
     """
-    for state in machine["states"]:
-        if state["type"] in WALL_FOLLOWING:
-            return float(state.get("p", 1.0)), float(state.get("d", 0.0))
-    raise ConfigError(f"this machine has no wall-following state. Needed: one of {', '.join(WALL_FOLLOWING)}")
+    for state in machine.states:
+        if isinstance(state, WallSpec):
+            return state.p, state.d
+    raise ConfigError(f"machine '{machine.name}' has no state that follows a wall, so it has no gains p and d")
 
 
-def with_gains(machine: Mapping[str, Any], p: float, d: float) -> dict[str, Any]:
-    """The machine with these gains in all its wall-following states."""
-    states = [
-        {**state, "p": p, "d": d} if state["type"] in WALL_FOLLOWING else dict(state) for state in machine["states"]
-    ]
-    return {**machine, "states": states}
+def with_gains(machine: MachineDefinition, p: float, d: float) -> MachineDefinition:
+    """The machine with these gains in all its wall-following states; machines inside it keep theirs.
+
+    Args:
+        machine: the machine.
+        p: steering per m.
+        d: steering per m/s.
+
+    Raises:
+        pydantic.ValidationError: a gain is out of its range.
+    """
+    states = tuple(
+        type(state).model_validate({**state.model_dump(), "p": p, "d": d}) if isinstance(state, WallSpec) else state
+        for state in machine.states
+    )
+    return machine.model_copy(update={"states": states})
 
 
 def sweep(
-    machine: Mapping[str, Any],
+    machine: MachineDefinition,
     p: Sequence[float],
     d: Sequence[float],
     task: Task,
@@ -79,7 +87,7 @@ def sweep(
     """Drive the same courses with every pair of gains.
 
     Args:
-        machine: content of a machine file.
+        machine: whose gains are tried.
         p: values of p.
         d: values of d.
         task: on what they are tried.
@@ -120,17 +128,9 @@ def _mapper(processes: int) -> Iterator[Callable[..., Any]]:
         yield pool.map
 
 
-def _try(machine: Mapping[str, Any], task: Task, pair: tuple[float, float]) -> Cell:
-    import gymnasium as gym
-
-    from tral_fsm import load_policy
-    from tral_fsm.rollout import drive
-
+def _try(machine: MachineDefinition, task: Task, pair: tuple[float, float]) -> Cell:
     p, d = pair
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "machine.json"
-        path.write_text(json.dumps(with_gains(machine, p, d)), encoding="utf-8")
-        policy = load_policy(str(path))
+    policy = MachinePolicy(with_gains(machine, p, d))
     env = gym.make(
         "tral_env:TralCorridor-v0", scenario=task.scenario, camera=task.camera, randomization=task.randomization
     )

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import importlib
 import os
-import sys
+import platform
 
 from tral_env.errors import RenderError
 
-BACKENDS = {"linux": ("egl", "osmesa", "glfw"), "darwin": ("cgl", "glfw"), "win32": ("wgl", "glfw")}
+BACKENDS = {"Linux": ("egl", "osmesa", "glfw"), "Darwin": ("cgl", "glfw"), "Windows": ("wgl", "glfw")}
 """Values of MUJOCO_GL worth trying, the best first."""
 
 REMEDY = (
@@ -19,14 +19,14 @@ REMEDY = (
 
 def backends() -> tuple[str, ...]:
     """Values of MUJOCO_GL worth trying on this system."""
-    return BACKENDS.get(sys.platform, BACKENDS["linux"])
+    return BACKENDS.get(platform.system(), BACKENDS["Linux"])
 
 
 def backend_in_use() -> str:
     """The backend that the environments will use now."""
     wish = os.environ.get("MUJOCO_GL", "").lower()
     screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    if sys.platform == "linux":
+    if platform.system() == "Linux":
         return wish or ("glfw" if screen else "egl")
     return wish or backends()[0]
 

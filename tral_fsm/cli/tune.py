@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
+    from tral_fsm.definition import MachineDefinition
     from tral_fsm.tune import Cell, Task
 
 
@@ -39,10 +40,11 @@ def command(
     Prints and draws the clearance error. The best pair has the smallest error among those with the most successes.
     """
     from tral_env.course.generate import SCENARIOS
+    from tral_fsm.library import load as load_machine
     from tral_fsm.tune import Task, best, gains
 
     check_name("scenario", scenario, SCENARIOS)
-    machine = _machine(policy)
+    machine = load_machine(policy)
     base_p, base_d = gains(machine)
     task = Task(scenario=scenario, seeds=tuple(range(seed, seed + episodes)), randomization=randomization)
     cells = _sweep(machine, _values(p, base_p, grid, "p"), _values(d, base_d, grid, "d"), task, processes)
@@ -59,19 +61,6 @@ def command(
         typer.echo(json.dumps(report, indent=2))
     else:
         _show(report, cells, out)
-
-
-def _machine(policy: str) -> dict[str, Any]:
-    """Content of a packaged machine or of a file."""
-    path = Path(policy)
-    if not path.suffix:
-        folder = Path(__file__).resolve().parents[1] / "machines"
-        names = sorted(file.stem for file in folder.glob("*.json"))
-        path = folder / f"{check_name('policy', policy, names)}.json"
-    if path.suffix != ".json" or not path.is_file():
-        raise ConfigError(f"--policy {policy}: expected the name of a packaged machine or an existing .json file")
-    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return content
 
 
 def _values(span: str | None, base: float, count: int, name: str) -> list[float]:
@@ -93,7 +82,7 @@ def _values(span: str | None, base: float, count: int, name: str) -> list[float]
 
 
 def _sweep(
-    machine: Mapping[str, Any], p: Sequence[float], d: Sequence[float], task: Task, processes: int
+    machine: MachineDefinition, p: Sequence[float], d: Sequence[float], task: Task, processes: int
 ) -> list[Cell]:
     from rich.console import Console
     from rich.progress import Progress

@@ -19,7 +19,7 @@ from tral_env.interface import CORE_LAYOUT, NO_ECHO_M
 from tral_fsm.report.palette import Palette
 from tral_fsm.rollout import Episode, Trace
 
-SIDES = {"left": "#1f77b4", "front": "#2ca02c", "right": "#d62728"}
+SIDES = {"left": "#0b3c8c", "front": "black", "right": "#a30000"}
 """Ultrasonics and the colours of their ranges."""
 
 _WIDTH_IN = 12.0

@@ -1,0 +1,167 @@
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+import tral_env
+from tral_env.course.generate import SCENARIOS
+from tral_env.course.layout import Course
+from tral_fsm.cli import app
+from tral_fsm.cli.courses import seeded_course
+
+CALM = ["--policy", "wall", "--scenario", "straight", "--camera", "projected", "--randomization", "none"]
+
+
+def tral(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
+    out = tmp_path_factory.mktemp("runs") / "first"
+    return out, tral("drive", *CALM, "--seed", 3, "--no-video", "--json", "--out", out)
+
+
+def test_the_version_is_that_of_the_package() -> None:
+    assert tral("--version").stdout == f"tral {tral_env.__version__}\n"
+
+
+def test_help_does_not_load_the_simulation() -> None:
+    code = (
+        "import sys; from typer.testing import CliRunner; from tral_fsm.cli import app;"
+        "CliRunner().invoke(app, ['drive', '--help']);"
+        "print({'mujoco', 'cv2', 'matplotlib'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
+
+
+def test_json_on_stdout_is_the_summary_and_nothing_else(driven: tuple[Path, Result]) -> None:
+    out, result = driven
+    assert json.loads(result.stdout) == json.loads((out / "summary.json").read_text())
+
+
+def test_the_exit_code_says_whether_the_car_arrived(driven: tuple[Path, Result]) -> None:
+    _, result = driven
+    report = json.loads(result.stdout)
+    assert report["complete"]
+    assert result.exit_code == (0 if report["episodes"][0]["success"] else 1)
+
+
+def test_one_episode_leaves_its_pictures_in_the_folder_itself(driven: tuple[Path, Result]) -> None:
+    out, result = driven
+    assert sorted(path.name for path in out.iterdir()) == ["summary.json", "trajectory.png"]
+    assert json.loads(result.stdout)["episodes"][0]["files"] == ["trajectory.png"]
+
+
+def test_the_summary_says_what_it_depends_on(driven: tuple[Path, Result]) -> None:
+    report = json.loads(driven[1].stdout)
+    assert report["arguments"]["seed"] == 3
+    assert report["versions"]["tral-env"] == tral_env.__version__
+    assert report["episodes"][0]["seed"] == 3
+
+
+def test_several_episodes_have_a_subfolder_each_and_replace_an_earlier_drive(tmp_path: Path) -> None:
+    tral("drive", *CALM, "--no-video", "--out", tmp_path)
+    (tmp_path / "notes.txt").write_text("mine")
+    result = tral("drive", *CALM, "--seed", 3, "--episodes", 2, "--no-video", "--out", tmp_path)
+    files = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file())
+    assert files == ["notes.txt", "seed_3/trajectory.png", "seed_4/trajectory.png", "summary.json"]
+    for heading in ("progress", "time", "mean speed", "clearance", "gates", "collisions"):
+        assert heading in result.stdout
+
+
+def test_a_course_file_is_driven_under_its_name(tmp_path: Path) -> None:
+    course = tmp_path / "mine.json"
+    assert tral("courses", "--scenario", "straight", "--seed", 5, "--out", course).exit_code == 0
+    result = tral("drive", *CALM, "--course", course, "--no-video", "--json", "--out", tmp_path / "out")
+    assert json.loads(result.stdout)["episodes"][0]["scenario"] == "mine"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["drive", "--scenario", "cornrs"], "unknown scenario 'cornrs': did you mean 'corners'?"),
+        (["drive", "--policy", "wal"], "did you mean 'wall'?"),
+        (["courses", "--scenario", "ofice"], "did you mean 'office'?"),
+        (["courses", "--out", "a.json"], "a course file holds one course, so --scenario is needed"),
+        (["courses", "--out", "a.bmp"], "unknown suffix '.bmp'. Allowed: .png, .json"),
+        (["tune", "--p", "3"], "--p 3: expected LOW:HIGH"),
+        (["tune", "--d", "3:1"], "--d 3:1: expected the lower end first"),
+        (["tune", "--scenario", "strait"], "did you mean 'straight'?"),
+    ],
+)
+def test_bad_usage_is_said_in_a_line_and_exits_with_2(
+    arguments: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = tral(*arguments)
+    assert result.exit_code == 2
+    assert message in " ".join(result.stderr.split())
+    assert result.stdout == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_backend_that_does_not_load_exits_with_3_and_names_the_remedy(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", "from tral_fsm.cli import app; app()", "drive", "--out", str(tmp_path / "out")],
+        env={**os.environ, "MUJOCO_GL": "nonsense"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 3
+    assert "unset MUJOCO_GL or set it to one of" in " ".join(done.stderr.split())
+    assert "Traceback" not in done.stderr
+
+
+def test_courses_lists_every_family_with_what_it_is() -> None:
+    listed = " ".join(tral("courses").stdout.split())
+    assert all(name in listed for name in SCENARIOS)
+
+
+def test_a_course_file_is_the_course_that_the_env_drives(tmp_path: Path) -> None:
+    import gymnasium as gym
+
+    out = tmp_path / "corners.json"
+    tral("courses", "--scenario", "corners", "--seed", 4, "--out", out)
+    env = gym.make("tral_env:TralCorridor-v0", scenario="corners")
+    env.reset(seed=4)
+    assert Course.load(out) == env.unwrapped.course == seeded_course("corners", 4)  # type: ignore[attr-defined]
+    env.close()
+
+
+@pytest.mark.parametrize("arguments", [["--scenario", "gates"], []])
+def test_courses_are_drawn(arguments: list[str], tmp_path: Path) -> None:
+    out = tmp_path / "sheet.png"
+    assert tral("courses", *arguments, "--out", out).exit_code == 0
+    assert out.read_bytes().startswith(b"\x89PNG")
+
+
+def test_tune_prints_the_table_and_writes_the_sweep(tmp_path: Path) -> None:
+    arguments = ["--grid", 2, "--episodes", 1, "--p", "1:2", "--d", "0.5:1", "--processes", 1, "--out", tmp_path]
+    result = tral("tune", *arguments, "--randomization", "none")
+    assert result.exit_code == 0
+    report = json.loads((tmp_path / "sweep.json").read_text())
+    assert [(cell["p"], cell["d"]) for cell in report["cells"]] == [(1, 0.5), (1, 1), (2, 0.5), (2, 1)]
+    assert (tmp_path / "sweep.png").exists()
+    assert f"Best: p = {report['best']['p']:g}" in result.stdout
+
+
+def test_the_doctor_finds_the_core_working_and_says_a_remedy_for_all_that_is_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("tral_fsm.cli.doctor._EXTRAS", {"rl": ("no-such-package",)})
+    result = tral("doctor", "--json")
+    report = json.loads(result.stdout)
+    assert (result.exit_code, report["core_works"]) == (0, True)
+    found = {f"{finding['topic']}: {finding['name']}": finding for finding in report["findings"]}
+    assert found["extra rl: no-such-package"]["remedy"] == "pip install 'tral-env[rl]'"
+    assert found["core: env without OpenGL"]["detail"].endswith("steps/s")
+    assert found["OpenGL: in use"]["ok"] or found["OpenGL: in use"]["remedy"]
