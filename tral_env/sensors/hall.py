@@ -48,9 +48,11 @@ class Hall:
     def __init__(self, n: int, config: HallConfig) -> None:
         self._config = config
         self._place = np.zeros(n)
+        self._passed = np.zeros(n)
         self._ticks = np.zeros(n, np.int64)
         self._stamp = np.zeros(n)
-        self._spacing = np.zeros((n, 3))
+        self._spacing = np.zeros((3, n))
+        self._median = np.zeros(n)
         self._speed = np.zeros(n)
         self.reset(np.arange(n))
 
@@ -63,9 +65,10 @@ class Hall:
                 distance is wrong by at most half a tick either way.
         """
         self._place[rows] = place
+        self._passed[rows] = 0.0
         self._ticks[rows] = 0
         self._stamp[rows] = -np.inf
-        self._spacing[rows] = np.inf
+        self._spacing[:, rows] = self._median[rows] = np.inf
         self._speed[rows] = 0.0
 
     def update(
@@ -88,22 +91,24 @@ class Hall:
             miss_rate: (n,) or scalar, probability that a tick is not counted.
             double_rate: (n,) or scalar, probability that a tick is counted twice.
         """
-        start = self._place
-        self._place = start + travel / self._config.metres_per_tick
+        start, passed = self._place, self._passed
         # Magnets sit at the whole numbers.
-        first = np.floor(start)
-        passed = np.abs(np.floor(self._place) - first)
-        if passed.any():
-            moved = np.where(self._place == start, 1.0, self._place - start)
-            for k in range(int(passed.max())):
-                magnet = np.where(moved > 0, first + 1 + k, first - k)
-                when = time_s - period_s + (magnet - start) / moved * period_s
-                # Ticks after the first of a period turn the same draws by the golden ratio: uniform again.
-                draw = (uniform + k * _GOLDEN) % 1.0
-                seen = (passed > k) & (draw[:, 0] >= miss_rate)
-                self._tick(seen, np.asarray(when))
-                self._tick(seen & (draw[:, 1] < double_rate), when + self._config.bounce_s)
-        self._speed = self._estimate(np.asarray(time_s))
+        self._place = start + travel / self._config.metres_per_tick
+        self._passed = np.floor(self._place)
+        count = np.abs(self._passed - passed)
+        for k in range(int(count.max(initial=0.0))):
+            moved = np.where(count > k, self._place - start, 1.0)
+            magnet = np.where(moved > 0, passed + 1 + k, passed - k)
+            when = time_s - period_s + (magnet - start) / moved * period_s
+            # Ticks after the first of a period turn the same draws by the golden ratio: uniform again.
+            draw = (uniform + k * _GOLDEN) % 1.0
+            seen = (count > k) & (draw[:, 0] >= miss_rate)
+            self._tick(seen, when)
+            self._tick(seen & (draw[:, 1] < double_rate), when + self._config.bounce_s)
+        waited = time_s - self._stamp
+        self._speed = np.where(
+            waited > self._config.timeout_s, 0.0, self._config.metres_per_tick / np.maximum(self._median, waited)
+        )
 
     def _tick(self, counted: NDArray[np.bool_], when: Array) -> None:
         if not counted.any():
@@ -114,20 +119,14 @@ class Hall:
         # A tick that comes faster than the car can drive is a bounce: counted, but no measure of speed.
         timed = counted & (spacing >= self._config.metres_per_tick / self._config.max_speed)
         spacing = np.where(spacing > self._config.timeout_s, np.inf, spacing)
-        last = self._spacing[:, 2]
+        _, middle, last = self._spacing
         # From rest the first spacing known stands for all three; a pause makes all three unknown.
         anew = np.isinf(spacing) | np.isinf(last)
-        shifted = np.column_stack([self._spacing[:, 1], last, spacing])
-        fresh = np.where(anew[:, None], spacing[:, None], shifted)
-        self._spacing = np.where(timed[:, None], fresh, self._spacing)
+        fresh = np.array([np.where(anew, spacing, middle), np.where(anew, spacing, last), spacing])
+        self._spacing = np.where(timed, fresh, self._spacing)
         self._stamp = np.where(timed, stamp, self._stamp)
-
-    def _estimate(self, time_s: Array) -> Array:
-        a, b, c = self._spacing.T
-        median = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
-        waited = time_s - self._stamp
-        speed: Array = self._config.metres_per_tick / np.maximum(median, waited)
-        return np.where(waited > self._config.timeout_s, 0.0, speed)
+        a, b, c = self._spacing
+        self._median = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
 
     @property
     def ticks(self) -> IntArray:
