@@ -26,6 +26,10 @@ class CalibrationError(TralError, ValueError):
     """A calibration file of a car or a camera cannot be used."""
 
 
+class SimulationError(TralError, RuntimeError):
+    """The physics of a car became unstable."""
+
+
 class RenderError(TralError, RuntimeError):
     """An image cannot be rendered on this machine."""
 

@@ -1,0 +1,134 @@
+"""What counts as progress, gates, success; on plans small enough to do by hand."""
+
+import numpy as np
+import pytest
+
+from tral_env import task
+from tral_env.config import CarConfig, TaskConfig
+from tral_env.course.plan import Plan
+
+
+def plan(**changes: object) -> Plan:
+    """Ten metres along x, a gate of 0.8 m at 5 m, plain walls 2 m apart from 1 to 4 m."""
+    x = np.linspace(0.0, 10.0, 101)
+    values: dict[str, object] = {
+        "box_position": np.zeros((0, 3)),
+        "box_yaw": np.zeros(0),
+        "box_size": np.zeros((0, 3)),
+        "box_kind": np.zeros(0, np.int64),
+        "route": np.stack([x, 0 * x], axis=1),
+        "start": np.zeros(3),
+        "gate_pose": np.array([[5.0, 0.0, 0.0]]),
+        "gate_width": np.array([0.8]),
+        "gate_id": np.zeros(1, np.int64),
+        "straights": np.array([[1.0, 0.0, 0.0, 3.0, 2.0]]),
+    }
+    return Plan(**{**values, **changes})  # type: ignore[arg-type]
+
+
+def track(*plans: Plan) -> task.Track:
+    track = task.empty_track(len(plans))
+    for row, one in enumerate(plans):
+        task.lay(track, row, one)
+    return track
+
+
+def locate(track: task.Track, x: float, y: float, segment: int) -> tuple[float, float, int]:
+    s, lateral, found = task.locate(track, np.array([0]), np.array([[x, y]]), np.array([segment]))
+    return float(s[0]), float(lateral[0]), int(found[0])
+
+
+def test_the_place_on_a_straight_route_is_x_and_left_is_positive() -> None:
+    s, lateral, segment = locate(track(plan()), 3.14, 0.2, 30)
+    assert s == pytest.approx(3.14)
+    assert lateral == pytest.approx(0.2)
+    assert segment == 31
+
+
+def test_a_car_cannot_jump_to_a_far_part_of_its_route() -> None:
+    s, _, _ = locate(track(plan()), 9.0, 0.0, 10)
+    assert s == pytest.approx(2.2)
+
+
+def test_routes_of_unlike_lengths_live_side_by_side() -> None:
+    short = plan(route=np.array([[0.0, 0.0], [0.1, 0.0]]), gate_pose=np.zeros((0, 3)), gate_width=np.zeros(0))
+    both = track(short, plan())
+    assert both.length.tolist() == pytest.approx([0.1, 10.0])
+    assert both.gates.tolist() == [0, 1]
+    s, _, _ = task.locate(both, np.array([0]), np.array([[3.0, 0.0]]), np.array([0]))
+    assert s[0] == pytest.approx(0.1)
+
+
+def cross(before: tuple[float, float], after: tuple[float, float], passed: int = 0) -> tuple[bool, bool]:
+    through, missed = task.cross_gates(
+        track(plan()), np.array([before]), np.array([after]), np.array([after[0]]), np.array([passed])
+    )
+    return bool(through[0]), bool(missed[0])
+
+
+def test_a_gate_is_passed_between_its_posts() -> None:
+    assert cross((4.99, 0.39), (5.01, 0.39)) == (True, False)
+
+
+def test_a_gate_is_missed_outside_its_posts() -> None:
+    assert cross((4.99, 0.41), (5.01, 0.41)) == (False, True)
+
+
+def test_a_gate_is_missed_backwards() -> None:
+    assert cross((5.01, 0.0), (4.99, 0.0), passed=1) == (False, True)
+
+
+def test_a_car_that_stands_before_a_gate_has_neither_passed_nor_missed() -> None:
+    assert cross((4.5, 0.0), (4.6, 0.0)) == (False, False)
+
+
+def test_the_gate_line_ends_with_its_reach() -> None:
+    assert cross((4.99, 3.1), (5.01, 3.1)) == (False, False)
+
+
+def clearance(x: float, y: float, yaw: float = 0.0) -> tuple[float, float]:
+    left, right = task.wall_clearance(track(plan()), np.array([[x, y, yaw]]), CarConfig())
+    return float(left[0]), float(right[0])
+
+
+def test_clearance_is_measured_from_the_side_ultrasonics() -> None:
+    assert clearance(2.0, 0.3) == pytest.approx((0.6, 1.2))
+
+
+def test_clearance_is_perpendicular_also_when_the_car_is_turned() -> None:
+    left, right = clearance(2.0, 0.0, np.radians(10))
+    ahead, aside = 0.129 * np.sin(np.radians(10)), 0.1 * np.cos(np.radians(10))
+    assert left == pytest.approx(1.0 - ahead - aside)
+    assert right == pytest.approx(1.0 + ahead - aside)
+
+
+def test_there_is_no_clearance_off_the_plain_stretches() -> None:
+    assert np.isnan(clearance(0.5, 0.0)).all()
+    assert np.isnan(clearance(2.0, 0.0, np.pi)).all()
+
+
+def test_the_clearance_error_is_that_of_the_followed_wall() -> None:
+    wanted = np.array([[1.0, 0.5], [-1.0, 0.5], [np.nan, np.nan]])
+    error = task.clearance_error(np.full(3, 0.6), np.full(3, 1.2), wanted)
+    assert error[:2].tolist() == pytest.approx([0.1, 0.7])
+    assert np.isnan(error[2])
+
+
+def test_the_time_limit_is_that_of_a_slow_walk_and_ten_seconds() -> None:
+    assert task.time_limit(np.array([12.0]), TaskConfig()).tolist() == pytest.approx([50.0])
+
+
+def test_the_reward_adds_its_terms() -> None:
+    yes, no = np.array([True]), np.array([False])
+    config = TaskConfig()
+
+    def earned(**changes: np.ndarray) -> float:
+        base = {"advance": np.zeros(1), "gate": no, "success": no, "failure": no, "steering_change": np.zeros(1)}
+        return float(task.reward(task.Outcome(**(base | changes)), config)[0])
+
+    assert earned() == pytest.approx(-0.005)
+    assert earned(advance=np.array([0.02])) == pytest.approx(0.015)
+    assert earned(gate=yes) == pytest.approx(1.995)
+    assert earned(success=yes) == pytest.approx(9.995)
+    assert earned(failure=yes) == pytest.approx(-10.005)
+    assert earned(steering_change=np.array([2.0])) == pytest.approx(-0.045)

@@ -1,0 +1,99 @@
+"""When readings arrive, how old they are, and that noise belongs to its row."""
+
+import numpy as np
+import pytest
+
+from tral_env.errors import ConfigError
+from tral_env.noise import NoiseTape
+from tral_env.perception.gate import Sighting
+from tral_env.perception.sightings import Sightings
+from tral_env.randomization import LEVELS, Randomization, level
+from tral_env.sensors.ranging import Ranging
+
+ROW = np.array([0])
+
+
+def sighting(gate: float, marker: float, x: float = 1.0) -> Sighting:
+    one, none = np.array([x]), np.array([0.0])
+    return Sighting(np.array([gate]), one, none, none, np.array([marker]), one, none, none)
+
+
+def test_a_range_is_published_when_the_next_ranging_begins() -> None:
+    ranging = Ranging(1)
+    ranging.reset(ROW, np.array([[1.0, 2.0, 3.0]]))
+    ranging.fire(ROW, np.array([1]), np.array([2.5]), np.array([0.065]))
+    assert ranging.range_m[0].tolist() == [1.0, 2.0, 3.0]
+    ranging.fire(ROW, np.array([1]), np.array([2.6]), np.array([0.130]))
+    assert ranging.range_m[0].tolist() == [1.0, 2.5, 3.0]
+    assert ranging.age(np.array([0.13]))[0].tolist() == pytest.approx([0.13, 0.065, 0.13])
+
+
+def test_an_image_is_known_after_its_latency_and_grows_old() -> None:
+    eyes = Sightings(1, rate_hz=15.0)
+    eyes.reset(ROW, np.array([0.05]))
+    assert eyes.due(ROW, np.array([0.0])).tolist() == [0]
+    eyes.expose(ROW, np.array([0.0]), sighting(3.0, 7.0))
+    eyes.deliver(np.array([0.0375]))
+    assert eyes.readings(np.array([0.0375]))["gate_id"][0] == -1.0
+    eyes.deliver(np.array([0.05]))
+    seen = eyes.readings(np.array([0.0625]))
+    assert (seen["gate_id"][0], seen["marker_id"][0], seen["gate_age"][0]) == (3.0, 7.0, 0.0625)
+
+
+def test_a_camera_of_15_hz_exposes_15_images_a_second() -> None:
+    eyes = Sightings(1, rate_hz=15.0)
+    images = sum(len(eyes.due(ROW, np.array([tick * 0.0125]))) for tick in range(800))
+    assert images == 150
+
+
+def test_an_empty_image_does_not_forget_what_was_seen() -> None:
+    eyes = Sightings(1, rate_hz=15.0)
+    eyes.expose(ROW, np.array([0.0]), sighting(3.0, 7.0))
+    eyes.deliver(np.array([0.1]))
+    eyes.expose(ROW, np.array([0.1]), sighting(-1.0, 8.0, x=2.0))
+    eyes.deliver(np.array([0.2]))
+    seen = eyes.readings(np.array([0.2]))
+    assert (seen["gate_id"][0], seen["gate_x"][0], seen["gate_age"][0]) == (3.0, 1.0, pytest.approx(0.2))
+    assert (seen["marker_id"][0], seen["marker_x"][0], seen["marker_age"][0]) == (8.0, 2.0, pytest.approx(0.1))
+
+
+def test_the_noise_of_a_row_does_not_depend_on_other_rows() -> None:
+    alone, among = NoiseTape(1), NoiseTape(3)
+    alone.reset(0, np.random.default_rng(5))
+    for row, seed in enumerate((1, 5, 9)):
+        among.reset(row, np.random.default_rng(seed))
+    among.uniform(np.array([0, 2]), 7)
+    assert np.array_equal(alone.uniform(ROW, 4), among.uniform(np.array([1]), 4))
+    assert np.array_equal(alone.normal(ROW, 4), among.normal(np.array([1, 2]), 4)[:1])
+
+
+def test_the_tape_goes_round() -> None:
+    tape = NoiseTape(1, length=4)
+    tape.reset(0, np.random.default_rng(0))
+    first = tape.uniform(ROW, 4)
+    assert np.array_equal(tape.uniform(ROW, 4), first)
+
+
+def test_every_draw_lies_in_its_range() -> None:
+    hard = LEVELS["hard"]
+    for seed in range(50):
+        for name, value in hard.draw(np.random.default_rng(seed)).items():
+            low, high = getattr(hard, name)
+            assert low <= value <= high
+
+
+def test_fixing_one_parameter_leaves_the_draws_of_the_others() -> None:
+    free = LEVELS["default"].draw(np.random.default_rng(3))
+    fixed = LEVELS["default"].fixed(friction=0.5).draw(np.random.default_rng(3))
+    assert fixed.pop("friction") == 0.5
+    free.pop("friction")
+    assert fixed == free
+
+
+def test_bad_ranges_and_names_are_refused() -> None:
+    with pytest.raises(ConfigError, match=r"friction = \(2\.0, 1\.0\)"):
+        Randomization(friction=(2.0, 1.0))
+    with pytest.raises(ConfigError, match="did you mean 'friction'"):
+        LEVELS["none"].fixed(fricton=0.5)
+    with pytest.raises(ConfigError, match="did you mean 'default'"):
+        level("defaut")

@@ -1,0 +1,236 @@
+"""Cars on their courses: simulation and task together, n at once. Both environments are thin shells over this."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env import task
+from tral_env.config import CameraConfig, CarConfig, TaskConfig
+from tral_env.course.generate import SCENARIOS, generate
+from tral_env.course.geometry import build_plan
+from tral_env.course.layout import Course
+from tral_env.course.plan import Plan
+from tral_env.course.scene import Pool
+from tral_env.errors import ConfigError, nearest
+from tral_env.interface import Layout
+from tral_env.randomization import Randomization, level
+from tral_env.sim import Simulation
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+CAMERAS = ("projected", "rendered")
+RESET_OPTIONS = ("course", "car", "reset_mask")
+"""What ``reset(options=...)`` understands."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CorridorConfig:
+    """What to drive, with which car and which eyes."""
+
+    scenario: str = "office"
+    """Family of courses that are generated, one of `SCENARIOS`."""
+    course: Course | str | Path | None = None
+    """A course, or the path of its JSON file, driven instead of generated ones."""
+    camera: str = "projected"
+    """"projected": markers are projected, no OpenGL; "rendered": an image is rendered and searched by OpenCV."""
+    randomization: str | Randomization = "default"
+    """How much the cars differ: "none", "default", "hard" or ranges of your own."""
+    groups: tuple[str, ...] = ()
+    """Optional groups of readings behind the core ones."""
+    car: CarConfig = field(default_factory=CarConfig)
+    lens: CameraConfig = field(default_factory=CameraConfig)
+    task: TaskConfig = field(default_factory=TaskConfig)
+
+    def __post_init__(self) -> None:
+        if self.scenario not in SCENARIOS:
+            raise ConfigError(f"unknown scenario '{self.scenario}': {nearest(self.scenario, SCENARIOS)}")
+        if self.camera not in CAMERAS:
+            raise ConfigError(f"unknown camera '{self.camera}': {nearest(self.camera, CAMERAS)}")
+        level(self.randomization)
+        Layout.of(self.groups)
+
+    def fixed_course(self) -> Course | None:
+        """The course that every episode drives, if there is one."""
+        return as_course(self.course)
+
+
+def as_course(course: Course | str | Path | None) -> Course | None:
+    """A course, read from its file if a path was given."""
+    return Course.load(course) if isinstance(course, str | Path) else course
+
+
+@dataclass(frozen=True)
+class Step:
+    """What a tick brought, arrays of (n, ...)."""
+
+    observation: NDArray[np.float32]
+    reward: Array
+    terminated: Flags
+    truncated: Flags
+    info: dict[str, Array | Flags | Index]
+
+
+class Corridor:
+    """n cars on n courses."""
+
+    def __init__(self, n: int, config: CorridorConfig, *, nthread: int = 1) -> None:
+        """Build the simulation; `reset` must come first."""
+        self.n, self.config, self._nthread = n, config, nthread
+        self.layout = Layout.of(config.groups)
+        self._randomization = level(config.randomization)
+        fixed = config.fixed_course()
+        self._fixed = None if fixed is None else (fixed, build_plan(fixed))
+        pool = Pool.for_scenario(config.scenario) if self._fixed is None else Pool.of(self._fixed[1])
+        self.sim = self._simulation(pool)
+        self.track = task.empty_track(n)
+        self.courses: list[Course | None] = [None] * n
+        self.plans: list[Plan | None] = [None] * n
+        self.wanted_clearance = np.full((n, 2), np.nan)
+        """(n, 2) side and metres that the policies' active states want, for ``clearance_error_m`` alone."""
+        self._segment = np.zeros(n, np.int64)
+        self._s = np.zeros(n)
+        self._passed = np.zeros(n, np.int64)
+        self._steering = np.zeros(n)
+
+    def _simulation(self, pool: Pool) -> Simulation:
+        config = self.config
+        return Simulation(
+            self.n,
+            pool,
+            camera=config.camera,
+            layout=self.layout,
+            car=config.car,
+            lens=config.lens,
+            nthread=self._nthread,
+        )
+
+    def reset(
+        self, rows: Index, rngs: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None
+    ) -> dict[str, Array]:
+        """Put the cars of the rows at the start of new courses.
+
+        Args:
+            rows: (k,) which cars.
+            rngs: generator of each of all n rows; only those of the rows are used.
+            options: ``course``: a `Course` or the path of one, for these rows; ``car``: parameters of the car that are
+                not to be drawn, name -> value.
+
+        Returns:
+            The drawn parameters of all cars, name -> (n,).
+
+        Raises:
+            ConfigError: unknown option or parameter.
+            CourseError: the course cannot be read or built, or does not fit beside the other rows.
+        """
+        options = options or {}
+        for name in options:
+            if name not in RESET_OPTIONS:
+                raise ConfigError(f"unknown reset option '{name}': {nearest(name, RESET_OPTIONS)}")
+        randomization = self._randomization.fixed(**options.get("car", {}))
+        given = as_course(options.get("course"))
+        fixed = self._fixed if given is None else (given, build_plan(given))
+        drawn = [self._draw(rngs[row], fixed, randomization) for row in rows]
+        self._fit([plan for _, plan, _ in drawn], rows)
+        for row, (course, plan, _) in zip(rows, drawn, strict=True):
+            self.courses[row], self.plans[row] = course, plan
+            task.lay(self.track, int(row), plan)
+        self.sim.reset(rows, [plan for _, plan, _ in drawn], [car for _, _, car in drawn], rngs)
+        self._segment[rows] = 0
+        self._passed[rows] = 0
+        self._steering[rows] = 0.0
+        self._s[rows], _, self._segment[rows] = task.locate(
+            self.track, rows, self.sim.pose[rows, :2], self._segment[rows]
+        )
+        self.wanted_clearance[rows] = np.nan
+        return self.sim.parameters
+
+    def _draw(
+        self, rng: np.random.Generator, fixed: tuple[Course, Plan] | None, randomization: Randomization
+    ) -> tuple[Course, Plan, dict[str, float]]:
+        if fixed is None:
+            course = generate(self.config.scenario, rng)
+            return course, build_plan(course), randomization.draw(rng)
+        return *fixed, randomization.draw(rng)
+
+    def _fit(self, plans: Sequence[Plan], rows: Index) -> None:
+        """Rebuild the simulation if a plan needs more walls or markers than it has."""
+        needed = self.sim.pool
+        for plan in plans:
+            needed = needed.union(Pool.of(plan))
+        if needed == self.sim.pool:
+            return
+        if len(rows) != self.n:
+            raise ConfigError(
+                f"this course needs {needed}, but the cars were built for {self.sim.pool}: "
+                "give the course to make_vec(course=...), or reset all cars at once"
+            )
+        self.sim.close()
+        self.sim = self._simulation(needed)
+
+    def observation(self) -> NDArray[np.float32]:
+        """What the policies are told now, (n, d)."""
+        return self.sim.observation()
+
+    def step(self, command: NDArray[np.floating], rows: Index | None = None) -> Step:
+        """Drive all cars, or those of the rows, for one tick. `command` is (n, 2)."""
+        sim, config = self.sim, self.config.task
+        before = sim.pose[:, :2].copy()
+        sim.step(np.asarray(command, np.float64), rows)
+        everyone = np.arange(self.n)
+        s, lateral, self._segment = task.locate(self.track, everyone, sim.pose[:, :2], self._segment)
+        through, missed = task.cross_gates(self.track, before, sim.pose[:, :2], s, self._passed)
+        self._passed = self._passed + through
+        arrived = s >= self.track.length - 1e-6
+        missed |= arrived & (self._passed < self.track.gates)
+        failure = sim.collision | missed
+        success = arrived & ~failure
+        outcome = task.Outcome(
+            advance=s - self._s,
+            gate=through,
+            success=success,
+            failure=failure,
+            steering_change=sim.command[:, 0] - self._steering,
+        )
+        self._s, self._steering = s, sim.command[:, 0].copy()
+        terminated = success | failure
+        truncated = (sim.time_s >= task.time_limit(self.track.length, config)) & ~terminated
+        info = self.info(lateral, success, missed)
+        return Step(sim.observation(), task.reward(outcome, config), terminated, truncated, info)
+
+    def info(
+        self, lateral: Array | None = None, success: Flags | None = None, missed: Flags | None = None
+    ) -> dict[str, Array | Flags | Index]:
+        """The ground truth of all cars, which no policy sees."""
+        sim = self.sim
+        no = np.zeros(self.n, bool)
+        if lateral is None:
+            _, lateral, _ = task.locate(self.track, np.arange(self.n), sim.pose[:, :2], self._segment)
+        left, right = task.wall_clearance(self.track, sim.pose, self.config.car)
+        length = np.maximum(self.track.length, 1e-9)
+        crash = sim.collision & (sim.closing_speed >= self.config.task.touch_speed)
+        return {
+            "success": no if success is None else success,
+            "collision": sim.collision.copy(),
+            "crash": crash,
+            "missed_gate": no if missed is None else missed,
+            "progress": np.clip(self._s / length, 0.0, 1.0),
+            "gates_passed": self._passed.copy(),
+            "gates_total": self.track.gates.copy(),
+            "clearance_error_m": task.clearance_error(left, right, self.wanted_clearance),
+            "lateral_offset_m": lateral,
+            "pose": sim.pose.copy(),
+            "speed_mps": sim.speed.copy(),
+            "time_s": sim.time_s.copy(),
+        }
+
+    def close(self) -> None:
+        """Free the OpenGL context, if there is one."""
+        self.sim.close()

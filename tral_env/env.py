@@ -1,0 +1,209 @@
+"""One car in one corridor, as Gymnasium environments."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from tral_env.config import CameraConfig, CarConfig, TaskConfig
+from tral_env.corridor import Corridor, CorridorConfig
+from tral_env.course.layout import Course
+from tral_env.course.plan import Plan
+from tral_env.errors import ConfigError, nearest
+from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space
+from tral_env.randomization import Randomization
+from tral_env.views import VIEWS, Views
+
+_ROW = np.zeros(1, np.int64)
+
+
+class TralCorridorEnv(gym.Env[Any, NDArray[np.float32]]):
+    """A 1:10 car drives a university corridor by three ultrasonics, a hall sensor and a camera.
+
+    ## Action
+    `Box(-1, 1, (2,), float32)`, 80 times a second: steering (+1 = full left, 22 degrees), throttle (+1 = full forward,
+    0 = neutral). Throttle below 0 brakes while the car rolls forward; it reverses only after the ESC's neutral.
+
+    ## Observation
+    `Box((d,), float32)`, SI units, frame x forward, y left; each reading with its age, because a sonar answers 8 to
+    15 times a second and a camera 15 times.
+
+    {fields}
+
+    ## Reward
+    Progress along the route in metres (1 a metre: the slope to climb), 2 for a gate passed, 10 for the goal, -10 for
+    a collision or a missed gate, minus 0.01 times the square of the steering's change and 0.005 a tick.
+    Numbers: `TaskConfig`.
+
+    ## Start, end
+    The car stands in the middle third of the corridor, within 5 degrees of its direction. *Terminated*: the rear axle
+    crosses the goal line after all gates in order (success); any contact with wall, door, obstacle or post
+    (collision); a gate crossed outside its posts or backwards (missed gate). *Truncated*: the route took longer than
+    its length / (0.3 m/s) + 10 s.
+
+    ## Info
+    Ground truth that no policy sees: `success`, `collision`, `crash` (closing speed of 0.2 m/s or more), `missed_gate`,
+    `progress` in [0, 1], `gates_passed`, `gates_total`, `clearance_error_m` (NaN off the plain straights, or when
+    nobody called `want_clearance`), `lateral_offset_m` to the route, `pose` (x, y [m], yaw [rad]), `speed_mps`,
+    `time_s`; `is_success` when the episode ends; `car` at reset: the drawn parameters.
+
+    ## Arguments
+    See `CorridorConfig`. `render_mode="rgb_array"` with `view` "chase", "top" or "onboard".
+    `reset(options={{"course": Course or path, "car": {{"friction": 0.6}}}})`.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": int(CONTROL_RATE_HZ)}
+
+    def __init__(
+        self,
+        scenario: str = "office",
+        camera: str = "projected",
+        randomization: str | Randomization = "default",
+        course: Course | str | None = None,
+        groups: tuple[str, ...] = (),
+        render_mode: str | None = None,
+        view: str = "chase",
+        width: int = 640,
+        height: int = 480,
+        car: CarConfig | None = None,
+        lens: CameraConfig | None = None,
+        task: TaskConfig | None = None,
+    ) -> None:
+        """See the class."""
+        if render_mode not in (None, "rgb_array"):
+            raise ConfigError(f"unknown render_mode {render_mode!r}. Allowed: None, 'rgb_array'")
+        if view not in VIEWS:
+            raise ConfigError(f"unknown view '{view}': {nearest(view, VIEWS)}")
+        self.render_mode, self._view, self._size = render_mode, view, (width, height)
+        config = CorridorConfig(
+            scenario=scenario,
+            camera=camera,
+            randomization=randomization,
+            course=course,
+            groups=tuple(groups),
+            car=car or CarConfig(),
+            lens=lens or CameraConfig(),
+            task=task or TaskConfig(),
+        )
+        self.corridor = Corridor(1, config)
+        self.action_space = action_space()
+        self.observation_space: spaces.Space[Any] = self.corridor.layout.space()
+        self._views = Views()
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Start a new episode; see the class for the options."""
+        super().reset(seed=seed)
+        car = self.corridor.reset(_ROW, [self.np_random], options)
+        info = _single(self.corridor.info())
+        info["car"] = {name: float(values[0]) for name, values in car.items()}
+        return self._observation(), info
+
+    def step(self, action: NDArray[np.floating]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Drive for 12.5 ms.
+
+        Raises:
+            ConfigError: the action is not two finite numbers.
+        """
+        action = np.asarray(action, np.float64)
+        if action.shape != (2,) or not np.isfinite(action).all():
+            raise ConfigError(f"action {action!r}: expected two finite numbers: steering, throttle")
+        step = self.corridor.step(action[None])
+        info = _single(step.info)
+        terminated, truncated = bool(step.terminated[0]), bool(step.truncated[0])
+        if terminated or truncated:
+            info["is_success"] = info["success"]
+        return self._observation(), float(step.reward[0]), terminated, truncated, info
+
+    def _observation(self) -> Any:
+        return self.corridor.observation()[0].copy()
+
+    def want_clearance(self, side: float, metres: float) -> None:
+        """Tell what clearance the policy is after, so that `info["clearance_error_m"]` can be told.
+
+        Args:
+            side: +1 left wall, -1 right wall, NaN none.
+            metres: from the side ultrasonic to the wall.
+        """
+        self.corridor.wanted_clearance[0] = side, metres
+
+    @property
+    def plan(self) -> Plan:
+        """Geometry of the course being driven."""
+        plan = self.corridor.plans[0]
+        if plan is None:
+            raise ConfigError("there is no course before the first reset()")
+        return plan
+
+    @property
+    def course(self) -> Course:
+        """The course being driven."""
+        course = self.corridor.courses[0]
+        if course is None:
+            raise ConfigError("there is no course before the first reset()")
+        return course
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """The chosen view, (height, width, 3) uint8; None without a render mode."""
+        return None if self.render_mode is None else self.render_view(self._view, *self._size)
+
+    def render_view(self, view: str, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
+        """Any view at any time.
+
+        Args:
+            view: "chase", "top" or "onboard".
+            width: px.
+            height: px.
+
+        Raises:
+            ConfigError: unknown view.
+            RenderError: no OpenGL on this machine.
+        """
+        return self._views.render(self.corridor.sim, view, 0, width, height)
+
+    def close(self) -> None:
+        """Free what OpenGL holds."""
+        self.corridor.close()
+        self._views.close()
+
+
+if TralCorridorEnv.__doc__:  # absent under python -OO
+    TralCorridorEnv.__doc__ = TralCorridorEnv.__doc__.format(fields=CORE_LAYOUT.table().replace("\n", "\n    "))
+
+
+class TralCorridorPixelsEnv(TralCorridorEnv):
+    """`TralCorridor-v0` with the camera's image in the observation.
+
+    Observation: `Dict(image=Box(0, 255, (height, width, 3), uint8), readings=Box((d,), float32))`. The image is that of
+    the last exposure, 15 times a second; `image_size` is (width, height) in pixels.
+    """
+
+    def __init__(self, image_size: tuple[int, int] = (160, 120), **kwargs: Any) -> None:
+        """See the class; the other arguments are those of `TralCorridorEnv`."""
+        super().__init__(**kwargs)
+        self._image_size = tuple(image_size)
+        width, height = self._image_size
+        image = spaces.Box(0, 255, (height, width, 3), np.uint8)
+        self.observation_space = spaces.Dict({"image": image, "readings": self.corridor.layout.space()})
+        self._image = np.zeros(image.shape, np.uint8)
+        self._exposures = -1
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Start a new episode, with a new image."""
+        self._exposures = -1
+        return super().reset(seed=seed, options=options)
+
+    def _observation(self) -> Any:
+        exposures = int(self.corridor.sim.exposures[0])
+        if exposures != self._exposures:
+            self._exposures = exposures
+            self._image = self.render_view("onboard", *self._image_size)
+        return {"image": self._image.copy(), "readings": super()._observation()}
+
+
+def _single(info: dict[str, Any]) -> dict[str, Any]:
+    """Info of the only car: Python numbers and bools, and arrays of its own."""
+    return {name: values[0].item() if values.ndim == 1 else values[0].copy() for name, values in info.items()}

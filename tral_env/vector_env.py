@@ -1,0 +1,164 @@
+"""n cars in n corridors, as one Gymnasium vector environment on one batch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from tral_env.config import CameraConfig, CarConfig, TaskConfig
+from tral_env.corridor import Corridor, CorridorConfig, Step
+from tral_env.course.layout import Course
+from tral_env.errors import ConfigError
+from tral_env.interface import CONTROL_RATE_HZ, action_space
+from tral_env.randomization import Randomization
+
+Array = NDArray[np.floating]
+
+
+class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
+    """`TralCorridor-v0`, n at once: ``gym.make_vec("TralCorridor-v0", num_envs=64)``.
+
+    Row i, reset with seed s + i, is bit for bit the single environment reset with that seed, whatever the other rows
+    do. Arguments are those of `TralCorridorEnv` without rendering, and:
+
+    - `autoreset_mode`: "NextStep" (default), "SameStep" or "Disabled", as Gymnasium defines them. With "SameStep"
+      `info["final_obs"]` is (n, d) and `info["final_info"]` a dict of arrays, both masked by their `_` twins. With
+      "Disabled" reset rows by ``reset(options={"reset_mask": mask})``.
+    - `nthread`: threads that step the cars; the results do not depend on it.
+
+    Every entry of `info` is an array of (n, ...), with a mask `_name`.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_fps": int(CONTROL_RATE_HZ)}  # type: ignore[misc]
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        autoreset_mode: str | AutoresetMode = "NextStep",
+        nthread: int = 2,
+        scenario: str = "office",
+        camera: str = "projected",
+        randomization: str | Randomization = "default",
+        course: Course | str | None = None,
+        groups: tuple[str, ...] = (),
+        car: CarConfig | None = None,
+        lens: CameraConfig | None = None,
+        task: TaskConfig | None = None,
+    ) -> None:
+        """See the class."""
+        if num_envs < 1:
+            raise ConfigError(f"num_envs = {num_envs}: expected 1 or more")
+        self._mode = AutoresetMode(autoreset_mode)
+        self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
+        config = CorridorConfig(
+            scenario=scenario,
+            camera=camera,
+            randomization=randomization,
+            course=course,
+            groups=tuple(groups),
+            car=car or CarConfig(),
+            lens=lens or CameraConfig(),
+            task=task or TaskConfig(),
+        )
+        self.num_envs = num_envs
+        self.corridor = Corridor(num_envs, config, nthread=nthread)
+        self.single_observation_space = self.corridor.layout.space()
+        self.single_action_space = action_space()
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._rngs: list[np.random.Generator] = []
+        self._everyone = np.arange(num_envs)
+        self._done = np.zeros(num_envs, bool)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """Start new episodes, in all rows or in those of ``options["reset_mask"]``.
+
+        Args:
+            seed: row i is seeded with seed + i, or with seed[i].
+            options: as in `TralCorridorEnv`, and ``reset_mask``: (n,) bool.
+        """
+        mask = (options or {}).get("reset_mask")
+        rows = self._everyone if mask is None else self._rows(mask)
+        self._seed(seed, rows)
+        self.corridor.reset(rows, self._rngs, options)
+        self._done[rows] = False
+        return self.corridor.observation(), _masked(self.corridor.info())
+
+    def _rows(self, mask: Any) -> NDArray[np.int64]:
+        mask = np.asarray(mask)
+        if mask.shape != (self.num_envs,) or mask.dtype != bool:
+            raise ConfigError(f"reset_mask is {mask.dtype} {mask.shape}: expected bool ({self.num_envs},)")
+        return np.flatnonzero(mask)
+
+    def _seed(self, seed: int | Sequence[int | None] | None, rows: NDArray[np.int64]) -> None:
+        seeds = [None] * self.num_envs if seed is None else seed
+        if isinstance(seeds, int | np.integer):
+            seeds = [int(seeds) + i for i in range(self.num_envs)]
+        if len(seeds) != self.num_envs:
+            raise ConfigError(f"{len(seeds)} seeds for {self.num_envs} environments")
+        if not self._rngs:
+            self._rngs = [seeding.np_random(each)[0] for each in seeds]
+            return
+        for row in rows:
+            if seeds[row] is not None:
+                self._rngs[row] = seeding.np_random(seeds[row])[0]
+
+    def step(self, actions: Array) -> tuple[Array, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
+        """Drive all cars for 12.5 ms. `actions` is (n, 2).
+
+        Raises:
+            ConfigError: actions of another shape or not finite.
+        """
+        actions = np.asarray(actions, np.float64)
+        if actions.shape != (self.num_envs, 2) or not np.isfinite(actions).all():
+            raise ConfigError(f"actions of shape {actions.shape}: expected ({self.num_envs}, 2) finite numbers")
+        again = self._done if self._mode is AutoresetMode.NEXT_STEP else np.zeros(self.num_envs, bool)
+        moving = None if not again.any() else np.flatnonzero(~again)
+        step = self.corridor.step(actions, moving)
+        if moving is not None:
+            return self._after_next_step_reset(step, again.copy())
+        self._done = step.terminated | step.truncated
+        observation, info = step.observation, _masked(step.info)
+        if self._mode is AutoresetMode.SAME_STEP and self._done.any():
+            info["final_obs"], info["_final_obs"] = observation.copy(), self._done.copy()
+            info["final_info"], info["_final_info"] = _masked(step.info, self._done), self._done.copy()
+            self.corridor.reset(np.flatnonzero(self._done), self._rngs)
+            observation = self.corridor.observation()
+            info |= _masked(self.corridor.info())
+        return observation, step.reward, step.terminated, step.truncated, info
+
+    def _after_next_step_reset(
+        self, step: Step, again: NDArray[np.bool_]
+    ) -> tuple[Array, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
+        """Rows that were done start anew, and this step is theirs to do so."""
+        self.corridor.reset(np.flatnonzero(again), self._rngs)
+        terminated, truncated = step.terminated & ~again, step.truncated & ~again
+        self._done = terminated | truncated
+        reward = np.where(again, 0.0, step.reward)
+        fresh = self.corridor.info()
+        info = {name: np.where(_like(again, values), fresh[name], values) for name, values in step.info.items()}
+        return self.corridor.observation(), reward, terminated, truncated, _masked(info)
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free what OpenGL holds."""
+        self.corridor.close()
+
+
+def _like(mask: NDArray[np.bool_], values: NDArray[Any]) -> NDArray[np.bool_]:
+    return mask.reshape(-1, *[1] * (values.ndim - 1))
+
+
+def _masked(info: dict[str, Any], mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
+    """Info with a mask beside each entry, as Gymnasium's vector environments have it."""
+    if not info:
+        return {}
+    here = np.ones(len(next(iter(info.values()))), bool) if mask is None else mask.copy()
+    return info | {f"_{name}": here for name in info}

@@ -1,0 +1,108 @@
+"""The eyes of n cars: what their cameras see of gates and markers, projected or rendered."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.config import CameraConfig, CarConfig
+from tral_env.course.plan import Plan
+from tral_env.course.scene import Pool
+from tral_env.noise import NoiseTape
+from tral_env.perception.aruco import Detector, marker_poses
+from tral_env.perception.camera import OnboardCamera
+from tral_env.perception.gate import Sighting, sight
+from tral_env.perception.projected import NOISE_PLACES, NORMALS, UNIFORMS, Scenery, project
+from tral_env.stage import Stage
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+class Vision(Protocol):
+    """A way to see."""
+
+    def place(self, row: int, plan: Plan) -> None:
+        """Put a course around a car."""
+
+    def see(self, rows: Index, pose: Array, qpos: Array, mounting: Array) -> Sighting:
+        """What the cameras of the rows see now.
+
+        Args:
+            rows: (k,) cars.
+            pose: (k, 3) x, y, yaw.
+            qpos: (k, nq) full state.
+            mounting: (k, 3) roll, pitch, yaw of the cameras' mounting error, rad.
+
+        Returns:
+            Arrays of (k,).
+        """
+        ...
+
+    def close(self) -> None:
+        """Free what OpenGL holds."""
+
+
+class ProjectedVision:
+    """Marker corners projected through the lens; no OpenGL."""
+
+    def __init__(self, n: int, noise: NoiseTape, lens: CameraConfig, car: CarConfig) -> None:
+        """Nothing to see yet."""
+        self._scenery = Scenery(n)
+        self._noise, self._lens, self._car = noise, lens, car
+
+    def place(self, row: int, plan: Plan) -> None:
+        """Put a course around a car."""
+        self._scenery.place(row, plan)
+
+    def see(self, rows: Index, pose: Array, qpos: Array, mounting: Array) -> Sighting:
+        """See `Vision`."""
+        normal = self._noise.normal(rows, NOISE_PLACES * NORMALS).reshape(-1, NOISE_PLACES, NORMALS)
+        uniform = self._noise.uniform(rows, NOISE_PLACES * UNIFORMS).reshape(-1, NOISE_PLACES, UNIFORMS)
+        seen = project(
+            self._scenery, rows, pose, self._lens, self._car, mounting=mounting, normal=normal, uniform=uniform
+        )
+        return sight(seen.ids, seen.x, seen.y, seen.heading, seen.valid)
+
+    def close(self) -> None:
+        """Nothing to free."""
+
+
+class RenderedVision:
+    """The image of the camera, rendered and searched by OpenCV's detector."""
+
+    def __init__(self, n: int, pool: Pool, lens: CameraConfig, car: CarConfig) -> None:
+        """OpenGL is opened with the first image."""
+        self._stage = Stage(pool)
+        self._plans: list[Plan | None] = [None] * n
+        self._camera = OnboardCamera(lens)
+        self._detector = Detector()
+        self._lens, self._car = lens, car
+
+    def place(self, row: int, plan: Plan) -> None:
+        """Put a course around a car."""
+        self._plans[row] = plan
+
+    def see(self, rows: Index, pose: Array, qpos: Array, mounting: Array) -> Sighting:
+        """See `Vision`.
+
+        Raises:
+            RenderError: no OpenGL on this machine.
+        """
+        found = [self._look(int(row), qpos[i], mounting[i]) for i, row in enumerate(rows)]
+        return Sighting(*(np.concatenate([getattr(one, name) for one in found]) for name in Sighting.__annotations__))
+
+    def _look(self, row: int, qpos: Array, mounting: Array) -> Sighting:
+        plan = self._plans[row]
+        assert plan is not None, "a car looks around after its course was placed"
+        roll, pitch, yaw = (float(angle) for angle in mounting)
+        image = self._camera.capture(*self._stage.show(plan, qpos), (roll, pitch, yaw))
+        poses = marker_poses(self._detector.detect(image), self._lens, self._car)
+        valid = np.ones((1, len(poses.ids)), bool)
+        return sight(poses.ids[None], poses.x[None], poses.y[None], poses.heading[None], valid)
+
+    def close(self) -> None:
+        """Free the OpenGL context."""
+        self._camera.close()
