@@ -19,6 +19,8 @@ _STEERING_LAG_S = 0.06
 """Time constant of the servo in dead reckoning. Source: choice."""
 _CORRIDOR_BLEND = 0.15
 """Weight of one sonar interval in the estimate of the corridor's direction. Source: choice."""
+_TRIM_LIMIT = 0.25
+"""A larger fault is no matter of trim: 5.5 degrees. Source: choice."""
 _QUARTER = math.pi / 2.0
 _HALF_PERIOD = CONTROL_PERIOD_S / 2.0
 
@@ -114,6 +116,7 @@ class MachineState:
         "throttle",
         "tick",
         "time",
+        "trim",
         "wanted_clearance",
         "wanted_side",
         "x",
@@ -149,6 +152,8 @@ class MachineState:
         """Direction of the corridor in dead reckoning, rad; wall following learns it from the side ranges."""
         self.direction = 1.0
         """+1 forward, -1 after reverse gear was ordered at standstill: the hall sensor does not know."""
+        self.trim = 0.0
+        """Steering at which the car drives straight, as far as wall following has learnt it."""
         self.steering = 0.0
         """Output, + = left."""
         self.throttle = 0.0
@@ -189,7 +194,7 @@ class MachineState:
 
     def _reckon(self) -> None:
         """Move the pose by what the hall sensor counted, on the circle that the steering gives."""
-        self._wheel += (self.applied_steering - self._wheel) * (CONTROL_PERIOD_S / _STEERING_LAG_S)
+        self._wheel += (self.applied_steering - self.trim - self._wheel) * (CONTROL_PERIOD_S / _STEERING_LAG_S)
         step = self.distance - self._travelled
         self._travelled = self.distance
         if self.speed < 0.05:
@@ -243,6 +248,10 @@ class MachineState:
     def learn_heading(self, measured: float) -> None:
         """Correct the corridor's direction by a measured heading [rad] against it."""
         self.corridor_yaw += _CORRIDOR_BLEND * clip(self.heading - measured, 0.5)
+
+    def learn_trim(self, gain: float, error: float) -> None:
+        """Integrate a small deviation [m], + = too far right, with a gain [1/(m s)] into the trim."""
+        self.trim = clip(self.trim + gain * error * CONTROL_PERIOD_S, _TRIM_LIMIT)
 
     def regulate(self, speed: float) -> None:
         """Set the throttle that brings the car to a speed [m/s]."""

@@ -33,6 +33,8 @@ D = TypeVar("D", bound=DrivingSpec)
 
 _HOLD_LENGTH = 0.4
 """Length in which the car turns back to the corridor's direction when its wall is lost, m. Source: choice."""
+_TRIM_ERROR, _TRIM_HEADING = 0.12, math.radians(6.0)
+"""The trim is learnt within this deviation [m] and heading [rad] alone: elsewhere e is not the car's fault."""
 _GATE_ANY = -1
 
 
@@ -99,6 +101,10 @@ def runs(spec: type[StateSpec]) -> Callable[[R], R]:
 class DrivingState(State[D]):
     """A state that moves the car."""
 
+    def steer(self, m: MachineState, steering: float) -> None:
+        """Set the steering, with the trims of the spec and of what was learnt."""
+        m.steering = clip(steering + self.spec.steering_trim + m.trim)
+
     def drive(self, m: MachineState, speed: float | None = None) -> None:
         """Set the throttle: open loop, or regulated to the spec's speed or to the one given [m/s]."""
         spec = self.spec
@@ -156,7 +162,9 @@ class WallState(DrivingState[W]):
             else:
                 y = pid_rate(spec.p, spec.i, spec.d, error, self.error_sum, self.rate)
             self.error_old = error
-        m.steering = clip(self.sign * y + spec.steering_trim)
+            if spec.learn_trim and abs(error) < _TRIM_ERROR and abs(m.heading) < _TRIM_HEADING:
+                m.learn_trim(spec.learn_trim, self.sign * error)
+        self.steer(m, self.sign * y)
         m.want_clearance(self.is_left, wanted)
         self.drive(m, self.speed_now(m))
 
@@ -295,7 +303,7 @@ class ApproachPoint(DrivingState[ApproachPointSpec]):
             ahead = cos * x + sin * y
             steering = line(sin * x - cos * y, -heading, spec.length)
         self.finished = ahead <= spec.tolerance
-        m.steering = clip(steering + spec.steering_trim)
+        self.steer(m, steering)
         self.drive(m)
 
 
@@ -327,7 +335,7 @@ class ArucoGateCenter(DrivingState[ArucoGateCenterSpec]):
             or m.distance - self.entry >= spec.max_distance
         )
         self.side, self.error = side, heading
-        m.steering = clip((0.0 if self.finished else side * spec.lock) + spec.steering_trim)
+        self.steer(m, 0.0 if self.finished else side * spec.lock)
         self.drive(m)
 
 
@@ -345,7 +353,7 @@ class Motor(DrivingState[MotorSpec]):
         spec = self.spec
         if spec.distance is not None:
             self.finished = m.distance - self.entry >= spec.distance
-        m.steering = clip(spec.steering + spec.steering_trim)
+        self.steer(m, spec.steering)
         self.drive(m)
 
 
