@@ -1,0 +1,71 @@
+"""A plan from above, drawn with matplotlib."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tral_env.course.plan import BOX_KINDS, Plan
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COLOURS = {"wall": "#8c959d", "door": "#b5651d", "frame": "#3f4750", "obstacle": "#c9a227", "post": "#2a6bb0"}
+"""Fill of each kind of box."""
+TURNS = {40: "left", 41: "right", 42: "straight on"}
+
+
+def draw_plan(plan: Plan, ax: Axes) -> None:
+    """Draw walls, doors, obstacles, gates, markers, tape, the route, start and goal.
+
+    Args:
+        plan: what to draw; m.
+        ax: where; its limits and aspect are set.
+    """
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    for kind, colour in COLOURS.items():
+        corners = _corners(plan, plan.box_kind == BOX_KINDS.index(kind))
+        ax.add_collection(PolyCollection(list(corners), facecolor=colour, edgecolor=colour, linewidth=0.6, zorder=2))
+    ax.add_collection(LineCollection(list(plan.tape.reshape(-1, 2, 2)), color="black", linewidth=2.0, zorder=1))
+    ax.plot(*plan.route.T, color="#2e7d32", linewidth=1.0, linestyle=(0, (4, 3)), zorder=3)
+    _draw_gates(plan, ax)
+    _draw_markers(plan, ax)
+    _draw_ends(plan, ax)
+    ax.set_aspect("equal")
+    ax.autoscale_view()
+    ax.set_xlabel("x [m]")
+    ax.set_ylabel("y [m]")
+
+
+def _corners(plan: Plan, which: np.ndarray) -> np.ndarray:
+    half = plan.box_size[which, None, :2] * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    c, s = np.cos(plan.box_yaw[which, None]), np.sin(plan.box_yaw[which, None])
+    turned = np.stack([c * half[..., 0] - s * half[..., 1], s * half[..., 0] + c * half[..., 1]], axis=-1)
+    return np.asarray(plan.box_position[which, None, :2] + turned)
+
+
+def _draw_gates(plan: Plan, ax: Axes) -> None:
+    for (x, y, yaw), width, gate in zip(plan.gate_pose, plan.gate_width, plan.gate_id, strict=True):
+        out = width / 2 * np.array([-np.sin(yaw), np.cos(yaw)])
+        ax.plot([x - out[0], x + out[0]], [y - out[1], y + out[1]], color=COLOURS["post"], linewidth=1.0, zorder=3)
+        ax.annotate(f"gate {gate}", (x, y), (4, 4), textcoords="offset points", fontsize=7, color=COLOURS["post"])
+
+
+def _draw_markers(plan: Plan, ax: Axes) -> None:
+    for (x, y, _), yaw, marker in zip(plan.marker_position, plan.marker_yaw, plan.marker_id, strict=True):
+        normal = 0.25 * np.array([np.cos(yaw), np.sin(yaw)])
+        ax.plot([x, x + normal[0]], [y, y + normal[1]], color="#c2185b", linewidth=1.2, zorder=4)
+        if int(marker) in TURNS:
+            where = (x + 1.4 * normal[0], y + 1.4 * normal[1])
+            ax.annotate(TURNS[int(marker)], where, ha="center", va="center", fontsize=7, color="#c2185b", zorder=5)
+
+
+def _draw_ends(plan: Plan, ax: Axes) -> None:
+    x, y, yaw = plan.start
+    ax.plot(x, y, marker=(3, 0, np.degrees(yaw) - 90), markersize=9, color="#2e7d32", zorder=5)
+    along = plan.route[-1] - plan.route[-2]
+    across = 0.4 * np.array([-along[1], along[0]]) / np.linalg.norm(along)
+    ends = np.stack([plan.route[-1] - across, plan.route[-1] + across])
+    ax.plot(*ends.T, color="#d32f2f", linewidth=2.5, zorder=4)

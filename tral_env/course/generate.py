@@ -1,0 +1,330 @@
+"""Seeded courses: nine families, each a way to draw a `Course` from a random generator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from tral_env.course.frames import place
+from tral_env.course.geometry import FRAME_WIDTH, build_plan, overlap_problems
+from tral_env.course.layout import Course
+from tral_env.course.plan import Plan
+from tral_env.errors import ConfigError, CourseError, nearest
+
+Draft = dict[str, Any]
+"""Members of a segment."""
+
+SCENARIOS: Mapping[str, str] = {
+    "straight": "one straight corridor, 12 to 20 m",
+    "doors": "a straight corridor with recessed doors on both sides, one in ten open",
+    "corners": "3 to 5 segments joined by 90 degree corners",
+    "loop": "a ring of corridors, driven once around",
+    "lane_change": "a straight corridor with cupboards along its walls",
+    "obstacles": "a straight corridor with 1 to 4 boxes in the way",
+    "gates": "1 to 3 ArUco gates in a straight corridor or around a corner",
+    "crossing": "1 to 3 T or X crossings; a marker tells the turn",
+    "office": "25 to 60 m of everything: corners, crossings, doors, cupboards, boxes, gates",
+}
+"""Families of courses: name -> what they are."""
+
+ATTEMPTS = 200
+"""Drafts that may fail before generating is given up; a few in a hundred fail."""
+START_AT = 1.0
+"""m from the first wall."""
+GOAL_BEFORE_END = 1.0
+"""m."""
+RUN_IN = 2.5
+"""Nothing stands in the way so soon behind the start, m."""
+RUN_OUT = 1.0
+"""Nothing stands in the way so soon before the goal, m."""
+CORNER_ROOM = 1.9
+"""Gates, boxes and cupboards keep this far from the plain part's ends at corners, m."""
+BOARD_ROOM = 0.25
+"""Left at the wall beside a gate's opening, where its board stands, m."""
+
+
+def generate(scenario: str, rng: np.random.Generator, *, hard: bool = False) -> Course:
+    """Draw a course.
+
+    Args:
+        scenario: one of `SCENARIOS`.
+        rng: source of all randomness; the same state gives the same course.
+        hard: gates may stand right behind a corner, and where there is a wall on one side only.
+
+    Raises:
+        ConfigError: no such scenario.
+    """
+    return generate_plan(scenario, rng, hard=hard)[0]
+
+
+def generate_plan(scenario: str, rng: np.random.Generator, *, hard: bool = False) -> tuple[Course, Plan]:
+    """Draw a course and give its plan with it, which was built anyway to see whether it can be driven.
+
+    Raises:
+        ConfigError: no such scenario.
+    """
+    if scenario not in SCENARIOS:
+        raise ConfigError(f"unknown scenario '{scenario}': {nearest(scenario, SCENARIOS)}")
+    family = _FAMILIES[scenario]
+    for _ in range(ATTEMPTS):
+        draft = family(rng, hard)
+        course = Course.model_validate({"name": scenario, "start": _start(rng, draft), **draft})
+        try:
+            return course, build_plan(course)
+        except CourseError:
+            continue
+    raise CourseError(f"no drivable course of '{scenario}' in {ATTEMPTS} drafts")
+
+
+def _uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    """A number in [low, high), in whole millimetres so that course files stay readable."""
+    return round(float(rng.uniform(low, max(low, high))), 3)
+
+
+def _width(rng: np.random.Generator) -> float:
+    return _uniform(rng, 1.6, 2.6)
+
+
+def _side(rng: np.random.Generator) -> str:
+    return "left" if rng.random() < 0.5 else "right"
+
+
+def _other(side: str) -> str:
+    return "right" if side == "left" else "left"
+
+
+def _start(rng: np.random.Generator, draft: Draft) -> Draft:
+    first = draft["segments"][0]
+    sixth = first["width"] / 6
+    at = round(first["length"] / 2, 3) if draft.get("closed") else START_AT
+    return {"at": at, "offset": _uniform(rng, -sixth, sixth), "heading_deg": round(float(rng.uniform(-5, 5)), 2)}
+
+
+def _straight(rng: np.random.Generator, _: bool) -> Draft:
+    return {"segments": [{"length": _uniform(rng, 12, 20), "width": _width(rng)}]}
+
+
+def _doors(rng: np.random.Generator, _: bool) -> Draft:
+    segment: Draft = {"length": _uniform(rng, 12, 20), "width": _width(rng)}
+    segment["doors"] = [*_draw_doors(rng, 0.0, segment["length"])]
+    return {"segments": [segment]}
+
+
+def _draw_doors(rng: np.random.Generator, begin: float, end: float) -> Iterator[Draft]:
+    """Doors on both sides between two places along a segment."""
+    for side in ("left", "right"):
+        at = begin + _uniform(rng, 0.6, 3.0)
+        while True:
+            width = _uniform(rng, 0.8, 1.0)
+            if at + width / 2 + FRAME_WIDTH > end:
+                break
+            yield {
+                "side": side,
+                "at": round(at, 3),
+                "width": width,
+                "recess": _uniform(rng, 0.03, 0.1),
+                "frame": _uniform(rng, 0.02, 0.04),
+                "open": bool(rng.random() < 0.1),
+            }
+            at += _uniform(rng, 2, 5)
+
+
+def _corners(rng: np.random.Generator, _: bool) -> Draft:
+    count = int(rng.integers(3, 6))
+    segments = [{"length": _uniform(rng, 3, 8), "width": _width(rng)} for _ in range(count)]
+    return {"segments": _bend(rng, segments)}
+
+
+def _bend(rng: np.random.Generator, segments: list[Draft]) -> list[Draft]:
+    """Join segments by corners, left or right as it comes, so that they do not cross."""
+    turns = [_side(rng) for _ in segments[:-1]]
+    return [*({**s, "then": turn} for s, turn in zip(segments, turns, strict=False)), segments[-1]]
+
+
+def _loop(rng: np.random.Generator, _: bool) -> Draft:
+    sides = (_uniform(rng, 6, 12), _uniform(rng, 6, 12))
+    turn = _side(rng)
+    segments = [{"length": sides[i % 2], "width": _width(rng), "then": turn} for i in range(4)]
+    return {"segments": segments, "closed": True}
+
+
+def _lane_change(rng: np.random.Generator, _: bool) -> Draft:
+    segment: Draft = {"length": _uniform(rng, 12, 20), "width": _width(rng)}
+    begin, end = START_AT + RUN_IN, segment["length"] - GOAL_BEFORE_END - RUN_OUT
+    segment["cupboards"] = [*_draw_cupboards(rng, begin, end)]
+    return {"segments": [segment]}
+
+
+def _draw_cupboards(rng: np.random.Generator, begin: float, end: float) -> Iterator[Draft]:
+    """Cupboards one behind the other, each at either wall."""
+    at = begin + _uniform(rng, 0.0, 2.0)
+    while True:
+        length = _uniform(rng, 1.5, 4)
+        if at + length > end:
+            return
+        yield {
+            "side": _side(rng),
+            "at": round(at + length / 2, 3),
+            "length": length,
+            "depth": _uniform(rng, 0.3, 0.6),
+        }
+        at += length + _uniform(rng, 2.5, 5)
+
+
+def _obstacles(rng: np.random.Generator, _: bool) -> Draft:
+    segment: Draft = {"length": _uniform(rng, 12, 20), "width": _width(rng)}
+    begin, end = START_AT + RUN_IN, segment["length"] - GOAL_BEFORE_END - RUN_OUT
+    segment["obstacles"] = [*_draw_obstacles(rng, begin, end, segment["width"], int(rng.integers(1, 5)))]
+    return {"segments": [segment]}
+
+
+def _places(rng: np.random.Generator, begin: float, end: float, count: int, apart: float) -> list[float]:
+    """As many as `count` places between begin and end, at least `apart` from each other, uniform among all such."""
+    count = min(count, int((end - begin) // apart) + 1) if end > begin else 0
+    spare = end - begin - apart * (count - 1)
+    slack = np.sort(rng.uniform(0.0, max(spare, 0.0), count))
+    return [round(float(begin + apart * k + extra), 3) for k, extra in enumerate(slack)]
+
+
+def _draw_obstacles(rng: np.random.Generator, begin: float, end: float, width: float, count: int) -> Iterator[Draft]:
+    """Boxes that leave a passage of 0.7 m on one side at least."""
+    for at in _places(rng, begin, end, count, 3.4):
+        length, across = _uniform(rng, 0.2, 0.4), _uniform(rng, 0.2, 0.4)
+        yaw = round(float(rng.uniform(-45, 45)), 1)
+        c, s = np.cos(np.radians(yaw)), abs(np.sin(np.radians(yaw)))
+        half = (length * s + across * c) / 2
+        room = width / 2 - half
+        offset = _uniform(rng, -room, room)
+        if width / 2 + abs(offset) - half < 0.7:
+            offset = round(float(np.copysign(0.7 + half - width / 2 + 0.001, offset)), 3)
+        yield {"at": at, "offset": offset, "length": length, "width": across, "yaw_deg": yaw}
+
+
+def _gates(rng: np.random.Generator, hard: bool) -> Draft:
+    count = int(rng.integers(1, 4))
+    if rng.random() < 0.5:
+        segment: Draft = {"width": _width(rng)}
+        needed = START_AT + 3.5 + 4.0 * (count - 1) + RUN_OUT + GOAL_BEFORE_END
+        segment["length"] = _uniform(rng, max(12.0, needed), max(20.0, needed))
+        begin, end = START_AT + 3.5, segment["length"] - GOAL_BEFORE_END - RUN_OUT
+        segment["gates"] = [*_draw_gates(rng, begin, end, segment["width"], count, 0)]
+        return {"segments": [segment]}
+    before: Draft = {"length": _uniform(rng, 6, 10), "width": _width(rng), "then": _side(rng)}
+    after: Draft = {"length": _uniform(rng, 7, 12), "width": _width(rng)}
+    begin, end = START_AT + 3.5, before["length"] - after["width"] / 2 - CORNER_ROOM
+    first = 0 if count == 1 or end < begin else 1
+    before["gates"] = [*_draw_gates(rng, begin, end, before["width"], first, 0)]
+    begin = before["width"] / 2 + (0.9 if hard else CORNER_ROOM)
+    end = after["length"] - GOAL_BEFORE_END - RUN_OUT
+    after["gates"] = [*_draw_gates(rng, begin, end, after["width"], count - len(before["gates"]), len(before["gates"]))]
+    return {"segments": [before, after]}
+
+
+def _draw_gates(
+    rng: np.random.Generator, begin: float, end: float, width: float, count: int, first_id: int
+) -> Iterator[Draft]:
+    for k, at in enumerate(_places(rng, begin, end, count, 4.0)):
+        inner = _uniform(rng, 0.6, min(1.2, width - 2 * BOARD_ROOM))
+        room = (width - inner) / 2 - BOARD_ROOM
+        yield {
+            "id": first_id + k,
+            "at": at,
+            "offset": _uniform(rng, -room, room),
+            "width": inner,
+            "yaw_deg": round(float(rng.uniform(-10, 10)), 1),
+            "marker_height": _uniform(rng, 0.15, 0.3),
+        }
+
+
+def _crossing(rng: np.random.Generator, _: bool) -> Draft:
+    count = int(rng.integers(1, 4))
+    segments: list[Draft] = [{"length": _uniform(rng, 5, 8), "width": _width(rng)} for _ in range(count + 1)]
+    for segment, after in pairwise(segments):
+        _open_crossing(rng, segment, after)
+    return {"segments": segments}
+
+
+def _open_crossing(rng: np.random.Generator, segment: Draft, after: Draft) -> None:
+    """Make the end of a segment a T or an X crossing, and draw the way on."""
+    ways = ["left", "right", "straight"]
+    if rng.random() < 0.5:
+        ways.remove(str(rng.choice(ways)))
+    segment["then"] = str(rng.choice(ways))
+    if segment["then"] == "straight":
+        after["width"] = segment["width"]
+    across = after["width"] if segment["then"] != "straight" else _width(rng)
+    segment["branches"] = [
+        {
+            "to": way,
+            "length": _uniform(rng, 2, 4),
+            "width": segment["width"] if way == "straight" else across,
+        }
+        for way in ways
+        if way != segment["then"]
+    ]
+
+
+def _office(rng: np.random.Generator, hard: bool) -> Draft:
+    target = _uniform(rng, 27, 58)
+    segments: list[Draft] = []
+    while sum(s["length"] for s in segments) < target - 4.0:
+        left = target - sum(s["length"] for s in segments)
+        length = _uniform(rng, 5, 11)
+        segments.append({"length": round(left, 3) if left - length < 4.0 else length, "width": _width(rng)})
+    _wind(rng, segments)
+    gates = 0
+    for i, (frame, segment) in enumerate(zip(place(_bare(segments)), segments, strict=True)):
+        begin = START_AT + RUN_IN if i == 0 else frame.clear_from
+        end = frame.clear_to - (GOAL_BEFORE_END if i == len(segments) - 1 else 0.0)
+        gates += _furnish(rng, segment, begin, end, i, gates)
+    return {"segments": segments}
+
+
+def _bare(segments: list[Draft]) -> Course:
+    return Course.model_validate({"name": "bare", "segments": segments})
+
+
+def _wind(rng: np.random.Generator, segments: list[Draft]) -> None:
+    """Join segments by corners and crossings so that no part comes too near to another."""
+    while True:
+        for segment, after in pairwise(segments):
+            segment.pop("branches", None)
+            if rng.random() < 0.35:
+                _open_crossing(rng, segment, after)
+            else:
+                segment["then"] = _side(rng)
+        bare = _bare(segments)
+        if not any(overlap_problems(bare, place(bare))):
+            return
+
+
+def _furnish(rng: np.random.Generator, segment: Draft, begin: float, end: float, i: int, gates: int) -> int:
+    """Put doors, cupboards, boxes or a gate into a segment; gives the number of gates."""
+    near, far = begin + (0.0 if i == 0 else CORNER_ROOM), end - CORNER_ROOM
+    what = str(rng.choice(["doors", "doors", "cupboards", "obstacles", "gate"]))
+    if what == "doors":
+        segment["doors"] = [*_draw_doors(rng, begin, end)]
+    elif what == "cupboards":
+        segment["cupboards"] = [*_draw_cupboards(rng, near, far)]
+    elif what == "obstacles":
+        segment["obstacles"] = [*_draw_obstacles(rng, near, far, segment["width"], int(rng.integers(1, 3)))]
+    elif gates < 20:
+        segment["gates"] = [*_draw_gates(rng, near + (1.0 if i == 0 else 0.0), far, segment["width"], 1, gates)]
+        return len(segment["gates"])
+    return 0
+
+
+_FAMILIES: Mapping[str, Callable[[np.random.Generator, bool], Draft]] = {
+    "straight": _straight,
+    "doors": _doors,
+    "corners": _corners,
+    "loop": _loop,
+    "lane_change": _lane_change,
+    "obstacles": _obstacles,
+    "gates": _gates,
+    "crossing": _crossing,
+    "office": _office,
+}

@@ -1,0 +1,329 @@
+"""What a course is, as plain data that a person can write: corridor segments and what stands in them.
+
+A course is a chain of straight segments joined at right angles. A segment's length runs along its middle line from
+node to node: from the end wall (or the middle of the corner) at its start to the middle of the corner, the middle of
+the crossing or the end wall at its end. Inside a segment `at` counts from its start and `offset` from its middle
+line, + is left, seen in driving direction.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from tral_env.errors import CourseError, nearest
+
+Side = Literal["left", "right"]
+Direction = Literal["left", "right", "straight"]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+
+
+class Part(BaseModel):
+    """Base of everything that a course file may hold: frozen, no unknown members, finite numbers."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+
+
+class Door(Part):
+    """A door in a wall of a segment."""
+
+    side: Side
+    """Wall it is in."""
+    at: NotNegative
+    """Middle of the door, m along the segment."""
+    width: Annotated[float, Field(ge=0.5, le=1.4)] = 0.9
+    """Clear width, m."""
+    recess: Annotated[float, Field(ge=0, le=0.12)] = 0.05
+    """The closed leaf stands this far behind the wall's face, m."""
+    frame: Annotated[float, Field(ge=0, le=0.1)] = 0.03
+    """The frame stands out of the wall by this much, m."""
+    open: bool = False
+    """An open door shows a room of 1.5 m x 1.5 m."""
+
+
+class Cupboard(Part):
+    """A cupboard along a wall of a segment."""
+
+    side: Side
+    """Wall it stands at."""
+    at: NotNegative
+    """Its middle, m along the segment."""
+    length: Positive = 2.0
+    """Along the wall, m."""
+    depth: Positive = 0.4
+    """Into the corridor, m."""
+
+
+class Obstacle(Part):
+    """A box on the floor."""
+
+    at: NotNegative
+    """Its middle, m along the segment."""
+    offset: float = 0.0
+    """Its middle, m left of the middle line."""
+    length: Positive = 0.3
+    """Along the segment (before turning), m."""
+    width: Positive = 0.3
+    """Across the segment (before turning), m."""
+    yaw_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
+    """Turned counter-clockwise by, deg."""
+
+
+class Gate(Part):
+    """Two marker boards side by side. Gate k wears the markers 2k (left) and 2k + 1 (right)."""
+
+    id: Annotated[int, Field(ge=0, le=19)]
+    """k; unique in the course."""
+    at: NotNegative
+    """Its middle, m along the segment."""
+    offset: float = 0.0
+    """Its middle, m left of the middle line."""
+    width: Annotated[float, Field(ge=0.4, le=3)] = 0.8
+    """Inner width between the boards, m."""
+    yaw_deg: Annotated[float, Field(ge=-30, le=30)] = 0.0
+    """Its axis is turned counter-clockwise against the segment by, deg."""
+    marker_height: Annotated[float, Field(ge=0.12, le=0.38)] = 0.2
+    """Middle of the markers above the floor, m."""
+
+
+class Tape(Part):
+    """A strip of tape on the floor, for the line sensor."""
+
+    at: NotNegative
+    """Its middle, m along the segment."""
+    length: Positive = 1.0
+    """m."""
+    offset: float = 0.0
+    """Its middle, m left of the middle line."""
+    across: bool = False
+    """Across the segment instead of along it."""
+
+
+class Branch(Part):
+    """A way that also opens at the end of a segment, but that the route does not take: it makes a T or X crossing."""
+
+    to: Direction
+    """Where it leads, seen in driving direction."""
+    length: Annotated[float, Field(ge=0.5, le=20)] = 2.5
+    """m from the crossing's edge to its end wall."""
+    width: Annotated[float, Field(ge=0.6, le=6)] | None = None
+    """m; that of the segment where none is given."""
+
+
+class Segment(Part):
+    """A straight piece of corridor."""
+
+    length: Annotated[float, Field(ge=1, le=200)]
+    """Along the middle line from node to node, m."""
+    width: Annotated[float, Field(ge=0.6, le=6)] = 2.0
+    """Between the walls, m."""
+    then: Literal["end", "left", "right", "straight"] = "end"
+    """How the route goes on: an end wall, a 90 degree turn, or straight on into the next segment."""
+    branches: tuple[Branch, ...] = ()
+    """Further ways at its end."""
+    sign: bool = True
+    """A crossing shows a marker facing the car that tells the turn: id 40 left, 41 right, 42 straight on."""
+    doors: tuple[Door, ...] = ()
+    cupboards: tuple[Cupboard, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
+    gates: tuple[Gate, ...] = ()
+    tapes: tuple[Tape, ...] = ()
+
+
+class Start(Part):
+    """Where the car (the middle of its rear axle) stands at first, in the first segment."""
+
+    at: NotNegative = 1.0
+    """m along the segment."""
+    offset: float = 0.0
+    """m left of the middle line."""
+    heading_deg: Annotated[float, Field(ge=-30, le=30)] = 0.0
+    """Against the segment, deg."""
+
+
+class Course(Part):
+    """A whole course."""
+
+    name: Annotated[str, Field(min_length=1)]
+    """What it is called."""
+    description: str = ""
+    """What it is for."""
+    segments: Annotated[tuple[Segment, ...], Field(min_length=1)]
+    """In the order of the route."""
+    start: Start = Start()
+    goal: Annotated[float, Field(ge=0.5, le=20)] = 1.0
+    """The goal line lies this far before the end wall, m; a closed course has its goal at the start."""
+    closed: bool = False
+    """The last segment turns into the first one again."""
+    laps: Annotated[int, Field(ge=1, le=100)] = 1
+    """How often a closed course is driven."""
+
+    @classmethod
+    def load(cls, path: str | Path) -> Course:
+        """Read a course file.
+
+        Args:
+            path: a JSON file after `course.schema.json`.
+
+        Raises:
+            CourseError: the file is no JSON, or has problems; all of them are listed with place, got and allowed.
+            OSError: the file cannot be opened.
+        """
+        return cls.parse(Path(path).read_text(encoding="utf-8"), source=str(path))
+
+    @classmethod
+    def parse(cls, text: str, source: str = "course") -> Course:
+        """Read a course from JSON text; `source` names it in errors.
+
+        Raises:
+            CourseError: as for `load`.
+        """
+        try:
+            data = json.loads(text)
+        except json.JSONDecodeError as error:
+            raise CourseError(f"{source}: not JSON: {error.msg} at line {error.lineno}, column {error.colno}") from None
+        try:
+            course = cls.model_validate(data)
+        except ValidationError as error:
+            raise _report(source, map(_sentence, filter(_is_cause, error.errors()))) from None
+        return course.checked(source)
+
+    def checked(self, source: str | None = None) -> Course:
+        """This course, if its parts fit together.
+
+        Raises:
+            CourseError: all problems, each with its place.
+        """
+        problems = list(find_problems(self))
+        if problems:
+            raise _report(source or f"course '{self.name}'", problems)
+        return self
+
+    def save(self, path: str | Path) -> None:
+        """Write a course file; members that have their default value are left out."""
+        Path(path).write_text(self.to_json(), encoding="utf-8")
+
+    def to_json(self) -> str:
+        """The course as indented JSON text, without members that have their default value."""
+        return json.dumps(self.model_dump(mode="json", exclude_defaults=True), indent=2) + "\n"
+
+
+def course_schema() -> dict[str, Any]:
+    """JSON Schema (draft 2020-12) of course files; `course.schema.json` holds the same."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Course.model_json_schema()}
+
+
+def example_path(name: str) -> Path:
+    """Path of a course that comes with the package.
+
+    Raises:
+        CourseError: no such course.
+    """
+    if name not in example_names():
+        raise CourseError(f"no course '{name}': {nearest(name, example_names())}")
+    return Path(__file__).parent / "examples" / f"{name}.json"
+
+
+def example_names() -> list[str]:
+    """Names of the courses that come with the package, sorted."""
+    return sorted(path.stem for path in (Path(__file__).parent / "examples").glob("*.json"))
+
+
+def find_problems(course: Course) -> Iterable[str]:
+    """Say what does not fit together in a course whose members are each allowed, one sentence a problem."""
+    last = len(course.segments) - 1
+    ids = [gate.id for segment in course.segments for gate in segment.gates]
+    for i, segment in enumerate(course.segments):
+        where = f"/segments/{i}"
+        if i < last and segment.then == "end":
+            yield f"{where}/then: got 'end' before the last segment. Allowed: left, right, straight"
+        if i == last and not course.closed and segment.then != "end":
+            yield f"{where}/then: got '{segment.then}' in the last segment. Allowed: end (or \"closed\": true)"
+        if i == last and course.closed and segment.then not in ("left", "right"):
+            yield f"{where}/then: got '{segment.then}' in the last segment of a closed course. Allowed: left, right"
+        yield from _branch_problems(where, segment)
+        yield from _furniture_problems(where, segment)
+        for k, gate in enumerate(segment.gates):
+            if ids.count(gate.id) > 1:
+                yield f"{where}/gates/{k}/id: got {gate.id}, which more than one gate has. Allowed: unique ids"
+    if course.laps > 1 and not course.closed:
+        yield f'/laps: got {course.laps} for an open course. Allowed: 1 (or "closed": true)'
+    half = course.segments[0].width / 2
+    if abs(course.start.offset) > half - 0.15:
+        yield f"/start/offset: got {course.start.offset:g}. Allowed: within {half - 0.15:g} of the middle line"
+    if course.start.at > course.segments[0].length:
+        yield f"/start/at: got {course.start.at:g}. Allowed: 0 to {course.segments[0].length:g}, the segment's length"
+
+
+def _branch_problems(where: str, segment: Segment) -> Iterable[str]:
+    if segment.then == "end" and segment.branches:
+        yield f"{where}/branches: got {len(segment.branches)} at an end wall. Allowed: none"
+    taken = [segment.then]
+    for k, branch in enumerate(segment.branches):
+        if branch.to in taken:
+            free = [way for way in ("left", "right", "straight") if way not in taken]
+            yield f"{where}/branches/{k}/to: got '{branch.to}', which is taken. Allowed: {', '.join(free) or 'none'}"
+        taken.append(branch.to)
+
+
+def _furniture_problems(where: str, segment: Segment) -> Iterable[str]:
+    half = segment.width / 2
+    for kind in ("doors", "cupboards", "obstacles", "gates", "tapes"):
+        for k, item in enumerate(getattr(segment, kind)):
+            if item.at > segment.length:
+                yield f"{where}/{kind}/{k}/at: got {item.at:g}. Allowed: 0 to {segment.length:g}, the segment's length"
+            if abs(getattr(item, "offset", 0.0)) > half:
+                yield f"{where}/{kind}/{k}/offset: got {item.offset:g}. Allowed: -{half:g} to {half:g}"
+    for k, cupboard in enumerate(segment.cupboards):
+        if cupboard.depth >= segment.width:
+            yield f"{where}/cupboards/{k}/depth: got {cupboard.depth:g}. Allowed: below the width of {segment.width:g}"
+
+
+def _report(source: str, problems: Iterable[str]) -> CourseError:
+    listed = list(problems)
+    count = "1 problem" if len(listed) == 1 else f"{len(listed)} problems"
+    return CourseError("\n  ".join([f"{source}: {count}", *listed]))
+
+
+def _is_cause(error: Any) -> bool:
+    # A list with a bad item is also reported as too short; the item says more.
+    return not (error["type"] == "too_short" and error["input"])
+
+
+def _sentence(error: Any) -> str:
+    place = "".join(f"/{step}" for step in error["loc"]) or "/"
+    name, got = str(error["loc"][-1]) if error["loc"] else "", error["input"]
+    if error["type"] == "extra_forbidden":
+        return f"{place}: unknown member '{name}': {nearest(name, _members(error['loc']))}"
+    if error["type"] == "missing":
+        return f"{place}: missing. {_members_clause(error['loc'])}"
+    if error["type"] == "literal_error":
+        allowed = [word.strip(" '") for word in error["ctx"]["expected"].replace(" or ", ",").split(",")]
+        return f"{place}: got {got!r}: {nearest(got, allowed)}"
+    return f"{place}: got {json.dumps(got, default=str)[:60]}. Allowed: {error['msg'].removeprefix('Input should be ')}"
+
+
+_KINDS: dict[str, type[Part]] = {
+    "segments": Segment,
+    "branches": Branch,
+    "doors": Door,
+    "cupboards": Cupboard,
+    "obstacles": Obstacle,
+    "gates": Gate,
+    "tapes": Tape,
+    "start": Start,
+}
+
+
+def _members(place: tuple[int | str, ...]) -> list[str]:
+    parents = [step for step in place[:-1] if isinstance(step, str)]
+    return list((_KINDS.get(parents[-1], Course) if parents else Course).model_fields)
+
+
+def _members_clause(place: tuple[int | str, ...]) -> str:
+    return f"Members here: {', '.join(_members(place))}"

@@ -1,0 +1,199 @@
+"""From a plan to MuJoCo: a model with a pool of boxes, and where a plan puts them. The only user of `MjSpec`.
+
+All rows of a batch share one model structure, so a model holds as many boxes, markers and tapes as the worst course
+needs; those that a course does not need are parked under the floor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.assets import asset_path
+from tral_env.course.markers import MARKER_IDS, add_materials, material_name
+from tral_env.course.plan import BOX_KINDS, Array, Plan
+from tral_env.errors import ConfigError, nearest
+
+PREFIX = "car/"
+"""Before the names of everything that belongs to the car."""
+TAPE_WIDTH = 0.05
+"""m"""
+_TAPE_HALF_HEIGHT = 0.0005
+_PLATE_HALF_DEPTH = 0.001
+_QUIET_ZONE = 4 / 3
+"""Edge of a plate over that of its black square."""
+_PARKED = (0.0, 0.0, -10.0)
+_PARKED_HALF = 0.001
+_PARKED_QUAT = (0.8, 0.0, 0.0, 0.6)
+"""Any but 1 0 0 0: a geom compiled in line with its body is taken to stay so (`geom_sameframe`), whatever is written to
+`geom_quat` later."""
+
+
+@dataclass(frozen=True)
+class Pool:
+    """How many boxes, markers and strips of tape a model holds."""
+
+    boxes: int
+    markers: int = 0
+    tapes: int = 0
+
+    @classmethod
+    def of(cls, plan: Plan) -> Pool:
+        """Just enough for one plan."""
+        return cls(len(plan.box_kind), len(plan.marker_id), len(plan.tape))
+
+    @classmethod
+    def for_scenario(cls, name: str) -> Pool:
+        """Enough for every course of a family.
+
+        Raises:
+            ConfigError: no such family.
+        """
+        if name not in SCENARIO_POOLS:
+            raise ConfigError(f"unknown scenario '{name}': {nearest(name, SCENARIO_POOLS)}")
+        return SCENARIO_POOLS[name]
+
+    def union(self, other: Pool) -> Pool:
+        """Enough for either."""
+        return Pool(*map(max, astuple(self), astuple(other)))
+
+    def __ge__(self, other: Pool) -> bool:
+        return self.union(other) == self
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the pool's geoms, in the order of `Placement`."""
+        groups = (("box", self.boxes), ("marker", self.markers), ("tape", self.tapes))
+        return [f"{group}_{i:03d}" for group, count in groups for i in range(count)]
+
+
+SCENARIO_POOLS = {
+    "straight": Pool(4),
+    "doors": Pool(120),
+    "corners": Pool(16),
+    "loop": Pool(8),
+    "lane_change": Pool(10),
+    "obstacles": Pool(8),
+    "gates": Pool(20, 6),
+    "crossing": Pool(48, 3),
+    "office": Pool(240, 10),
+}
+"""Worst courses of each family; the tests build hundreds of each."""
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where a plan puts the geoms of a pool, in the order of `Pool.names`."""
+
+    geom_pos: Array
+    """(P, 3)"""
+    geom_quat: Array
+    """(P, 4)"""
+    geom_size: Array
+    """(P, 3)"""
+
+
+def build_model(pool: Pool, *, car: bool = True) -> mujoco.MjModel:
+    """Compile the corridor's world with a pool of parked boxes and, unless told otherwise, the car.
+
+    The boxes are geoms ``box_000``... of the body ``walls``. The sensor ``collision`` says whether the car touches
+    them: the number of contacts (0: none), then the normal (3) of the deepest one.
+    """
+    spec = mujoco.MjSpec.from_file(str(asset_path("corridor.xml")))
+    spec.delete(spec.body("default_course"))
+    add_materials(spec)
+    walls = spec.worldbody.add_body(name="walls", childclass="world")
+    for name in pool.names:
+        kind = name.split("_")[0]
+        walls.add_geom(
+            spec.find_default("wall" if kind == "box" else kind),
+            name=name,
+            pos=_PARKED,
+            quat=_PARKED_QUAT,
+            size=[_PARKED_HALF] * 3,
+        )
+    if car:
+        spec.attach(
+            mujoco.MjSpec.from_file(str(asset_path("car.xml"))), prefix=PREFIX, frame=spec.worldbody.add_frame()
+        )
+        _add_collision_sensor(spec)
+    return spec.compile()
+
+
+def _add_collision_sensor(spec: mujoco.MjSpec) -> None:
+    """<contact name="collision" subtree1="car/car" body2="walls" data="found normal" num="1"/>"""
+    found, normal = int(mujoco.mjtConDataField.mjCONDATA_FOUND), int(mujoco.mjtConDataField.mjCONDATA_NORMAL)
+    reduce_to_nearest = 1
+    spec.add_sensor(
+        name="collision",
+        type=mujoco.mjtSensor.mjSENS_CONTACT,
+        objtype=mujoco.mjtObj.mjOBJ_XBODY,
+        objname=f"{PREFIX}car",
+        reftype=mujoco.mjtObj.mjOBJ_BODY,
+        refname="walls",
+        intprm=[1 << found | 1 << normal, reduce_to_nearest, 1],
+    )
+
+
+def pool_geoms(model: mujoco.MjModel, pool: Pool) -> NDArray[np.int64]:
+    """Ids of the pool's geoms in a model, (P,), in the order of `Placement`."""
+    return np.array([model.geom(name).id for name in pool.names], np.int64)
+
+
+def place(plan: Plan, pool: Pool) -> Placement:
+    """Where a plan puts the geoms of a pool; spare ones are parked.
+
+    Raises:
+        ConfigError: the pool is too small.
+    """
+    if not pool >= Pool.of(plan):
+        raise ConfigError(f"a plan of {Pool.of(plan)} does not fit into a {pool}")
+    count = pool.boxes + pool.markers + pool.tapes
+    pos, size = np.tile(_PARKED, (count, 1)), np.full((count, 3), _PARKED_HALF)
+    quat = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
+    boxes = slice(0, len(plan.box_kind))
+    pos[boxes], size[boxes] = plan.box_position, plan.box_size
+    quat[boxes, 0], quat[boxes, 3] = np.cos(plan.box_yaw / 2), np.sin(plan.box_yaw / 2)
+    markers = slice(pool.boxes, pool.boxes + len(plan.marker_id))
+    normal = np.column_stack([np.cos(plan.marker_yaw), np.sin(plan.marker_yaw), np.zeros(len(plan.marker_id))])
+    pos[markers] = plan.marker_position - _PLATE_HALF_DEPTH * normal
+    size[markers] = [_QUIET_ZONE * plan.marker_size / 2] * 2 + [_PLATE_HALF_DEPTH]
+    quat[markers] = _upright(plan.marker_yaw)
+    tapes = slice(pool.boxes + pool.markers, pool.boxes + pool.markers + len(plan.tape))
+    along = plan.tape[:, 2:] - plan.tape[:, :2]
+    yaw = np.arctan2(along[:, 1], along[:, 0])
+    pos[tapes, :2], pos[tapes, 2] = (plan.tape[:, 2:] + plan.tape[:, :2]) / 2, _TAPE_HALF_HEIGHT
+    size[tapes, 0] = np.linalg.norm(along, axis=1) / 2
+    size[tapes, 1:] = TAPE_WIDTH / 2, _TAPE_HALF_HEIGHT
+    quat[tapes, 0], quat[tapes, 3] = np.cos(yaw / 2), np.sin(yaw / 2)
+    return Placement(pos, quat, size)
+
+
+def dress(model: mujoco.MjModel, plan: Plan, pool: Pool) -> None:
+    """Write a plan into a model made by `build_model(pool)`, with its looks, for rendering."""
+    ids, placed = pool_geoms(model, pool), place(plan, pool)
+    model.geom_pos[ids], model.geom_quat[ids], model.geom_size[ids] = (
+        placed.geom_pos,
+        placed.geom_quat,
+        placed.geom_size,
+    )
+    # Culling goes by the radius.
+    model.geom_rbound[ids] = np.linalg.norm(placed.geom_size, axis=1)
+    kinds = np.array([model.material(kind).id for kind in BOX_KINDS])
+    model.geom_matid[ids[: len(plan.box_kind)]] = kinds[plan.box_kind]
+    codes = np.array([model.material(material_name(marker)).id for marker in MARKER_IDS])
+    first = pool.boxes
+    model.geom_matid[ids[first : first + len(plan.marker_id)]] = codes[plan.marker_id]
+
+
+def _upright(yaw: Array) -> Array:
+    """Quaternions of upright plates whose face (+z) looks along yaw.
+
+    The plate's x axis points to (-sin yaw, cos yaw, 0), its y axis upwards, its z axis to (cos yaw, sin yaw, 0).
+    """
+    # Turn the axes (x, y, z) -> (y, z, x), a third of a turn about (1, 1, 1), and then by yaw about z.
+    c, s = np.cos(yaw / 2) / 2, np.sin(yaw / 2) / 2
+    return np.column_stack([c - s, c - s, c + s, c + s])
