@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -161,7 +162,7 @@ class Layout:
             fields.extend(OPTIONAL_GROUPS[group])
         return cls(tuple(fields))
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the columns."""
         return tuple(field.name for field in self.fields)
@@ -171,25 +172,37 @@ class Layout:
         """Number of columns."""
         return len(self.fields)
 
+    @cached_property
+    def _columns(self) -> dict[str, int]:
+        return {name: i for i, name in enumerate(self.names)}
+
     def column(self, name: str) -> int:
         """Column of the field of that name.
 
         Raises:
             ConfigError: no such field in this layout.
         """
-        if name not in self.names:
+        if name not in self._columns:
             raise ConfigError(f"unknown reading '{name}': {nearest(name, self.names)}")
-        return self.names.index(name)
+        return self._columns[name]
+
+    @cached_property
+    def _bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        low = np.array([field.low for field in self.fields], np.float32)
+        high = np.array([field.high for field in self.fields], np.float32)
+        return low, high
 
     def space(self) -> spaces.Box:
         """Observation space, Box of shape (d,), float32."""
-        low = np.array([field.low for field in self.fields], np.float32)
-        high = np.array([field.high for field in self.fields], np.float32)
-        return spaces.Box(low, high, dtype=np.float32)
+        return spaces.Box(*self._bounds, dtype=np.float32)
+
+    @cached_property
+    def _missing(self) -> NDArray[np.float64]:
+        return np.array([field.missing for field in self.fields])
 
     def missing(self, n: int) -> NDArray[np.float64]:
         """Readings of a car that has not measured anything, shape (n, d)."""
-        return np.tile(np.array([field.missing for field in self.fields]), (n, 1))
+        return np.tile(self._missing, (n, 1))
 
     def pack(self, values: Mapping[str, FloatArray | float], n: int) -> NDArray[np.float32]:
         """Bring named readings into the order of the observation, within its bounds.
@@ -207,8 +220,8 @@ class Layout:
         packed = self.missing(n)
         for name, value in values.items():
             packed[:, self.column(name)] = value
-        box = self.space()
-        return np.clip(packed.astype(np.float32), box.low, box.high)
+        low, high = self._bounds
+        return np.clip(packed.astype(np.float32), low, high)
 
     def unpack(self, observation: NDArray[np.floating]) -> dict[str, NDArray[np.floating]]:
         """Views of the named readings of an observation.

@@ -33,6 +33,9 @@ Flags = NDArray[np.bool_]
 _VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
 _NONE = int(mujoco.mjtStage.mjSTAGE_NONE)
 
+_SONAR_DRAWS = 2 + ultrasonic.MEASURE_DRAWS
+"""Numbers for one ranging: softness of the incidence limit, crosstalk, measurement."""
+
 
 class Simulation:
     """n cars in n corridors: physics, actuation, sensors, eyes."""
@@ -287,16 +290,16 @@ class Simulation:
         normal = np.empty((*fan.shape[:2], 2))
         normal[..., 0] = cos * fan[..., 1] + sin * fan[..., 2]
         normal[..., 1] = cos * fan[..., 2] - sin * fan[..., 1]
-        uniform = self._sonar_noise(rows, sonars)
-        first = ultrasonic.echo(fan[..., 0], normal, self.sonar, uniform[:, -1])
-        outliers = self.parameters["sonar_outlier_rate"][rows]
-        return ultrasonic.measure(first, uniform[:, :-1], self.sonar, outliers)
-
-    def _sonar_noise(self, rows: Index, sonars: Index) -> Array:
-        """Numbers for each ranging, (k, draws): a row takes those of all its sonars at once, whichever fired."""
-        draws = ultrasonic.MEASURE_DRAWS + 1
         row, place = np.unique(rows, return_inverse=True)
-        return self.noise.uniform(row, draws * len(SONARS)).reshape(-1, len(SONARS), draws)[place, sonars]
+        # A row takes the numbers of all its sonars at once, whichever fired.
+        uniform = self.noise.uniform(row, _SONAR_DRAWS * len(SONARS)).reshape(len(row), len(SONARS), _SONAR_DRAWS)
+        mine = uniform[place, sonars]
+        echoes = np.full((len(SONARS), len(row)), np.inf)
+        echoes[sonars, place] = ultrasonic.echo(fan[..., 0], normal, self.sonar, mine[:, 0])
+        if (together := self.parameters["sonar_together"][row] > 0.5).any():
+            echoes = ultrasonic.crosstalk(echoes, uniform[:, :, 1].T, together, self.sonar)
+        outliers = self.parameters["sonar_outlier_rate"][rows]
+        return ultrasonic.measure(echoes[sonars, place], mine[:, 2:], self.sonar, outliers)
 
     def _look(self, moving: Index) -> None:
         rows = self.sightings.due(moving, self.time_s)

@@ -55,4 +55,5 @@ class Ranging:
 
     def age(self, time_s: Array) -> Array:
         """(n, 3) time since the published ranges were measured, s; `time_s` is (n,)."""
-        return np.minimum(time_s[:, None] - self._fired, MAX_AGE_S)
+        age: Array = np.minimum(time_s[:, None] - self._fired, MAX_AGE_S)
+        return age
