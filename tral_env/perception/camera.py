@@ -208,19 +208,24 @@ def camera_id(model: mujoco.MjModel, name: str) -> int:
 
 
 def _gl_context(width: int, height: int) -> Any:
-    """An OpenGL context; without a display and without a wish in MUJOCO_GL it is EGL."""
-    wish = os.environ.get("MUJOCO_GL", "")
-    screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    """An OpenGL context, current."""
     try:
-        if not wish and not screen and platform.system() == "Linux":
-            from mujoco.egl import GLContext
-        else:
-            from mujoco.rendering.classic.gl_context import GLContext
-        context = GLContext(width, height)
+        context = _context_class()(width, height)
         context.make_current()
     except Exception as error:  # every backend has errors of its own
-        raise RenderError(f"no OpenGL context (MUJOCO_GL={wish or 'not set'}): {error}. {REMEDY}") from error
+        backend = os.environ.get("MUJOCO_GL") or "not set"
+        raise RenderError(f"no OpenGL context (MUJOCO_GL={backend}): {error}. {REMEDY}") from error
     return context
+
+
+def _context_class() -> Any:
+    """MuJoCo's choice after MUJOCO_GL; without a wish and without a display EGL, where its own choice would fail."""
+    screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if platform.system() == "Linux" and not os.environ.get("MUJOCO_GL") and not screen:
+        from mujoco.egl import GLContext
+    else:
+        from mujoco.rendering.classic.gl_context import GLContext
+    return GLContext
 
 
 def _render_context(model: mujoco.MjModel, offsamples: int) -> mujoco.MjrContext:

@@ -318,31 +318,58 @@ CLEARANCE = 0.03
 def _hidden(scenery: Scenery, rows: Indices, pose: Array, near: _Candidates, index: Indices) -> Mask:
     """Whether a box stands between the camera and any of five points of the markers with these indices."""
     eye, points, row = near.eye[index], near.points[index], near.row[index]
-    farthest = np.zeros(len(rows))
-    np.maximum.at(farthest, row, near.rays[index, 4, 0] + points[:, 0, 2] - points[:, 3, 2])
-    item, box = np.nonzero(_before(scenery, rows, pose, farthest)[row])
+    item, box = np.nonzero(_before(scenery, rows, pose, eye, points, row)[row])
     circle = scenery.circles[:, rows[row[item]], box]
     to_x, to_y = (points[:, 4, axis] - eye[:, axis] for axis in (0, 1))
-    square = to_x * to_x + to_y * to_y
-    to_x, to_y, square = to_x[item], to_y[item], square[item]
+    length = np.sqrt(to_x * to_x + to_y * to_y)
     box_x, box_y = circle[0] - eye[item, 0], circle[1] - eye[item, 1]
-    along = np.clip((box_x * to_x + box_y * to_y) / square, 0.0, 1.0)
-    off_x, off_y = box_x - along * to_x, box_y - along * to_y
-    reach = circle[2] + _half_edge(points)[item]
-    near_line = np.flatnonzero(off_x * off_x + off_y * off_y < reach * reach)
+    aside = box_y * (to_x / length)[item] - box_x * (to_y / length)[item]
+    near_line = np.flatnonzero(np.abs(aside) < circle[2] + _half_edge(points)[item])
     item, box = item[near_line], box[near_line]
-    hit = _crosses(eye[item], points[item], scenery.boxes[rows[row[item]], box])
+    solid = scenery.boxes[rows[row[item]], box]
+    between = np.flatnonzero(_overlaps(eye[item], points[item, 4], _half_edge(points)[item], solid))
+    item, solid = item[between], solid[between]
     hidden = np.zeros(len(index), np.bool_)
-    hidden[item[hit]] = True
+    hidden[item[_crosses(eye[item], points[item], solid)]] = True
     return hidden
 
 
-def _before(scenery: Scenery, rows: Indices, pose: Array, farthest: Array) -> Mask:
-    """(k, B) boxes ahead of the rear axle and not farther than the farthest marker: the only ones that can hide one."""
-    x, y, radius = scenery.circles[:, rows]
-    cos, sin = np.cos(pose[:, 2, None]), np.sin(pose[:, 2, None])
-    ahead = (x - pose[:, 0, None]) * cos + (y - pose[:, 1, None]) * sin
-    return np.asarray((radius > 0.0) & (ahead > -radius) & (ahead - radius < 1.0 + farthest[:, None] * 1.1))
+def _overlaps(eye: Array, target: Array, margin: Array, box: Array) -> Mask:
+    """Whether the line from eye to target (p, 3) has a common stretch with the box on both its level axes."""
+    cos, sin = box[:, 3], box[:, 4]
+    from_x, from_y = eye[:, 0] - box[:, 0], eye[:, 1] - box[:, 1]
+    to_x, to_y = target[:, 0] - box[:, 0], target[:, 1] - box[:, 1]
+    overlaps = np.ones(len(box), np.bool_)
+    for half, start, end in (
+        (box[:, 5] + margin, from_x * cos + from_y * sin, to_x * cos + to_y * sin),
+        (box[:, 6] + margin, from_y * cos - from_x * sin, to_y * cos - to_x * sin),
+    ):
+        overlaps &= (np.minimum(start, end) < half) & (np.maximum(start, end) > -half)
+    return overlaps
+
+
+def _before(scenery: Scenery, rows: Indices, pose: Array, eye: Array, points: Array, row: Indices) -> Mask:
+    """(k, B) boxes that touch the wedge from the camera to the markers of their row: no others can hide one."""
+    cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    dx, dy = points[..., 0] - eye[:, 0, None], points[..., 1] - eye[:, 1, None]
+    ahead = dx * cos[row, None] + dy * sin[row, None]
+    slope = (dy * cos[row, None] - dx * sin[row, None]) / np.maximum(ahead, NEAR)
+    left, right, far, eye_x, eye_y = (np.full(len(rows), value) for value in (-np.inf, np.inf, -np.inf, 0.0, 0.0))
+    np.maximum.at(left, row, slope.max(axis=1))
+    np.minimum.at(right, row, slope.min(axis=1))
+    np.maximum.at(far, row, ahead.max(axis=1))
+    eye_x[row], eye_y[row] = eye[:, 0], eye[:, 1]
+    active = np.unique(row)
+    x, y, radius = scenery.circles[:, rows[active]]
+    x, y = x - eye_x[active, None], y - eye_y[active, None]
+    cos, sin, left, right, far = (values[active, None] for values in (cos, sin, left, right, far))
+    ahead, aside = x * cos + y * sin, y * cos - x * sin
+    touches = (radius > 0.0) & (ahead > -radius) & (ahead < far + radius)
+    touches &= aside < left * ahead + radius * np.sqrt(1.0 + left * left)
+    touches &= aside > right * ahead - radius * np.sqrt(1.0 + right * right)
+    before = np.zeros((len(rows), radius.shape[1]), np.bool_)
+    before[active] = touches
+    return before
 
 
 def _half_edge(points: Array) -> Array:
