@@ -47,8 +47,8 @@ class TralCorridorEnv(gym.Env[Any, NDArray[np.float32]]):
 
     ## Info
     Ground truth that no policy sees: `success`, `collision`, `crash` (closing speed of 0.2 m/s or more), `missed_gate`,
-    `progress` in [0, 1], `gates_passed`, `gates_total`, `clearance_error_m` (NaN off the plain straights, or when
-    nobody called `want_clearance`), `lateral_offset_m` to the route, `pose` (x, y [m], yaw [rad]), `speed_mps`,
+    `progress` in [0, 1], `gates_passed`, `gates_total`, `clearance_error_m` (once `want_clearance` was called;
+    NaN off the plain straights), `lateral_offset_m` to the route, `pose` (x, y [m], yaw [rad]), `speed_mps`,
     `time_s`; `is_success` when the episode ends; `car` at reset: the drawn parameters.
 
     ## Arguments
@@ -98,7 +98,7 @@ class TralCorridorEnv(gym.Env[Any, NDArray[np.float32]]):
         """Start a new episode; see the class for the options."""
         super().reset(seed=seed)
         car = self.corridor.reset(_ROW, [self.np_random], options)
-        info = _single(self.corridor.info())
+        info = self._info(self.corridor.info())
         info["car"] = {name: float(values[0]) for name, values in car.items()}
         return self._observation(), info
 
@@ -112,7 +112,7 @@ class TralCorridorEnv(gym.Env[Any, NDArray[np.float32]]):
         if action.shape != (2,) or not np.isfinite(action).all():
             raise ConfigError(f"action {action!r}: expected two finite numbers: steering, throttle")
         step = self.corridor.step(action[None])
-        info = _single(step.info)
+        info = self._info(step.info)
         terminated, truncated = bool(step.terminated[0]), bool(step.truncated[0])
         if terminated or truncated:
             info["is_success"] = info["success"]
@@ -120,6 +120,13 @@ class TralCorridorEnv(gym.Env[Any, NDArray[np.float32]]):
 
     def _observation(self) -> Any:
         return self.corridor.observation()[0].copy()
+
+    def _info(self, info: dict[str, Any]) -> dict[str, Any]:
+        """Info of the only car: Python numbers and bools, and arrays of its own."""
+        single = {name: values[0].item() if values.ndim == 1 else values[0].copy() for name, values in info.items()}
+        if np.isnan(self.corridor.wanted_clearance[0, 0]):
+            del single["clearance_error_m"]
+        return single
 
     def want_clearance(self, side: float, metres: float) -> None:
         """Tell what clearance the policy is after, so that `info["clearance_error_m"]` can be told.
@@ -202,8 +209,3 @@ class TralCorridorPixelsEnv(TralCorridorEnv):
             self._exposures = exposures
             self._image = self.render_view("onboard", *self._image_size)
         return {"image": self._image.copy(), "readings": super()._observation()}
-
-
-def _single(info: dict[str, Any]) -> dict[str, Any]:
-    """Info of the only car: Python numbers and bools, and arrays of its own."""
-    return {name: values[0].item() if values.ndim == 1 else values[0].copy() for name, values in info.items()}

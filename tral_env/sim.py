@@ -22,6 +22,7 @@ from tral_env.interface import CONTROL_PERIOD_S, STEERING, THROTTLE, Layout
 from tral_env.noise import NoiseTape
 from tral_env.perception.sightings import Sightings
 from tral_env.sensors import ultrasonic
+from tral_env.sensors.extras import Extras
 from tral_env.sensors.hall import UPDATE_DRAWS, Hall
 from tral_env.sensors.ranging import BORESIGHT, SONARS, Ranging
 from tral_env.vision import ProjectedVision, RenderedVision, Vision
@@ -75,6 +76,7 @@ class Simulation:
         self.ranging = Ranging(n)
         self.sightings = Sightings(n, self.lens.rate_hz)
         self.noise = NoiseTape(n)
+        self.extras = Extras(n, layout, self.noise)
         self.vision: Vision = (
             RenderedVision(n, pool, self.lens, self.car)
             if camera == "rendered"
@@ -99,7 +101,6 @@ class Simulation:
         self._plans: list[Plan | None] = [None] * n
         self._ticks = np.zeros(n, np.int64)
         self._velocity = np.zeros((n, 2))
-        self._battery_v = np.zeros(n)
         self._wheel = np.zeros(n)
         self._everyone = np.arange(n)
         self._bind()
@@ -143,6 +144,7 @@ class Simulation:
             self._build(int(row), plan)
             self.vision.place(int(row), plan)
             self.noise.reset(int(row), rngs[row])
+            self.extras.place(int(row), plan.tape)
             for name, value in car.items():
                 self.parameters.setdefault(name, np.zeros(self.n))[row] = value
         self._outfit(rows)
@@ -160,6 +162,8 @@ class Simulation:
         self._observe_truth()
         self._wheel[rows] = self._sensordata[rows, self.handles.hall_wheel]
         self._look(rows)
+        self.extras.battery_v[rows] = self.parameters["battery_v"][rows]
+        self.extras.update(rows, self.pose, self._sensordata[:, self.handles.imu])
 
     def _build(self, row: int, plan: Plan) -> None:
         placed = place(plan, self.pool)
@@ -230,6 +234,7 @@ class Simulation:
         self._count_ticks(moving)
         self._fire_sonars()
         self._look(moving)
+        self.extras.update(moving, self.pose, self._sensordata[:, self.handles.imu])
 
     def _wheel_speed(self) -> Array:
         """(n,) mean rate of the four wheels times their radius, m/s; a sum in fixed order, alike for any n."""
@@ -242,7 +247,7 @@ class Simulation:
         self._ctrl[rows, handles.steer_actuator] = drive.steering_angle
         self._ctrl[rows, handles.drive_actuator] = drive.voltage
         self._frictionloss[rows, handles.steer_dof] = drive.scrub_torque
-        self._battery_v[rows] = drive.battery_v
+        self.extras.battery_v[rows] = drive.battery_v
 
     def _observe_truth(self) -> None:
         root = self.handles.root_qpos
@@ -320,6 +325,7 @@ class Simulation:
             "steering": self.command[:, STEERING],
             "throttle": self.command[:, THROTTLE],
             **self.sightings.readings(self.time_s),
+            **self.extras.readings,
         }
         age = self.ranging.age(self.time_s)
         for i, side in enumerate(SONARS):

@@ -1,0 +1,60 @@
+"""The optional groups of readings: line, inertial, battery. What was not asked for costs nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.config import ImuConfig, LineConfig
+from tral_env.interface import OPTIONAL_GROUPS, Layout
+from tral_env.noise import NoiseTape
+from tral_env.sensors.imu import AXES, draw_bias, measure
+from tral_env.sensors.line import line_byte
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+class Extras:
+    """Readings of the optional groups of n cars."""
+
+    def __init__(self, n: int, layout: Layout, noise: NoiseTape) -> None:
+        """Only the groups of the layout are measured."""
+        self._groups = {name for name, fields in OPTIONAL_GROUPS.items() if fields[0].name in layout.names}
+        self._noise, self._line, self._imu = noise, LineConfig(), ImuConfig()
+        self._tape = np.zeros((n, 0, 4))
+        self._bias = np.zeros((n, AXES))
+        self._values = {name: np.zeros(n) for name in layout.names if name not in Layout().names}
+        self.battery_v = np.zeros(n)
+        """(n,) voltage under load, V; written by the simulation."""
+
+    def place(self, row: int, tape: Array) -> None:
+        """A new course: its tape (T, 4), and a new bias of the inertial sensor. Call after the noise was reset."""
+        more = max(0, len(tape) - self._tape.shape[1])
+        self._tape = np.pad(self._tape, ((0, 0), (0, more), (0, 0)))
+        self._tape[row] = 0.0
+        self._tape[row, : len(tape)] = tape
+        if "imu" in self._groups:
+            self._bias[row] = draw_bias(self._noise.normal(np.array([row]), AXES)[0], self._imu)
+
+    def update(self, rows: Index, pose: Array, motion: Array) -> None:
+        """Measure.
+
+        Args:
+            rows: (k,) the cars that moved.
+            pose: (n, 3) x, y, yaw.
+            motion: (n, 6) angular rate, rad/s, and proper acceleration, m/s^2, in the car's frame.
+        """
+        if "line" in self._groups:
+            self._values["line"][rows] = line_byte(pose[rows], self._tape[rows], self._line)
+        if "imu" in self._groups:
+            read = measure(motion[rows], self._bias[rows], self._noise.normal(rows, AXES), self._imu)
+            for i, field in enumerate(OPTIONAL_GROUPS["imu"]):
+                self._values[field.name][rows] = read[:, i]
+        if "battery" in self._groups:
+            self._values["battery"][rows] = self.battery_v[rows]
+
+    @property
+    def readings(self) -> dict[str, Array]:
+        """name -> (n,)."""
+        return self._values
