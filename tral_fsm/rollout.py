@@ -190,7 +190,8 @@ def _trace(ticks: list[Tick]) -> Trace:
         time=column("time_s"),
         pose=column("pose"),
         speed=column("speed_mps"),
-        clearance_error=column("clearance_error_m"),
+        # Absent while the policy wants no clearance.
+        clearance_error=np.array([tick.info.get("clearance_error_m", math.nan) for tick in ticks], float),
         lateral_offset=column("lateral_offset_m"),
         gates_passed=column("gates_passed").astype(np.int64),
         readings=np.array([tick.observation for tick in ticks], float),
