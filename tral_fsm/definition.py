@@ -253,6 +253,16 @@ class TurnedSpec(ConditionSpec):
     angle_deg: float = required("deg", "turned since entry", gt=0.0, le=3600.0)
 
 
+class AlignedSpec(ConditionSpec):
+    """Fires when the car points along or across the corridor, as wall following has learnt its direction.
+
+    Beyond about 22 degrees a wall gives no echo, and cannot be told from an opening.
+    """
+
+    type: Literal["Aligned"] = "Aligned"
+    angle_deg: float = quantity(12.0, "deg", "within this angle", gt=0.0, le=45.0)
+
+
 class FinishedSpec(ConditionSpec):
     """Fires when the state says that it is finished."""
 
@@ -353,7 +363,7 @@ _STATES = (
 )  # fmt: skip
 _CONDITIONS = (
     AlwaysSpec, DistanceSpec, FinishedSpec, SensorLevelSpec, ArucoGateFoundSpec, TimerSpec, TurnedSpec,
-    MarkerFoundSpec, AllSpec, AnySpec, NotSpec,
+    AlignedSpec, MarkerFoundSpec, AllSpec, AnySpec, NotSpec,
 )  # fmt: skip
 
 STATES: dict[str, type[StateSpec]] = {type_name(spec): spec for spec in _STATES}

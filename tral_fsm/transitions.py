@@ -12,6 +12,7 @@ from typing import Any, Generic, TypeVar
 
 from tral_fsm.definition import (
     CONDITIONS,
+    AlignedSpec,
     AllSpec,
     AlwaysSpec,
     AnySpec,
@@ -142,6 +143,23 @@ class Turned(Condition[TurnedSpec]):
     def why(self, m: MachineState) -> str:
         """Turned and wanted."""
         return f"turned {math.degrees(m.yaw - self.entry):+.1f}, {self.spec.angle_deg:g} deg wanted"
+
+
+@runs(AlignedSpec)
+class Aligned(Condition[AlignedSpec]):
+    """Fires when the car points along or across the corridor."""
+
+    def __init__(self, spec: AlignedSpec, owner: State[Any]) -> None:
+        super().__init__(spec, owner)
+        self.angle = math.radians(spec.angle_deg)
+
+    def triggered(self, m: MachineState) -> bool:
+        """Within the angle."""
+        return abs(m.heading) <= self.angle
+
+    def why(self, m: MachineState) -> str:
+        """Heading and angle."""
+        return f"heading {math.degrees(m.heading):+.1f} within {self.spec.angle_deg:g} deg"
 
 
 @runs(FinishedSpec)

@@ -1,0 +1,203 @@
+"""How a machine ticks: the rules of docs/state_machine.md."""
+
+import math
+from typing import Literal
+
+import pytest
+from readings import Bench, two_states
+
+from tral_env.errors import MachineError
+from tral_env.interface import CORE_LAYOUT
+from tral_fsm import FormatError, MachineState, states, transitions
+from tral_fsm.definition import CONDITIONS, STATES, ConditionSpec, StateSpec
+from tral_fsm.library import load
+from tral_fsm.machine_state import COLUMNS
+
+
+def motor(number: int, throttle: float) -> dict[str, object]:
+    return {"id": number, "type": "Motor", "throttle": throttle}
+
+
+def way(number: int, source: int, target: int, **condition: object) -> dict[str, object]:
+    return {"id": number, "from": source, "to": target, **condition}
+
+
+class TestTickOrder:
+    def test_the_root_is_entered_at_the_first_tick(self) -> None:
+        bench = two_states({"type": "Distance", "distance": 1.0})
+        bench.tick(distance=7.0)
+        bench.tick(distance=7.5)
+        assert bench.active == "a"
+
+    def test_the_output_of_a_tick_is_that_of_the_old_state(self) -> None:
+        bench = Bench({"root": 0, "states": [motor(0, 0.1), motor(1, 0.2)], "transitions": [
+            way(0, 0, 1, type="Always"), way(1, 1, 0, type="Distance", distance=9.0)]})  # fmt: skip
+        assert [bench.tick()[1] for _ in range(2)] == [0.1, 0.2]
+
+    def test_the_first_transition_that_has_triggered_is_taken(self) -> None:
+        bench = Bench({"root": 0, "states": [motor(0, 0.1), motor(1, 0.2), {"id": 2, "type": "Stop"}], "transitions": [
+            way(0, 0, 1, type="SensorLevel", below=0.5), way(1, 0, 2, type="Always"), way(2, 1, 0, type="Always"),
+        ]})  # fmt: skip
+        bench.tick(front=0.4)
+        assert bench.active == "1"
+
+    def test_one_transition_a_tick(self) -> None:
+        bench = Bench({"root": 0, "states": [motor(0, 0.1), motor(1, 0.2), {"id": 2, "type": "Stop"}], "transitions": [
+            way(0, 0, 1, type="Always"), way(1, 1, 2, type="Always")]})  # fmt: skip
+        names = []
+        for _ in range(3):
+            bench.tick()
+            names.append(bench.active)
+        assert names == ["1", "2", "2"]
+
+    def test_a_transition_into_the_same_state_enters_it_anew(self) -> None:
+        bench = Bench(
+            {"root": 0, "states": [motor(0, 0.1)], "transitions": [way(0, 0, 0, type="Distance", distance=1)]}
+        )
+        for distance in (0.0, 1.0, 1.5, 2.0):
+            bench.tick(distance=distance)
+        assert [round(t.time / 0.0125) for t in bench.fired] == [2, 4]
+
+    def test_a_transitions_memory_starts_anew_when_its_state_is_entered(self) -> None:
+        bench = Bench({"root": 0, "states": [motor(0, 0.1), motor(1, 0.1)], "transitions": [
+            way(0, 0, 1, type="Distance", distance=1.0), way(1, 1, 0, type="Distance", distance=0.5)]})  # fmt: skip
+        names = []
+        for distance in (0.0, 1.0, 1.5, 2.0, 2.5):
+            bench.tick(distance=distance)
+            names.append(bench.active)
+        assert names == ["0", "1", "0", "0", "1"]
+
+
+class TestEntryAndExit:
+    def test_exit_of_the_old_state_comes_before_entry_of_the_new(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        calls: list[str] = []
+        for kind in (states.Motor, states.Stop):
+            for hook in ("on_enter", "tick", "on_exit"):
+                name = f"{kind.__name__}.{hook}"
+                monkeypatch.setattr(kind, hook, lambda self, m, name=name: calls.append(name))
+        bench = two_states({"type": "Always"})
+        bench.tick()
+        bench.tick()
+        assert calls == ["Motor.on_enter", "Motor.tick", "Motor.on_exit", "Stop.on_enter", "Stop.tick"]
+
+    def test_inner_and_outer_in_one_tick_the_inner_moves_first_and_is_then_left(self) -> None:
+        inner = {"root": 0, "states": [motor(0, 0.1), motor(1, 0.2)], "transitions": [
+            way(0, 0, 1, type="Distance", distance=1.0), way(1, 1, 0, type="Distance", distance=1.0)]}  # fmt: skip
+        states = [{"id": 0, "type": "FSMState", "machine": inner}, {"id": 1, "type": "Stop"}]
+        bench = Bench({"root": 0, "states": states, "transitions": [way(0, 0, 1, type="Distance", distance=1.0)]})  # fmt: skip
+        bench.tick(distance=0.0)
+        bench.tick(distance=1.0)
+        assert [t.path for t in bench.fired] == [(0,), ()]
+        assert bench.active == "1"
+
+
+class TestBlackboard:
+    def test_it_takes_the_columns_of_the_contract(self) -> None:
+        assert CORE_LAYOUT.names == COLUMNS
+        m = MachineState()
+        m.update([float(k) for k in range(len(COLUMNS))])
+        got = (m.left.range, m.front.range, m.right.range, m.left.age, m.front.age, m.right.age, m.distance, m.speed)
+        assert got == (0, 1, 2, 3, 4, 5, 6, 7)
+        assert (m.gate.age, m.marker.age, m.applied_steering, m.applied_throttle) == (12, 17, 18, 19)
+
+    def test_a_reading_is_new_when_it_did_not_just_grow_older(self) -> None:
+        m, news = MachineState(), []
+        for age in (10.0, 10.0, 0.065, 0.0775, 0.09, 0.065, 0.0775):
+            row = CORE_LAYOUT.missing(1)[0]
+            row[COLUMNS.index("ultrasonic_left_age")] = age
+            m.update(row.tolist())
+            news.append(m.left.new)
+        assert news == [False, False, True, False, False, True, False]
+
+    def test_a_sonars_interval_is_that_between_its_firings(self) -> None:
+        m = MachineState()
+        for age in (0.065, 0.0775, 0.09, 0.1025, 0.115, 0.0525):
+            row = CORE_LAYOUT.missing(1)[0]
+            row[COLUMNS.index("ultrasonic_left_age")] = age
+            m.update(row.tolist())
+        # the second reading comes five ticks later, and is one tick fresher
+        assert m.left.interval == pytest.approx(5 * 0.0125 + 0.0125)
+
+    def test_a_straight_way_is_reckoned_straight(self) -> None:
+        m = MachineState()
+        for k in range(11):
+            row = CORE_LAYOUT.missing(1)[0]
+            row[COLUMNS.index("distance")], row[COLUMNS.index("speed")] = 0.1 * k, 0.5
+            m.update(row.tolist())
+        assert (m.x, m.y, m.yaw) == pytest.approx((1.0, 0.0, 0.0))
+
+    def test_a_pose_seen_from_here_and_back_is_the_same(self) -> None:
+        m = MachineState()
+        m.x, m.y, m.yaw = 1.0, 2.0, math.pi / 2
+        assert m.from_here(1.0, 3.0, math.pi / 2) == pytest.approx((1.0, 0.0, 0.0))
+        assert m.to_reckoning(1.0, 0.0, 0.0) == pytest.approx((1.0, 3.0, math.pi / 2))
+
+    def test_reverse_counts_backwards_once_the_car_has_stood(self) -> None:
+        bench = two_states({"type": "Timer", "seconds": 100})
+        bench.tick(distance=0.0, speed=0.0, throttle=-0.3)
+        bench.tick(distance=0.1, speed=0.3, throttle=-0.3)
+        assert bench.m.x == pytest.approx(-0.1)
+
+
+class TestYourOwnState:
+    def test_it_takes_ten_lines(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(states, "RUNTIMES", states.RUNTIMES)
+        monkeypatch.delitem(STATES, "Weave", raising=False)
+
+        class WeaveSpec(StateSpec):
+            type: Literal["Weave"] = "Weave"
+            period: float = 2.0
+
+        @states.runs(WeaveSpec)
+        class Weave(states.State[WeaveSpec]):
+            def tick(self, m: MachineState) -> None:
+                m.steering = math.sin(2 * math.pi * m.time / self.spec.period)
+                m.regulate(0.5)
+
+        try:
+            bench = Bench({"root": 0, "states": [{"id": 0, "type": "Weave", "period": 0.05, "final": True}]})
+            assert [bench.tick()[0] for _ in range(4)] == pytest.approx([1.0, 0.0, -1.0, 0.0], abs=1e-9)
+        finally:
+            del STATES["Weave"], states.RUNTIMES["Weave"]
+
+    def test_so_does_a_condition(self) -> None:
+        class SpeedSpec(ConditionSpec):
+            type: Literal["Speed"] = "Speed"
+            above: float = 1.0
+
+        @transitions.runs(SpeedSpec)
+        class Speed(transitions.Condition[SpeedSpec]):
+            def triggered(self, m: MachineState) -> bool:
+                return m.speed > self.spec.above
+
+        try:
+            bench = two_states({"type": "Speed", "above": 0.5})
+            bench.tick(speed=0.6)
+            assert bench.active == "b"
+        finally:
+            del CONDITIONS["Speed"], transitions.RUNTIMES["Speed"]
+
+
+class TestPackagedMachines:
+    def test_an_unknown_name_is_answered_with_the_nearest(self) -> None:
+        with pytest.raises(MachineError, match=r"'offise' is no packaged machine.*did you mean 'office'"):
+            load("offise")
+
+    def test_an_unknown_inner_machine_is_answered_with_the_nearest(self, tmp_path) -> None:  # type: ignore[no-untyped-def]
+        path = tmp_path / "outer.json"
+        path.write_text('{"root": 0, "states": [{"id": 0, "type": "FSMState", "machine": "wal", "final": true}]}')
+        with pytest.raises(FormatError, match=r"/states/0/machine: got 'wal': did you mean 'wall'"):
+            load(path)
+
+    def test_a_machine_that_holds_itself_is_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        from tral_fsm import library
+        from tral_fsm.formats.tral_json import loads
+
+        held = loads('{"root": 0, "states": [{"id": 0, "type": "FSMState", "machine": "wall", "final": true}]}')
+        monkeypatch.setattr(library, "_read", lambda name: held)
+        with pytest.raises(FormatError, match="holds itself: wall > wall"):
+            load("wall")
+
+    def test_a_file_that_is_not_there(self) -> None:
+        with pytest.raises(MachineError, match=r"nowhere\.json: cannot be read"):
+            load("nowhere.json")

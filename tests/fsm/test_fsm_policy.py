@@ -1,0 +1,100 @@
+"""A machine as a policy: shapes, rows, episodes."""
+
+import numpy as np
+import pytest
+
+from tral_env.errors import MachineError
+from tral_env.interface import CORE_LAYOUT, Layout
+from tral_fsm import MachinePolicy, load_machine, load_policy
+
+SIZE = CORE_LAYOUT.size
+
+
+def observation(n: int, **readings: float) -> np.ndarray:
+    return CORE_LAYOUT.pack({"ultrasonic_right": 0.5, "ultrasonic_right_age": 0.065, **readings}, n)
+
+
+def test_one_row_in_one_row_out() -> None:
+    action = load_policy("wall").act(observation(1)[0])
+    assert action.shape == (2,)
+    assert action.dtype == np.float32
+
+
+def test_n_rows_in_n_rows_out() -> None:
+    policy = load_policy("wall")
+    policy.reset(3)
+    action = policy.act(observation(3))
+    assert action.shape == (3, 2)
+    assert (action == action[0]).all()
+
+
+def test_optional_groups_behind_the_core_fields_are_not_looked_at() -> None:
+    wide = np.concatenate([observation(1), np.full((1, Layout.of(["imu"]).size - SIZE), 9.0)], axis=1)
+    assert (load_policy("wall").act(wide) == load_policy("wall").act(observation(1))).all()
+
+
+def test_a_row_does_not_depend_on_the_others() -> None:
+    rng = np.random.default_rng(3)
+    rows = rng.uniform(0.2, 3.0, (50, 4, SIZE)).astype(np.float32)
+    together, alone = load_policy("office"), load_policy("office")
+    together.reset(4)
+    for row in rows:
+        assert (together.act(row)[2] == alone.act(row[2])).all()
+
+
+def test_after_reset_it_drives_as_at_first() -> None:
+    policy = load_policy("office")
+    rows = [observation(1, distance=0.1 * k, speed=0.5, ultrasonic_front=3 - 0.1 * k) for k in range(40)]
+    first = [policy.act(row).tolist() for row in rows]
+    policy.reset(1)
+    assert [policy.act(row).tolist() for row in rows] == first
+
+
+@pytest.mark.parametrize("shape", [(2, SIZE), (SIZE - 1,), (1, 1, SIZE), (0, SIZE)])
+def test_a_wrong_shape_is_refused(shape: tuple[int, ...]) -> None:
+    with pytest.raises(MachineError, match="observation has shape"):
+        load_policy("wall").act(np.zeros(shape, np.float32))
+
+
+def test_predict_has_the_signature_of_stable_baselines() -> None:
+    policy = load_policy("wall")
+    action, state = policy.predict(observation(2), state=None, episode_start=np.array([True, True]), deterministic=True)
+    assert action.shape == (2, 2)
+    assert state is None
+
+
+def test_episode_start_restarts_those_rows_alone() -> None:
+    policy = MachinePolicy(load_machine("corridor"))
+    policy.reset(2)
+    corner = {
+        "ultrasonic_front": 0.5,
+        "ultrasonic_front_age": 0.0,
+        "ultrasonic_right": 6.0,
+        "ultrasonic_right_age": 0.0,
+    }
+    policy.predict(observation(2, **corner))
+    assert policy.active_states == ["turn right", "turn right"]
+    policy.predict(observation(2), episode_start=np.array([False, True]))
+    assert policy.active_states == ["turn right", "follow"]
+
+
+def test_it_says_which_clearance_it_wants() -> None:
+    policy = load_policy("wall")
+    policy.act(observation(1))
+    assert policy.wanted_clearance.tolist() == [[-1.0, 0.6]]
+
+
+def test_a_state_without_a_wall_wants_no_clearance() -> None:
+    policy = load_policy("gate")
+    for _ in range(2):
+        policy.act(observation(1, gate_id=0, gate_x=3.0, gate_age=0.05))
+    assert policy.active_states == ["approach"]
+    assert np.isnan(policy.wanted_clearance).all()
+
+
+def test_the_trace_tells_of_the_first_car() -> None:
+    fired = []
+    policy = load_policy("gate", fired.append)
+    policy.reset(2)
+    policy.act(observation(2, gate_id=0, gate_x=3.0, gate_age=0.05))
+    assert [transit.transition for transit in fired] == ["gate seen"]

@@ -1,0 +1,345 @@
+"""What each state of the table does."""
+
+import math
+from typing import Any, ClassVar
+
+import pytest
+from readings import Bench, one_state, two_states
+
+from tral_fsm.control import curvature
+from tral_fsm.definition import STATES
+from tral_fsm.states import RUNTIMES, Finishable, Targetable
+
+LITERAL = {"derivative": "tick", "max_error": None, "throttle": 0.3, "clearance": 0.5}
+
+
+def wall(kind: str = "BasicFollowWall", **changes: object) -> Bench:
+    return one_state(type=kind, **{**LITERAL, "p": 2.0, "d": 0.1, "side": "left", **changes})
+
+
+class TestBasicFollowWall:
+    def test_too_far_from_a_left_wall_it_steers_left(self) -> None:
+        assert wall().tick(left=0.6) == pytest.approx((0.2, 0.3))
+
+    def test_too_far_from_a_right_wall_it_steers_right(self) -> None:
+        assert wall(side="right").tick(right=0.6) == pytest.approx((-0.2, 0.3))
+
+    def test_the_literal_derivative_acts_for_one_tick(self) -> None:
+        bench = wall()
+        bench.tick(left=0.6)
+        assert bench.tick(left=0.61)[0] == pytest.approx(0.22 + 0.1 * 0.01 * 80)
+        assert bench.tick()[0] == pytest.approx(0.22)
+
+    def test_the_derivative_is_zero_on_entry(self) -> None:
+        assert wall(d=30.0).tick(left=0.6)[0] == pytest.approx(0.2)
+
+    def test_the_integral_sums_e_over_the_ticks(self) -> None:
+        bench = wall(i=1.0, d=0.0)
+        bench.tick(left=0.6)
+        bench.tick()
+        assert bench.tick()[0] == pytest.approx(0.2 + 3 * 0.1 * 0.0125)
+
+    def test_the_output_is_clipped(self) -> None:
+        assert wall(p=12.0).tick(left=0.9)[0] == 1.0
+        assert wall(p=12.0, side="right").tick(right=0.9)[0] == -1.0
+
+    def test_the_derivative_over_the_sonars_interval_is_held_until_the_next_reading(self) -> None:
+        bench = wall(derivative="sonar", d=1.0)
+        bench.tick(left=0.60)
+        for _ in range(4):
+            bench.tick()
+        # 1 cm in five ticks: 0.16 m/s
+        assert bench.tick(left=0.61)[0] == pytest.approx(0.22 + 0.16)
+        assert bench.tick()[0] == pytest.approx(0.22 + 0.16)
+
+    def test_a_large_deviation_is_clipped(self) -> None:
+        assert wall(max_error=0.1).tick(left=1.5)[0] == pytest.approx(0.2)
+
+    def test_without_a_wall_it_goes_straight_on(self) -> None:
+        bench = wall()
+        bench.tick(left=0.6)
+        assert bench.tick(left=6.0)[0] == pytest.approx(0.0)
+
+    def test_it_turns_back_to_the_corridors_direction_when_the_wall_is_lost(self) -> None:
+        bench = wall()
+        bench.tick(left=0.6, distance=0.0)
+        for k in range(1, 9):
+            bench.tick(distance=0.025 * k, steering=1.0, speed=0.5)
+        assert bench.m.heading > 0.1
+        assert bench.tick(left=6.0)[0] < -0.5
+
+    def test_at_most_half_keeps_to_the_middle_of_a_narrow_place(self) -> None:
+        bench = wall(at_most_half=True, clearance=0.8)
+        assert bench.tick(left=0.4, right=0.6)[0] == pytest.approx(2.0 * (0.4 - 0.5))
+        assert bench.m.wanted_clearance == pytest.approx(0.5)
+
+    def test_it_slows_down_before_something_ahead(self) -> None:
+        bench = wall(throttle=None, speed=1.0, slow_front=2.0, slow_speed=0.4)
+        targets = []
+        for front in (3.0, 1.5, 1.0, 0.3):
+            bench.tick(left=0.5, front=front)
+            targets.append(bench.m.speed_target)
+        assert targets == pytest.approx([1.0, 0.7, 0.4, 0.4])
+
+    def test_it_says_which_clearance_it_wants(self) -> None:
+        bench = wall(side="right")
+        bench.tick(right=0.6)
+        assert (bench.m.wanted_side, bench.m.wanted_clearance) == (-1.0, 0.5)
+
+    def test_it_learns_the_cars_trim_from_what_remains_of_e(self) -> None:
+        bench = wall(learn_trim=0.5)
+        bench.tick(left=0.6)
+        assert bench.m.trim == pytest.approx(0.5 * 0.1 * 0.0125)
+
+    def test_a_trim_is_added(self) -> None:
+        assert wall(steering_trim=-0.05).tick(left=0.6)[0] == pytest.approx(0.15)
+
+
+class TestFollowWall:
+    def test_a_change_of_more_than_2_cm_is_ignored(self) -> None:
+        bench = wall("FollowWall")
+        bench.tick(left=0.6)
+        assert bench.tick(left=0.63)[0] == pytest.approx(0.2)
+
+    def test_a_change_of_less_is_followed(self) -> None:
+        bench = wall("FollowWall", d=0.0)
+        bench.tick(left=0.6)
+        assert bench.tick(left=0.619)[0] == pytest.approx(0.238)
+
+    def test_a_wall_that_has_moved_for_good_is_followed_from_its_second_reading(self) -> None:
+        bench = wall("FollowWall", d=0.0)
+        for left in (0.6, 0.7, 0.7):
+            out = bench.tick(left=left)
+        assert out[0] == pytest.approx(0.4)
+
+    def test_a_jump_does_not_enter_the_derivative_over_the_sonars_interval(self) -> None:
+        bench = wall("FollowWall", derivative="sonar", d=1.0)
+        for left in (0.6, 0.7, 0.7):
+            out = bench.tick(left=left)
+        assert out[0] == pytest.approx(0.4)
+
+    def test_one_outlier_leaves_no_trace(self) -> None:
+        bench = wall("FollowWall", d=0.0)
+        outs = [bench.tick(left=left)[0] for left in (0.6, 1.4, 0.6, 0.6)]
+        assert outs == pytest.approx([0.2, 0.2, 0.2, 0.2])
+
+
+class TestFollowWallRamp:
+    @staticmethod
+    def ramp(**changes: object) -> Bench:
+        state = {"type": "FollowWallRamp", "throttle": 0.3, "start": 0.8, "target": 0.4, "distance": 2.0, **changes}
+        return two_states({"type": "Finished"}, state)
+
+    def test_the_clearance_is_linear_in_the_distance_driven(self) -> None:
+        bench = self.ramp()
+        wanted = []
+        for distance in (1.0, 1.5, 2.0, 2.9):
+            bench.tick(right=0.6, distance=distance)
+            wanted.append(bench.m.wanted_clearance)
+        assert wanted == pytest.approx([0.8, 0.7, 0.6, 0.42])
+
+    def test_it_is_finished_at_the_end_of_its_distance(self) -> None:
+        bench = self.ramp()
+        bench.tick(right=0.6, distance=1.0)
+        bench.tick(distance=2.99)
+        assert bench.active == "a"
+        bench.tick(distance=3.0)
+        assert bench.active == "b"
+
+    def test_without_a_start_it_starts_at_the_range_on_entry(self) -> None:
+        bench = self.ramp(start=None)
+        bench.tick(right=0.6)
+        assert bench.m.wanted_clearance == pytest.approx(0.6)
+
+    @pytest.mark.parametrize(("side", "target"), [("right", 0.8 + 0.3), ("left", 0.8 - 0.3)])
+    def test_a_target_to_the_left_is_farther_from_a_right_wall_and_nearer_to_a_left_one(
+        self, side: str, target: float
+    ) -> None:
+        bench = self.ramp(side=side)
+        bench.tick(right=0.6, left=0.6, distance=1.0)
+        # 0.3 m left is x = -0.3 in the camera's frame; 2.4 m ahead are 2250 hall units there
+        bench.machine.active.set_target(bench.m, 2.4, 0.3, 0.0)
+        bench.tick(distance=2.2)
+        assert bench.m.wanted_clearance == pytest.approx((0.8 + target) / 2)
+        bench.tick(distance=3.3)
+        assert bench.m.wanted_clearance == pytest.approx(0.8 + (target - 0.8) * 2.3 / 2.4)
+
+
+class TestApproachPoint:
+    def test_a_point_straight_ahead_needs_no_steering(self) -> None:
+        assert one_state(type="ApproachPoint", x=2.0, throttle=0.3).tick() == pytest.approx((0.0, 0.3))
+
+    def test_it_drives_the_circle_through_the_point(self) -> None:
+        bench = one_state(type="ApproachPoint", x=1.0, y=1.0, throttle=0.3)
+        assert curvature(bench.tick()[0]) == pytest.approx(1.0)
+
+    def test_it_is_finished_on_arrival(self) -> None:
+        bench = two_states(
+            {"type": "Finished"}, {"type": "ApproachPoint", "x": 1.0, "throttle": 0.3, "tolerance": 0.05}
+        )
+        bench.tick(distance=0.0)
+        bench.tick(distance=0.94)
+        assert bench.active == "a"
+        bench.tick(distance=0.96)
+        assert bench.active == "b"
+
+    def test_a_gate_is_approached_to_a_point_before_it_on_its_axis(self) -> None:
+        bench = one_state(type="ApproachPoint", before=1.0, throttle=0.3)
+        bench.tick()
+        bench.machine.active.set_target(bench.m, 3.0, 0.5, math.pi / 2)
+        assert bench.machine.active.target == pytest.approx((3.0, -0.5, math.pi / 2))
+
+    def test_a_new_sighting_of_its_gate_moves_the_point(self) -> None:
+        bench = one_state(type="ApproachPoint", before=1.0, throttle=0.3)
+        bench.tick()
+        bench.machine.active.set_target(bench.m, 3.0, 0.5, 0.0, gate=2)
+        bench.tick(gate_id=2, gate_x=3.0, gate_y=0.4, gate_age=0.0)
+        assert bench.machine.active.target == pytest.approx((2.0, 0.4, 0.0))
+        bench.tick(gate_id=3, gate_x=5.0, gate_y=0.0, gate_age=0.0)
+        assert bench.machine.active.target == pytest.approx((2.0, 0.4, 0.0))
+
+    def test_on_the_axis_of_its_gate_it_goes_straight(self) -> None:
+        bench = one_state(type="ApproachPoint", throttle=0.3)
+        bench.tick()
+        bench.machine.active.set_target(bench.m, 3.0, 0.0, 0.0)
+        assert bench.tick()[0] == pytest.approx(0.0)
+
+
+class TestArucoGateCenter:
+    @staticmethod
+    def center(**gate: float) -> Bench:
+        bench = two_states({"type": "Finished"}, {"type": "ArucoGateCenter", "throttle": 0.3, "tolerance_deg": 4.0})
+        bench.out = bench.tick(distance=0.0, gate_id=0, gate_age=0.0, **gate)  # type: ignore[attr-defined]
+        return bench
+
+    @pytest.mark.parametrize("side", [1.0, -1.0])
+    def test_full_lock_towards_the_gates_middle(self, side: float) -> None:
+        bench = self.center(gate_x=1.0, gate_y=0.3 * side, gate_heading=0.3 * side)
+        assert bench.out == pytest.approx((side, 0.3))  # type: ignore[attr-defined]
+        assert bench.active == "a"
+
+    def test_it_is_finished_at_once_when_aligned(self) -> None:
+        bench = self.center(gate_x=1.0, gate_y=0.3, gate_heading=math.radians(3.9))
+        assert bench.out[0] == 0.0  # type: ignore[attr-defined]
+        assert bench.active == "b"
+
+    def test_out_of_view_it_turns_on_by_dead_reckoning(self) -> None:
+        bench = self.center(gate_x=2.0, gate_y=1.0, gate_heading=math.radians(20.0))
+        driven = 0.0
+        while bench.active == "a":
+            driven += 0.001
+            bench.tick(distance=driven, steering=1.0, speed=0.3)
+        assert math.degrees(bench.m.yaw) == pytest.approx(16.0, abs=0.2)
+
+    def test_it_is_finished_when_no_gate_has_been_seen(self) -> None:
+        bench = two_states({"type": "Finished"}, {"type": "ArucoGateCenter", "throttle": 0.3})
+        bench.tick()
+        assert bench.active == "b"
+
+
+class TestMotor:
+    def test_fixed_steering_and_throttle(self) -> None:
+        assert one_state(type="Motor", steering=-0.4, throttle=0.25).tick(left=0.1) == (-0.4, 0.25)
+
+    def test_its_speed_is_regulated(self) -> None:
+        assert one_state(type="Motor", speed=0.528).tick(speed=0.528) == pytest.approx((0.0, 0.3))
+
+    def test_it_is_finished_after_its_distance(self) -> None:
+        bench = two_states({"type": "Finished"}, {"type": "Motor", "throttle": 0.3, "distance": 1.6})
+        bench.tick(distance=5.0)
+        bench.tick(distance=6.59)
+        assert bench.active == "a"
+        bench.tick(distance=6.61)
+        assert bench.active == "b"
+
+
+class TestStopAndIdle:
+    def test_stop_brakes_a_rolling_car(self) -> None:
+        assert one_state(type="Stop", brake=0.3).tick(speed=1.0) == (0.0, -0.3)
+
+    def test_stop_leaves_a_standing_car_in_neutral(self) -> None:
+        assert one_state(type="Stop").tick(speed=0.0) == (0.0, 0.0)
+
+    def test_stop_does_not_brake_a_car_that_rolls_backwards(self) -> None:
+        bench = one_state(type="Stop")
+        bench.tick(speed=0.0, throttle=-0.3)
+        assert bench.tick(speed=0.5, throttle=-0.3) == (0.0, 0.0)
+
+    def test_idle_does_nothing(self) -> None:
+        assert one_state(type="Idle").tick(speed=1.0, left=0.1, front=0.1) == (0.0, 0.0)
+
+
+class TestFSMState:
+    INNER: ClassVar[dict[str, Any]] = {
+        "root": 1,
+        "states": [{"id": 1, "type": "Motor", "throttle": 0.2, "distance": 1.0}, {"id": 2, "type": "Stop"}],
+        "transitions": [{"id": 1, "type": "Finished", "from": 1, "to": 2}],
+    }
+
+    def outer(self) -> Bench:
+        return Bench(
+            {
+                "root": "a",
+                "states": [
+                    {"id": "a", "type": "FSMState", "machine": self.INNER},
+                    {"id": "b", "type": "Motor", "throttle": 0.1},
+                ],
+                "transitions": [
+                    {"id": "t", "type": "Finished", "from": "a", "to": "b"},
+                    {"id": "back", "type": "Distance", "from": "b", "to": "a", "distance": 1.0},
+                ],
+            }
+        )
+
+    def test_the_inner_machine_drives(self) -> None:
+        bench = self.outer()
+        assert bench.tick() == (0.0, 0.2)
+        assert bench.active == "a/1"
+
+    def test_it_is_finished_in_the_tick_in_which_its_machine_has_ended(self) -> None:
+        bench = self.outer()
+        bench.tick(distance=0.0)
+        bench.tick(distance=1.0)
+        assert [(t.path, t.source, t.target) for t in bench.fired] == [(("a",), 1, 2), ((), "a", "b")]
+
+    def test_it_starts_at_its_root_when_it_is_entered_again(self) -> None:
+        bench = self.outer()
+        for distance in (0.0, 1.0, 2.0):
+            bench.tick(distance=distance)
+        assert bench.active == "a/1"
+        bench.tick(distance=2.5)
+        assert bench.active == "a/1"
+
+    def test_machines_stand_in_machines_to_any_depth(self) -> None:
+        machine = self.INNER
+        for _ in range(10):
+            machine = {"root": 0, "states": [{"id": 0, "type": "FSMState", "machine": machine, "final": True}]}
+        bench = Bench(machine)
+        assert bench.tick() == (0.0, 0.2)
+        assert bench.active == "/".join(["0"] * 10 + ["1"])
+
+
+SAMPLES = {
+    "BasicFollowWall": {"throttle": 0.1},
+    "FollowWall": {"throttle": 0.1},
+    "FollowWallRamp": {"throttle": 0.1},
+    "ApproachPoint": {"throttle": 0.1},
+    "ArucoGateCenter": {"throttle": 0.1},
+    "Motor": {"throttle": 0.1, "distance": 1.0},
+    "Stop": {},
+    "Idle": {},
+    "FSMState": {"machine": {"root": 0, "states": [{"id": 0, "type": "Stop"}]}},
+}
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_specs_tell_which_states_are_finishable_and_targetable(name: str) -> None:
+    bench = one_state(type=name, **SAMPLES[name])
+    bench.tick()
+    running = bench.machine.active
+    assert isinstance(running, Finishable) == running.spec.finishable
+    assert isinstance(running, Targetable) == running.spec.targetable
+
+
+def test_every_type_of_state_can_run() -> None:
+    assert set(SAMPLES) == set(RUNTIMES) == set(STATES)

@@ -1,0 +1,189 @@
+"""When each transition of the table fires."""
+
+import math
+from typing import Any, ClassVar
+
+import pytest
+from readings import Bench, two_states
+
+from tral_fsm.definition import CONDITIONS
+from tral_fsm.transitions import RUNTIMES
+
+
+def fires(bench: Bench, **readings: float) -> bool:
+    bench.tick(**readings)
+    return bench.active == "b"
+
+
+class TestAlways:
+    def test_it_fires_in_the_tick_in_which_its_state_gave_its_first_output(self) -> None:
+        bench = two_states({"type": "Always"}, {"type": "Motor", "throttle": 0.2})
+        assert bench.tick() == (0.0, 0.2)
+        assert bench.active == "b"
+
+
+class TestDistance:
+    def test_it_fires_after_a_distance_in_the_state(self) -> None:
+        bench = two_states({"type": "Distance", "distance": 1.6})
+        assert [fires(bench, distance=d) for d in (10.0, 11.59, 11.61)] == [False, False, True]
+
+
+class TestTimer:
+    def test_it_fires_after_a_time_in_the_state(self) -> None:
+        bench = two_states({"type": "Timer", "seconds": 0.1})
+        assert [fires(bench) for _ in range(9)] == [False] * 8 + [True]
+
+
+class TestFinished:
+    def test_it_fires_when_its_state_is_finished(self) -> None:
+        bench = two_states({"type": "Finished"}, {"type": "Motor", "throttle": 0.1, "distance": 0.5})
+        assert [fires(bench, distance=d) for d in (0.0, 0.4, 0.5)] == [False, False, True]
+
+
+class TestSensorLevel:
+    @pytest.mark.parametrize("sensor", ["left", "front", "right"])
+    def test_below(self, sensor: str) -> None:
+        bench = two_states({"type": "SensorLevel", "sensor": sensor, "below": 0.5})
+        assert [fires(bench, **{sensor: r}) for r in (0.6, 0.5, 0.49)] == [False, False, True]
+
+    @pytest.mark.parametrize("sensor", ["left", "front", "right"])
+    def test_above(self, sensor: str) -> None:
+        bench = two_states({"type": "SensorLevel", "sensor": sensor, "above": 0.5})
+        assert [fires(bench, **{sensor: r}) for r in (0.4, 0.5, 0.51)] == [False, False, True]
+
+    def test_no_echo_is_above(self) -> None:
+        assert fires(two_states({"type": "SensorLevel", "above": 5.0}), front=6.0)
+
+    def test_so_many_readings_must_agree(self) -> None:
+        bench = two_states({"type": "SensorLevel", "below": 0.5, "readings": 2})
+        outlier = [fires(bench, front=r) for r in (0.6, 0.4, 0.6, 0.4)]
+        assert outlier == [False] * 4
+        assert not fires(bench)  # the same reading again is no second one
+        assert fires(bench, front=0.4)
+
+
+class TestTurned:
+    @pytest.mark.parametrize("side", [1.0, -1.0])
+    def test_it_fires_after_a_turn_by_dead_reckoning(self, side: float) -> None:
+        bench = two_states({"type": "Turned", "angle_deg": 90})
+        driven = 0.0
+        while not fires(bench, distance=driven, steering=side, speed=0.5):
+            driven += 0.005
+        assert math.degrees(bench.m.yaw) == pytest.approx(90 * side, abs=1.0)
+        # the hall sensor sits on the left wheel: 7.75 cm nearer to the middle of a left turn
+        assert driven == pytest.approx((0.6386 - 0.0775 * side) * math.pi / 2, abs=0.05)
+
+
+class TestAligned:
+    def test_it_fires_when_the_car_points_along_the_corridor(self) -> None:
+        bench = two_states({"type": "Aligned", "angle_deg": 10})
+        bench.m.yaw = math.radians(11)
+        assert not fires(bench)
+        bench.m.yaw = math.radians(-9)
+        assert fires(bench)
+
+    def test_corridors_meet_at_right_angles(self) -> None:
+        bench = two_states({"type": "Aligned", "angle_deg": 10})
+        bench.m.yaw = math.radians(80.5)
+        assert fires(bench)
+
+
+class TestArucoGateFound:
+    SEEN: ClassVar[dict[str, Any]] = {
+        "gate_id": 3.0,
+        "gate_x": 2.0,
+        "gate_y": 0.5,
+        "gate_heading": 0.1,
+        "gate_age": 0.0,
+    }
+    RAMP: ClassVar[dict[str, Any]] = {"type": "FollowWallRamp", "throttle": 0.1, "start": 0.8}
+
+    def gate(self, **limits: object) -> Bench:
+        return two_states({"type": "ArucoGateFound", **limits}, second=self.RAMP)
+
+    def test_it_fires_when_a_gate_is_seen(self) -> None:
+        bench = self.gate()
+        assert not fires(bench)
+        assert fires(bench, **self.SEEN)
+
+    def test_it_hands_the_gate_to_the_next_state(self) -> None:
+        bench = self.gate()
+        fires(bench, **self.SEEN)
+        assert (bench.machine.active.target, bench.machine.active.length) == pytest.approx((0.8 + 0.5, 2.0))
+
+    def test_the_position_handed_over_is_that_of_now_not_of_the_image(self) -> None:
+        bench = self.gate()
+        for k in range(9):
+            bench.tick(distance=0.01 * k, speed=0.8)
+        fires(bench, **{**self.SEEN, "gate_age": 0.05})
+        # exposed four ticks ago, when the car was 3 cm short of here (the hall value stood still since)
+        assert bench.machine.active.length == pytest.approx(2.0 - 0.03)
+
+    @pytest.mark.parametrize(
+        ("limits", "seen"),
+        [
+            ({"ids": [3, 4]}, True),
+            ({"ids": [4]}, False),
+            ({"max_distance": 2.1}, True),
+            ({"max_distance": 2.0}, False),
+            ({"max_ahead": 1.9}, False),
+            ({"max_bearing_deg": 15}, True),
+            ({"max_bearing_deg": 14}, False),
+        ],
+    )
+    def test_its_limits(self, limits: dict[str, object], seen: bool) -> None:
+        assert fires(self.gate(**limits), **self.SEEN) == seen
+
+    def test_an_old_sighting_is_none(self) -> None:
+        assert not fires(self.gate(max_age=0.2), **{**self.SEEN, "gate_age": 0.21})
+
+    def test_a_gate_behind_is_none(self) -> None:
+        assert not fires(self.gate(), **{**self.SEEN, "gate_x": -0.1})
+
+
+class TestMarkerFound:
+    def test_behaviour_by_marker_id(self) -> None:
+        seen = {"marker_id": 40.0, "marker_x": 3.0, "marker_age": 0.0}
+        assert fires(two_states({"type": "MarkerFound", "ids": [40]}), **seen)
+        assert not fires(two_states({"type": "MarkerFound", "ids": [41]}), **seen)
+
+    def test_a_marker_out_of_view_comes_nearer_by_dead_reckoning(self) -> None:
+        bench = two_states({"type": "MarkerFound", "max_ahead": 1.25, "max_age": 3.0})
+        assert not fires(bench, distance=0.0, marker_id=40, marker_x=3.0, marker_age=0.0)
+        assert not fires(bench, distance=1.74)
+        assert fires(bench, distance=1.76)
+
+
+class TestCombined:
+    NEAR: ClassVar[dict[str, Any]] = {"type": "SensorLevel", "sensor": "front", "below": 1.0}
+    OPEN: ClassVar[dict[str, Any]] = {"type": "SensorLevel", "sensor": "left", "above": 1.5}
+
+    @pytest.mark.parametrize(
+        ("kind", "expected"), [("All", [False, False, False, True]), ("Any", [False, True, True, True])]
+    )
+    def test_all_and_any(self, kind: str, expected: list[bool]) -> None:
+        cases = [(2.0, 1.0), (0.5, 1.0), (2.0, 2.0), (0.5, 2.0)]
+        got = [fires(two_states({"type": kind, "of": [self.NEAR, self.OPEN]}), front=f, left=s) for f, s in cases]
+        assert got == expected
+
+    def test_not(self) -> None:
+        bench = two_states({"type": "Not", "of": [self.NEAR]})
+        assert [fires(bench, front=f) for f in (0.5, 2.0)] == [False, True]
+
+    def test_a_gate_among_others_is_handed_over(self) -> None:
+        bench = two_states(
+            {"type": "All", "of": [self.NEAR, {"type": "ArucoGateFound"}]}, second=TestArucoGateFound.RAMP
+        )
+        assert fires(bench, front=0.5, **TestArucoGateFound.SEEN)
+        assert bench.machine.active.length == pytest.approx(2.0)
+
+
+def test_every_type_of_condition_can_run() -> None:
+    assert set(RUNTIMES) == set(CONDITIONS)
+
+
+def test_the_trace_tells_the_values_that_were_compared() -> None:
+    bench = two_states({"type": "SensorLevel", "below": 0.5})
+    bench.tick(front=0.4)
+    assert bench.fired[0].why == "front 0.400 < 0.5 m"
+    assert (bench.fired[0].source, bench.fired[0].target, bench.fired[0].transition) == ("a", "b", "t")
