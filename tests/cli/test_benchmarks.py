@@ -78,16 +78,15 @@ def test_the_table_has_a_row_a_family_with_its_interval(tmp_path: Path) -> None:
 def test_what_was_driven_is_not_driven_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "a.jsonl"
     settings = {**asdict(CALM), "scenarios": "straight", "processes": 1, "out": out}
-    report.main(seeds="3:5", **settings)
-    first = report.read(out, CALM)
-    assert set(first) == {("straight", 3), ("straight", 4)}
+    report.main(seeds="3:4", **settings)
+    assert set(report.read(out, CALM)) == {("straight", 3)}
     before = out.read_text()
-    report.main(seeds="3:5", **settings)
+    report.main(seeds="3:4", **settings)
     assert out.read_text() == before
-    assert "| straight | 2 |" in capsys.readouterr().out
+    assert "| straight | 1 |" in capsys.readouterr().out
 
 
 def test_a_missing_learner_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "stable_baselines3", None)
-    with pytest.raises(MissingExtraError, match=r"stable_baselines3.*pip install 'tral-env\[rl\]'"):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    with pytest.raises(MissingExtraError, match=r"torch.*pip install 'tral-env\[rl\]'"):
         compare.train("straight", "none", 1, 0)

@@ -41,9 +41,11 @@ def test_a_video_has_twenty_frames_a_second_and_holds_its_end_for_one(tmp_path: 
 
 
 def test_a_video_of_a_drive_that_broke_off_is_finished_without_hiding_the_error(tmp_path: Path) -> None:
-    with pytest.raises(RuntimeError, match="broke"), DriveVideo(tmp_path / "drive.mp4", Painted()) as video:
-        video(last_tick())
-        raise RuntimeError("broke")
+    def break_off(tick: Tick) -> None:
+        raise RuntimeError("broke off")
+
+    with pytest.raises(RuntimeError, match="broke off"), DriveVideo(tmp_path / "drive.mp4", Painted()):
+        drive(Lane(), Cruiser(), seed=1, on_step=break_off)
     assert (tmp_path / "drive.mp4").exists()
 
 

@@ -7,10 +7,10 @@ from typing import Annotated
 import typer
 
 from tral_fsm.cli.console import Guarded
-from tral_fsm.cli.courses import command as courses
-from tral_fsm.cli.doctor import command as doctor
-from tral_fsm.cli.drive import command as drive
-from tral_fsm.cli.tune import command as tune
+from tral_fsm.cli.courses import command as courses_command
+from tral_fsm.cli.doctor import command as doctor_command
+from tral_fsm.cli.drive import command as drive_command
+from tral_fsm.cli.tune import command as tune_command
 
 app = typer.Typer(
     name="tral",
@@ -20,10 +20,10 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     epilog="Exit codes: 0 all went well, 1 an episode failed, 2 bad usage, 3 this machine lacks something.",
 )
-app.command("drive")(drive)
-app.command("courses")(courses)
-app.command("tune")(tune)
-app.command("doctor")(doctor)
+app.command("drive")(drive_command)
+app.command("courses")(courses_command)
+app.command("tune")(tune_command)
+app.command("doctor")(doctor_command)
 
 
 def _show_version(wanted: bool) -> None:

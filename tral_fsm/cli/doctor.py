@@ -152,10 +152,9 @@ def _opengl() -> list[Finding]:
         findings.append(Finding(topic="OpenGL", name=backend, ok=ok, needed=False, detail=detail))
     works = [finding.name for finding in findings if finding.ok]
     now = opengl.backend_in_use()
-    if not works:
-        remedy = opengl.REMEDY
-    else:
-        remedy = "" if now in works else f"export MUJOCO_GL={works[0]}"
+    remedy = f"export MUJOCO_GL={works[0]}" if works else opengl.REMEDY
+    if now in works:
+        remedy = ""
     used = Finding(topic="OpenGL", name="in use", ok=not remedy, needed=False, detail=now, remedy=remedy)
     return [*findings, used]
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
+from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -34,7 +35,7 @@ class DriveProgress:
 
     def __call__(self, tick: Tick) -> None:
         """Show where the car is."""
-        if tick.index % _EVERY == 0:
+        if tick.index % _EVERY == 0 or tick.info["success"]:
             self._bar.update(self._task, completed=float(tick.info["progress"]), state=tick.state)
 
     def __enter__(self) -> DriveProgress:
@@ -51,11 +52,11 @@ def table_of_episodes(report: Mapping[str, Any]) -> Table:
     """Table of a drive: a row an episode, and one over all of them if there are several."""
     arguments = report["arguments"]
     name = report["episodes"][0]["scenario"]
-    table = Table(title=f"{arguments['policy']} on {name}", title_justify="left")
-    for heading in ("seed", "outcome"):
-        table.add_column(heading)
-    for heading in ("progress", "time", "mean speed", "clearance RMSE", "gates", "collisions"):
-        table.add_column(heading, justify="right")
+    table = Table(title=f"{arguments['policy']} on {name}", title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for heading in ("seed", "success"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("progress", "time", "mean\nspeed", "clearance\nRMSE", "gates", "collisions"):
+        table.add_column(heading, justify="right", no_wrap=True)
     for row in report["episodes"]:
         table.add_row(*_episode_cells(row))
     if len(report["episodes"]) > 1:
@@ -67,10 +68,10 @@ def table_of_episodes(report: Mapping[str, Any]) -> Table:
 def _episode_cells(row: Mapping[str, Any]) -> list[str]:
     outcome = row["outcome"].replace("_", " ")
     if row["outcome"] == "collision":
-        outcome += " (crash)" if row["crash"] else " (touch)"
+        outcome = "crash" if row["crash"] else "touch"
     return [
         str(row["seed"]),
-        f"[{'green' if row['success'] else 'red'}]{outcome}[/]",
+        "[green]yes[/]" if row["success"] else f"[red]{outcome}[/]",
         *_shared_cells(row["progress"], row["time_s"], row),
         str(int(row["outcome"] == "collision")),
     ]

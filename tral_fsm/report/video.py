@@ -19,9 +19,13 @@ from tral_fsm.rollout import Tick
 Image = NDArray[np.uint8]
 
 WIDTH, HEIGHT = 960, 540
+CHASE_WIDTH, CHASE_HEIGHT = 640, 360
+"""The view from behind is rendered smaller and scaled up: in software OpenGL the pixels are what costs."""
 INSET_WIDTH, INSET_HEIGHT = 288, 216
 FPS = 20
 """Frames per second; the video runs in real time."""
+INSET_EVERY = 2
+"""The inset is renewed every second frame: ten times a second, about as often as the camera exposes."""
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _WHITE = (255, 255, 255)
@@ -53,6 +57,8 @@ class DriveVideo:
         self._views = views
         self._palette = Palette()
         self._last: Tick | None = None
+        self._frames = 0
+        self._onboard = np.zeros((INSET_HEIGHT, INSET_WIDTH, 3), np.uint8)
         self._every = round(CONTROL_RATE_HZ / FPS)
         self._writer: Generator[None, Any, None] = imageio_ffmpeg.write_frames(
             str(path),
@@ -74,9 +80,12 @@ class DriveVideo:
 
     def frame(self, tick: Tick) -> Image:
         """The picture of a tick, (HEIGHT, WIDTH, 3) RGB."""
-        chase = np.ascontiguousarray(self._views.render_view("chase", WIDTH, HEIGHT))
-        onboard = self._views.render_view("onboard", INSET_WIDTH, INSET_HEIGHT)
-        return compose(chase, onboard, tick, self._palette.rgb(tick.state))
+        small = self._views.render_view("chase", CHASE_WIDTH, CHASE_HEIGHT)
+        chase = np.asarray(cv2.resize(small, (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC), np.uint8)
+        if self._frames % INSET_EVERY == 0:
+            self._onboard = self._views.render_view("onboard", INSET_WIDTH, INSET_HEIGHT)
+        self._frames += 1
+        return compose(chase, self._onboard, tick, self._palette.rgb(tick.state))
 
     def close(self) -> None:
         """Finish the file."""
