@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tral_env.course.layout import Course, Segment
+from tral_env.course.layout import Branch, Course, Segment
 from tral_env.course.plan import Array
 
 TURNS = {"left": 1, "right": -1, "straight": 0, "end": 0}
@@ -50,8 +50,7 @@ class Frame:
     def points(self, local: Array) -> Array:
         """Course coordinates of local points, (n, 2) -> (n, 2)."""
         c, s = _COS[self.quarter], _SIN[self.quarter]
-        turned: Array = local @ np.array([[c, s], [-s, c]], float)
-        return turned + np.array([self.x, self.y])
+        return np.column_stack([self.x + c * local[:, 0] - s * local[:, 1], self.y + s * local[:, 0] + c * local[:, 1]])
 
     def rect(self, along0: float, along1: float, left0: float, left1: float) -> Rect:
         """Axis-aligned rectangle in course coordinates."""
@@ -93,10 +92,16 @@ def place(course: Course) -> list[Frame]:
 
 def node_half(segment: Segment, after: Segment) -> float:
     """Half the extent, along the segment, of the corner or crossing at its end."""
-    sides = [branch.width or segment.width for branch in segment.branches if branch.to != "straight"]
+    sides = [branch_width(branch, segment, after) for branch in segment.branches if branch.to != "straight"]
     if TURNS[segment.then]:
         sides.append(after.width)
     return max(sides, default=0.0) / 2
+
+
+def branch_width(branch: Branch, segment: Segment, after: Segment) -> float:
+    """Width of a branch at the end of a segment, m."""
+    opposite = branch.to != "straight" and segment.then != "straight"
+    return branch.width or (after.width if opposite else segment.width)
 
 
 @dataclass(frozen=True)
@@ -114,7 +119,7 @@ def stubs(frame: Frame, after: Frame) -> Iterator[Stub]:
     segment, end = frame.segment, frame.segment.length
     edge = max(segment.width, after.segment.width) if segment.then == "straight" else segment.width
     for branch in segment.branches:
-        half = (branch.width or segment.width) / 2
+        half = branch_width(branch, segment, after.segment) / 2
         if branch.to == "straight":
             on = node_half(segment, after.segment)
             yield Stub(

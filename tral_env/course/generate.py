@@ -30,6 +30,19 @@ SCENARIOS: Mapping[str, str] = {
 }
 """Families of courses: name -> what they are."""
 
+LIMITS: Mapping[str, tuple[int, int]] = {
+    "straight": (4, 0),
+    "doors": (72, 0),
+    "corners": (12, 0),
+    "loop": (8, 0),
+    "lane_change": (8, 0),
+    "obstacles": (8, 0),
+    "gates": (16, 6),
+    "crossing": (28, 3),
+    "office": (120, 12),
+}
+"""Boxes and markers that a course of each family has at the most; drafts with more are dropped. A small limit makes the
+physics fast, since every car of a batch carries as many."""
 ATTEMPTS = 200
 """Drafts that may fail before generating is given up; a few in a hundred fail."""
 START_AT = 1.0
@@ -42,6 +55,12 @@ RUN_OUT = 1.0
 """Nothing stands in the way so soon before the goal, m."""
 CORNER_ROOM = 1.9
 """Gates, boxes and cupboards keep this far from the plain part's ends at corners, m."""
+HARD_CORNER_ROOM = 0.8
+"""Gates keep this far from a corner in hard courses, m."""
+FIRST_GATE = 3.5
+"""The first gate stands at least so far behind the start, m."""
+GATES_APART = 4.0
+"""m."""
 BOARD_ROOM = 0.25
 """Left at the wall beside a gate's opening, where its board stands, m."""
 
@@ -68,14 +87,16 @@ def generate_plan(scenario: str, rng: np.random.Generator, *, hard: bool = False
     """
     if scenario not in SCENARIOS:
         raise ConfigError(f"unknown scenario '{scenario}': {nearest(scenario, SCENARIOS)}")
-    family = _FAMILIES[scenario]
+    family, (boxes, markers) = _FAMILIES[scenario], LIMITS[scenario]
     for _ in range(ATTEMPTS):
         draft = family(rng, hard)
         course = Course.model_validate({"name": scenario, "start": _start(rng, draft), **draft})
         try:
-            return course, build_plan(course)
+            plan = build_plan(course)
         except CourseError:
             continue
+        if len(plan.box_kind) <= boxes and len(plan.marker_id) <= markers:
+            return course, plan
     raise CourseError(f"no drivable course of '{scenario}' in {ATTEMPTS} drafts")
 
 
@@ -205,28 +226,39 @@ def _draw_obstacles(rng: np.random.Generator, begin: float, end: float, width: f
 
 def _gates(rng: np.random.Generator, hard: bool) -> Draft:
     count = int(rng.integers(1, 4))
+    if hard and rng.random() < 0.5:
+        return _gate_at_opening(rng)
     if rng.random() < 0.5:
-        segment: Draft = {"width": _width(rng)}
-        needed = START_AT + 3.5 + 4.0 * (count - 1) + RUN_OUT + GOAL_BEFORE_END
-        segment["length"] = _uniform(rng, max(12.0, needed), max(20.0, needed))
-        begin, end = START_AT + 3.5, segment["length"] - GOAL_BEFORE_END - RUN_OUT
-        segment["gates"] = [*_draw_gates(rng, begin, end, segment["width"], count, 0)]
-        return {"segments": [segment]}
+        width = _width(rng)
+        needed = START_AT + FIRST_GATE + GATES_APART * (count - 1) + RUN_OUT + GOAL_BEFORE_END
+        length = _uniform(rng, max(12.0, needed), max(20.0, needed))
+        gates = _draw_gates(rng, START_AT + FIRST_GATE, length - GOAL_BEFORE_END - RUN_OUT, width, count, 0)
+        return {"segments": [{"length": length, "width": width, "gates": [*gates]}]}
     before: Draft = {"length": _uniform(rng, 6, 10), "width": _width(rng), "then": _side(rng)}
     after: Draft = {"length": _uniform(rng, 7, 12), "width": _width(rng)}
-    begin, end = START_AT + 3.5, before["length"] - after["width"] / 2 - CORNER_ROOM
-    first = 0 if count == 1 or end < begin else 1
-    before["gates"] = [*_draw_gates(rng, begin, end, before["width"], first, 0)]
-    begin = before["width"] / 2 + (0.9 if hard else CORNER_ROOM)
-    end = after["length"] - GOAL_BEFORE_END - RUN_OUT
-    after["gates"] = [*_draw_gates(rng, begin, end, after["width"], count - len(before["gates"]), len(before["gates"]))]
+    end = before["length"] - after["width"] / 2 - CORNER_ROOM
+    before["gates"] = [*_draw_gates(rng, START_AT + FIRST_GATE, end, before["width"], min(1, count - 1), 0)]
+    begin = before["width"] / 2 + (HARD_CORNER_ROOM if hard else CORNER_ROOM)
+    end = begin + 0.5 if hard else after["length"] - GOAL_BEFORE_END - RUN_OUT
+    first = len(before["gates"])
+    after["gates"] = [*_draw_gates(rng, begin, end, after["width"], count - first, first)]
     return {"segments": [before, after]}
+
+
+def _gate_at_opening(rng: np.random.Generator) -> Draft:
+    """A gate where a wide branch leaves a wall on one side only; the car goes straight on."""
+    width, opening = _width(rng), _uniform(rng, 2.4, 4)
+    before: Draft = {"length": _uniform(rng, 7, 10), "width": width, "then": "straight", "sign": False}
+    before["branches"] = [{"to": _side(rng), "length": _uniform(rng, 1, 3), "width": opening}]
+    middle = before["length"] - opening / 4
+    before["gates"] = [*_draw_gates(rng, middle - 0.2, middle, width, 1, 0)]
+    return {"segments": [before, {"length": _uniform(rng, 5, 10), "width": width}]}
 
 
 def _draw_gates(
     rng: np.random.Generator, begin: float, end: float, width: float, count: int, first_id: int
 ) -> Iterator[Draft]:
-    for k, at in enumerate(_places(rng, begin, end, count, 4.0)):
+    for k, at in enumerate(_places(rng, begin, end, count, GATES_APART)):
         inner = _uniform(rng, 0.6, min(1.2, width - 2 * BOARD_ROOM))
         room = (width - inner) / 2 - BOARD_ROOM
         yield {
@@ -268,7 +300,7 @@ def _open_crossing(rng: np.random.Generator, segment: Draft, after: Draft) -> No
 
 
 def _office(rng: np.random.Generator, hard: bool) -> Draft:
-    target = _uniform(rng, 27, 58)
+    target = _uniform(rng, 25, 60)
     segments: list[Draft] = []
     while sum(s["length"] for s in segments) < target - 4.0:
         left = target - sum(s["length"] for s in segments)
@@ -279,8 +311,17 @@ def _office(rng: np.random.Generator, hard: bool) -> Draft:
     for i, (frame, segment) in enumerate(zip(place(_bare(segments)), segments, strict=True)):
         begin = START_AT + RUN_IN if i == 0 else frame.clear_from
         end = frame.clear_to - (GOAL_BEFORE_END if i == len(segments) - 1 else 0.0)
-        gates += _furnish(rng, segment, begin, end, i, gates)
+        if i % len(_FURNITURE) == 0:
+            order = rng.permutation(_FURNITURE)
+        what = str(order[i % len(_FURNITURE)])
+        if what != "cupboards" and rng.random() < 0.6:
+            segment["doors"] = [*_draw_doors(rng, begin, end)]
+        gates += _furnish(rng, segment, what, begin + (1.0 if i == 0 else CORNER_ROOM), end - CORNER_ROOM, gates)
     return {"segments": segments}
+
+
+_FURNITURE = ("cupboards", "obstacles", "gate", "nothing")
+"""What may stand in a segment of an office."""
 
 
 def _bare(segments: list[Draft]) -> Course:
@@ -301,20 +342,15 @@ def _wind(rng: np.random.Generator, segments: list[Draft]) -> None:
             return
 
 
-def _furnish(rng: np.random.Generator, segment: Draft, begin: float, end: float, i: int, gates: int) -> int:
-    """Put doors, cupboards, boxes or a gate into a segment; gives the number of gates."""
-    near, far = begin + (0.0 if i == 0 else CORNER_ROOM), end - CORNER_ROOM
-    what = str(rng.choice(["doors", "doors", "cupboards", "obstacles", "gate"]))
-    if what == "doors":
-        segment["doors"] = [*_draw_doors(rng, begin, end)]
-    elif what == "cupboards":
-        segment["cupboards"] = [*_draw_cupboards(rng, near, far)]
+def _furnish(rng: np.random.Generator, segment: Draft, what: str, begin: float, end: float, gates: int) -> int:
+    """Put cupboards, boxes or gate number `gates` into a segment; gives the number of gates put there."""
+    if what == "cupboards":
+        segment["cupboards"] = [*_draw_cupboards(rng, begin, end)]
     elif what == "obstacles":
-        segment["obstacles"] = [*_draw_obstacles(rng, near, far, segment["width"], int(rng.integers(1, 3)))]
-    elif gates < 20:
-        segment["gates"] = [*_draw_gates(rng, near + (1.0 if i == 0 else 0.0), far, segment["width"], 1, gates)]
-        return len(segment["gates"])
-    return 0
+        segment["obstacles"] = [*_draw_obstacles(rng, begin, end, segment["width"], int(rng.integers(1, 3)))]
+    elif what == "gate":
+        segment["gates"] = [*_draw_gates(rng, begin, end, segment["width"], 1, gates)]
+    return len(segment.get("gates", ()))
 
 
 _FAMILIES: Mapping[str, Callable[[np.random.Generator, bool], Draft]] = {

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from tral_env.course import route as routes
-from tral_env.course.frames import TURNS, Frame, Rect, node_half, place, stubs
+from tral_env.course.frames import TURNS, Frame, Rect, branch_width, place, stubs
 from tral_env.course.layout import Course, Door, Gate, Tape
 from tral_env.course.plan import BOX_KINDS, Plan
 from tral_env.course.walls import cut_walls
@@ -148,13 +148,14 @@ def _add_gate(space: _Space, frame: Frame, gate: Gate) -> None:
 def _add_sign(space: _Space, frame: Frame, after: Frame) -> None:
     """Hang the marker on the wall ahead, beside the way straight on if there is one."""
     segment = frame.segment
-    ways = {str(branch.to): branch.width or segment.width for branch in segment.branches}
+    ways = {str(branch.to): branch_width(branch, segment, after.segment) for branch in segment.branches}
     ways[segment.then] = after.segment.width
     side = segment.then if segment.then != "straight" else ("left" if "left" in ways else "right")
     if "straight" in ways:
         far, left = ways[side] / 2, TURNS[side] * (ways["straight"] / 2 + BOARD_WIDTH / 2 + 0.03)
     else:
-        far, left = node_half(segment, after.segment), 0.0
+        # A wider branch opposite makes a step in the wall ahead, in the middle.
+        far, left = ways[side] / 2, TURNS[side] * (0.0 if max(ways.values()) == ways[side] else BOARD_WIDTH / 2 + 0.03)
     x, y = frame.point(segment.length + far - FACE_GAP, left)
     marker = {"left": 40, "right": 41, "straight": 42}[segment.then]
     space.markers.append((marker, x, y, SIGN_HEIGHT, frame.yaw + np.pi))

@@ -112,7 +112,7 @@ class Branch(Part):
     length: Annotated[float, Field(ge=0.5, le=20)] = 2.5
     """m from the crossing's edge to its end wall."""
     width: Annotated[float, Field(ge=0.6, le=6)] | None = None
-    """m; that of the segment where none is given."""
+    """m; without it that of the corridor which it continues, the segment's or the next one's."""
 
 
 class Segment(Part):

@@ -25,7 +25,7 @@ SHIFT = 2.0
 """A shift to the side takes this long, m, where there is room."""
 GATE_STRAIGHT = 0.5
 """The line is straight this far before and behind a gate, m."""
-PASSING = 0.4
+PASSING = 0.5
 """The line keeps this far from what stands in the way, m, where there is room (the car is 0.2 m wide)."""
 MIN_PASSAGE = 0.5
 """A narrower gap is no way, m."""
@@ -72,7 +72,9 @@ def plan_route(course: Course, frames: list[Frame], problems: list[str]) -> Arra
         first = Knot(begin, course.start.offset, np.tan(np.radians(course.start.heading_deg)))
         knots = [first if i == 0 and not course.closed else Knot(begin, 0.0)]
         knots += _knots(frame.segment, f"/segments/{i}", problems)
-        knots.append(Knot(end, 0.0))
+        # The goal line may be crossed anywhere; a corner is entered in the middle.
+        hold = frame.segment.then == "end" and end - knots[-1].along < SHIFT
+        knots.append(Knot(end, knots[-1].left if hold else 0.0))
         if any(b.along - a.along < 0.1 for a, b in pairwise(knots)):
             places = ", ".join(f"{knot.along:.2f}" for knot in knots)
             problems.append(f"/segments/{i}: things stand too near to each other or to a corner: knots at {places} m")
@@ -183,8 +185,8 @@ def _sample(knots: list[Knot]) -> Array:
 def _arc(along: float, turn: int) -> Array:
     """Points of the quarter circle that begins at `along`, (n, 2)."""
     angle = np.linspace(0.0, np.pi / 2, int(np.ceil(CORNER_RADIUS * np.pi / 2 / STEP)) + 1)
-    quarter: Array = CORNER_RADIUS * np.column_stack([np.sin(angle), turn * (1 - np.cos(angle))])
-    return quarter + np.array([along, 0.0])
+    forward, aside = CORNER_RADIUS * np.sin(angle), CORNER_RADIUS * (1 - np.cos(angle))
+    return np.column_stack([along + forward, turn * aside])
 
 
 def _without_repeats(points: Array) -> Array:
@@ -226,6 +228,15 @@ def outline(car: CarConfig) -> Array:
     x, y = np.linspace(rear, rear + car.length, 5), np.linspace(-car.width / 2, car.width / 2, 3)
     edge = [(a, b) for a in x for b in y if a in (x[0], x[-1]) or b in (y[0], y[-1])]
     return np.array(edge)
+
+
+def bends(points: Array) -> Array:
+    """Curvature of a line at its inner points, (R, 2) -> (R - 2,) 1/m, + to the left."""
+    step = np.diff(points, axis=0)
+    length = np.hypot(step[:, 0], step[:, 1])
+    turn = np.diff(np.unwrap(np.arctan2(step[:, 1], step[:, 0])))
+    curvature: Array = 2 * turn / (length[:-1] + length[1:])
+    return curvature
 
 
 def headings(points: Array) -> Array:
@@ -283,10 +294,10 @@ def check_drivable(plan: Plan, name: str, car: CarConfig | None = None) -> None:
         CourseError: the route bends more than the car can, or the car would come nearer than `CLEARANCE` to a box.
     """
     car = car or CarConfig()
-    bend = np.abs(np.diff(headings(plan.route))) / np.diff(plan.route_s)
+    bend = np.abs(bends(plan.route))
     allowed = float(np.tan(car.full_lock)) / car.wheelbase
     if bend.max() > allowed:
-        x, y = plan.route[bend.argmax()]
+        x, y = plan.route[1 + bend.argmax()]
         raise CourseError(
             f"course '{name}': the route bends with a radius of {1 / bend.max():.2f} m at ({x:.2f}, {y:.2f}). "
             f"Allowed: {1 / allowed:.2f} m or more, the car's full lock"

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.assets import asset_path
+from tral_env.course.generate import LIMITS
 from tral_env.course.markers import MARKER_IDS, add_materials, material_name
 from tral_env.course.plan import BOX_KINDS, Array, Plan
 from tral_env.errors import ConfigError, nearest
@@ -25,6 +26,7 @@ _TAPE_HALF_HEIGHT = 0.0005
 _PLATE_HALF_DEPTH = 0.001
 _QUIET_ZONE = 4 / 3
 """Edge of a plate over that of its black square."""
+_PLASTER, _DADO, _SKIRTING = (236, 232, 220), (150, 172, 186), (84, 92, 100)
 _PARKED = (0.0, 0.0, -10.0)
 _PARKED_HALF = 0.001
 _PARKED_QUAT = (0.8, 0.0, 0.0, 0.6)
@@ -52,9 +54,9 @@ class Pool:
         Raises:
             ConfigError: no such family.
         """
-        if name not in SCENARIO_POOLS:
-            raise ConfigError(f"unknown scenario '{name}': {nearest(name, SCENARIO_POOLS)}")
-        return SCENARIO_POOLS[name]
+        if name not in LIMITS:
+            raise ConfigError(f"unknown scenario '{name}': {nearest(name, LIMITS)}")
+        return cls(*LIMITS[name])
 
     def union(self, other: Pool) -> Pool:
         """Enough for either."""
@@ -68,20 +70,6 @@ class Pool:
         """Names of the pool's geoms, in the order of `Placement`."""
         groups = (("box", self.boxes), ("marker", self.markers), ("tape", self.tapes))
         return [f"{group}_{i:03d}" for group, count in groups for i in range(count)]
-
-
-SCENARIO_POOLS = {
-    "straight": Pool(4),
-    "doors": Pool(120),
-    "corners": Pool(16),
-    "loop": Pool(8),
-    "lane_change": Pool(10),
-    "obstacles": Pool(8),
-    "gates": Pool(20, 6),
-    "crossing": Pool(48, 3),
-    "office": Pool(240, 10),
-}
-"""Worst courses of each family; the tests build hundreds of each."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +93,7 @@ def build_model(pool: Pool, *, car: bool = True) -> mujoco.MjModel:
     spec = mujoco.MjSpec.from_file(str(asset_path("corridor.xml")))
     spec.delete(spec.body("default_course"))
     add_materials(spec)
+    _paint_walls(spec)
     walls = spec.worldbody.add_body(name="walls", childclass="world")
     for name in pool.names:
         kind = name.split("_")[0]
@@ -121,6 +110,19 @@ def build_model(pool: Pool, *, car: bool = True) -> mujoco.MjModel:
         )
         _add_collision_sensor(spec)
     return spec.compile()
+
+
+def _paint_walls(spec: mujoco.MjSpec) -> None:
+    """Paint the faces of the walls' cube: skirting board, dado, plaster above."""
+    texture = spec.texture("wall")
+    rows = np.full((texture.width, 3), _PLASTER)
+    rows[: round(0.55 * texture.width)] = _DADO
+    rows[: round(0.12 * texture.width)] = _SKIRTING
+    upward = np.repeat(rows[:, None], texture.width, axis=1)
+    top = np.full_like(upward, _PLASTER)
+    # Faces +x, -x, +y, -y, +z, -z as OpenGL lays them out: in the first four images up is left, right, down and up.
+    faces = [upward[::-1].swapaxes(0, 1), upward.swapaxes(0, 1), upward, upward[::-1], top, top]
+    texture.data = np.concatenate(faces).astype(np.uint8).tobytes()
 
 
 def _add_collision_sensor(spec: mujoco.MjSpec) -> None:
