@@ -84,7 +84,7 @@ class TestEntryAndExit:
         inner = {"root": 0, "states": [motor(0, 0.1), motor(1, 0.2)], "transitions": [
             way(0, 0, 1, type="Distance", distance=1.0), way(1, 1, 0, type="Distance", distance=1.0)]}  # fmt: skip
         states = [{"id": 0, "type": "FSMState", "machine": inner}, {"id": 1, "type": "Stop"}]
-        bench = Bench({"root": 0, "states": states, "transitions": [way(0, 0, 1, type="Distance", distance=1.0)]})  # fmt: skip
+        bench = Bench({"root": 0, "states": states, "transitions": [way(0, 0, 1, type="Distance", distance=1.0)]})
         bench.tick(distance=0.0)
         bench.tick(distance=1.0)
         assert [t.path for t in bench.fired] == [(0,), ()]
