@@ -18,7 +18,7 @@ from tral_env.perception.projected import (
 )
 
 LENS, CAR = CameraConfig(), CarConfig()
-EXACT = DetectorLaw(shrink_px=0.0, size_noise_px=0.0, bearing_noise_px=0.0, heading_noise_px=0.0, flip_px=1e-9)
+EXACT = DetectorLaw(size_noise_px=0.0, bearing_noise_px=0.0, heading_noise_px=0.0, flip_px=1e-9)
 FACING = np.pi
 
 

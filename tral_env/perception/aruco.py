@@ -80,10 +80,10 @@ class Detector:
 def marker_poses(detections: Detections, camera: CameraConfig, car: CarConfig | None = None) -> MarkerPoses:
     """Place each marker in the car's frame.
 
-    The estimator takes the camera as mounted exactly: level, looking along x. Method: the homography of the square
-    gives a first pose; the same mirrored at the line of sight looks nearly alike (Schweighofer and Pinz 2006), so both
-    are refined to the least reprojection error, and the better one counts. `cv2.SOLVEPNP_IPPE_SQUARE` is meant to
-    give the same two, but in OpenCV 5.0 one of them often comes out with a wrong rotation.
+    The estimator takes the camera as mounted exactly: level, looking along x. Method: two
+    poses from the homography of the square (infinitesimal plane-based pose estimation, Collins and Bartoli 2014), both
+    refined to the least reprojection error, of which the better counts; markers stand upright. OpenCV 5.0 offers this
+    as SOLVEPNP_IPPE_SQUARE, but one of its two rotations often comes out wrong.
 
     Args:
         detections: m markers.
@@ -108,8 +108,8 @@ def _pose(corners: Array, camera: CameraConfig) -> tuple[float, float, float, fl
     lens = matrix, np.array(camera.distortion)
     rays = np.asarray(cv2.undistortPoints(corners[:, None], *lens), np.float64)[:, 0]
     homography = np.asarray(cv2.getPerspectiveTransform(_flat(square), _flat(rays)), np.float64)
-    turn, shift = _from_homography(homography)
-    found = [_refined(square, corners, lens, first, shift) for first in (turn, _mirrored(turn, shift))]
+    *turns, shift = _two_poses(homography)
+    found = [_refined(square, corners, lens, turn, shift) for turn in turns]
     # Camera axes are x right, y down, z forward; a marker's normal looks back at the camera.
     _, error, normal, (right, _, ahead) = min(found, key=_first)
     return float(ahead), float(-right), float(np.arctan2(normal[0], -normal[2])), error
@@ -119,22 +119,30 @@ def _flat(points: Array) -> NDArray[np.float32]:
     return np.ascontiguousarray(points[:, :2], np.float32)
 
 
-def _from_homography(homography: Array) -> tuple[Array, Array]:
-    """Rotation and translation of a plane whose points (x, y, 1) a homography sends to rays."""
-    scale = np.sqrt(np.linalg.norm(homography[:, 0]) * np.linalg.norm(homography[:, 1]))
-    along, down, shift = (homography / scale).T
-    left, _, right = np.linalg.svd(np.stack([along, down, np.cross(along, down)], axis=1))
-    return left @ right, shift
+def _two_poses(homography: Array) -> tuple[Array, Array, Array]:
+    """Two rotations and the translation of a plane whose points (x, y, 1) near (0, 0) a homography sends to rays.
 
-
-def _mirrored(turn: Array, shift: Array) -> Array:
-    """The rotation whose normal lies on the other side of the line of sight."""
-    sight = shift / np.linalg.norm(shift)
-    back, normal = -sight, turn[:, 2]
-    angle = np.arccos(np.clip(normal @ back, -1.0, 1.0))
-    axis = np.cross(normal, back)
-    axis = axis / max(float(np.linalg.norm(axis)), 1e-9)
-    return np.asarray(cv2.Rodrigues(2.0 * angle * axis)[0] @ turn)
+    Around the middle the homography is a 2 x 2 matrix; seen along the line of sight it is the upper left part of a
+    rotation times a scale. The rest of that rotation follows but for one sign.
+    """
+    middle = homography[:2, 2] / homography[2, 2]
+    slope = (homography[:2, :2] - np.outer(middle, homography[2, :2])) / homography[2, 2]
+    ray = np.array([*middle, 1.0])
+    ahead = ray / np.linalg.norm(ray)
+    right = np.cross([0.0, 1.0, 0.0], ahead)
+    right = right / np.linalg.norm(right)
+    along_sight = np.stack([right, np.cross(ahead, right), ahead], axis=1)
+    moved = (np.array([[1.0, 0.0, -middle[0]], [0.0, 1.0, -middle[1]]]) @ along_sight)[:, :2]
+    part = np.linalg.solve(moved, slope)
+    scale = float(np.linalg.norm(part, 2))
+    part = part / scale
+    rest = np.sqrt(np.maximum(1.0 - np.sum(part * part, axis=0), 0.0))
+    rest[1] *= -1.0 if part[:, 0] @ part[:, 1] > 0.0 else 1.0
+    turns = []
+    for sign in (1.0, -1.0):
+        first, second = np.vstack([part, sign * rest]).T
+        turns.append(along_sight @ np.stack([first, second, np.cross(first, second)], axis=1))
+    return turns[0], turns[1], ray / scale
 
 
 def _refined(

@@ -32,21 +32,19 @@ class DetectorLaw:
 
     margin_px: float = 3.0
     """A corner nearer to the image's edge is lost."""
-    half_found_px: float = 9.5
+    half_found_px: float = 9.8
     """Markers whose shortest side has this many pixels are found half of the time."""
-    found_slope: float = 0.8
+    found_slope: float = 0.65
     """Steepness of that limit, 1/px."""
-    shrink_px: float = 0.2
-    """The marker looks this much smaller than it is, and so farther away."""
     size_noise_px: float = 0.14
-    """Standard deviation of that."""
-    bearing_noise_px: float = 0.09
+    """Standard deviation of the apparent size, from which the distance is estimated."""
+    bearing_noise_px: float = 0.1
     """Standard deviation across the line of sight."""
-    heading_noise_px: float = 0.42
+    heading_noise_px: float = 0.5
     """Standard deviation of the apparent width, from which the heading is estimated."""
-    perspective_gain: float = 3.0
+    perspective_gain: float = 7.0
     """How much the nearer edge looking larger than the farther one helps the heading of a marker seen head-on."""
-    flip_px: float = 0.33
+    flip_px: float = 0.34
     """When the edges' difference drowns in this noise, the heading is mirrored at the line of sight."""
 
     def found(self, size: Array) -> Array:
@@ -291,7 +289,7 @@ def _position_error(
     ahead: Array, left: Array, size: Array, noise: Array, camera: CameraConfig, law: DetectorLaw
 ) -> tuple[Array, Array]:
     """Errors forward and left: a share of the distance along the line of sight, and pixels across it."""
-    share = (law.shrink_px + noise[:, 0] * law.size_noise_px) / size
+    share = noise[:, 0] * law.size_noise_px / size
     aside = noise[:, 1] * law.bearing_noise_px / camera.fx
     return share * ahead - aside * left, share * left + aside * ahead
 
