@@ -51,6 +51,7 @@ class SceneRenderer:
         self._model: mujoco.MjModel | None = None
         self._look: tuple[NDArray[Any], ...] = ()
         self._option = mujoco.MjvOption()
+        self._option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = False
         self._view = mujoco.MjvCamera()
 
     def render(
