@@ -194,7 +194,7 @@ class StopSpec(StateSpec):
     """Stops the car: brakes while it rolls, then neutral."""
 
     type: Literal["Stop"] = "Stop"
-    brake: float = quantity(0.3, "", "throttle backwards while the car rolls", ge=0.0, le=1.0)
+    brake: float = quantity(0.3, "", "throttle against the direction in which the car rolls", ge=0.0, le=1.0)
 
     @property
     def may_end(self) -> bool:

@@ -21,6 +21,9 @@ _CORRIDOR_BLEND = 0.15
 """Weight of one sonar interval in the estimate of the corridor's direction. Source: choice."""
 _TRIM_LIMIT = 0.25
 """A larger fault is no matter of trim: 5.5 degrees. Source: choice."""
+_STALL_TICKS, _NEUTRAL_TICKS = 80, 16
+"""A car that stands for so long although it should drive gets neutral for so long. Source: choice; 2016's motor
+controllers want 100 ms."""
 _QUARTER = math.pi / 2.0
 _HALF_PERIOD = CONTROL_PERIOD_S / 2.0
 
@@ -98,6 +101,7 @@ class MachineState:
     __slots__ = (
         "_history",
         "_integral",
+        "_stalled",
         "_travelled",
         "_wheel",
         "applied_steering",
@@ -165,6 +169,7 @@ class MachineState:
         self.speed_target = math.nan
         """Speed that the active state regulates, m/s; NaN: open loop."""
         self._integral = 0.0
+        self._stalled = 0
         self._wheel = 0.0
         self._travelled = math.nan
         self._history: deque[Pose] = deque(maxlen=_HISTORY_TICKS)
@@ -197,10 +202,8 @@ class MachineState:
         self._wheel += (self.applied_steering - self.trim - self._wheel) * (CONTROL_PERIOD_S / _STEERING_LAG_S)
         step = self.distance - self._travelled
         self._travelled = self.distance
-        if self.speed < 0.05:
+        if self.speed < 0.05 and self.applied_throttle != 0.0:
             self.direction = -1.0 if self.applied_throttle < 0.0 else 1.0
-        elif self.applied_throttle > 0.0:
-            self.direction = 1.0
         if step > 0.0:  # also false for NaN, at the first tick
             bend = curvature(self._wheel)
             # the magnets sit on the rear left wheel, which runs on the inner circle of a left turn
@@ -257,6 +260,11 @@ class MachineState:
         """Set the throttle that brings the car to a speed [m/s]."""
         self.speed_target = speed
         self.throttle, self._integral = speed_control(speed, self.speed, self._integral)
+        self._stalled = self._stalled + 1 if self.speed == 0.0 and speed > 0.0 else 0
+        if self._stalled > _STALL_TICKS:
+            # after reverse gear the motor controller takes this throttle for a brake, until it has seen neutral
+            self.throttle = 0.0
+            self._stalled %= _STALL_TICKS + _NEUTRAL_TICKS
 
     def want_clearance(self, is_left: bool, clearance: float) -> None:
         """Say which clearance [m] to which wall the active state keeps."""

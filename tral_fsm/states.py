@@ -359,7 +359,7 @@ class Motor(DrivingState[MotorSpec]):
 
 @runs(StopSpec)
 class Stop(State[StopSpec]):
-    """Brakes while the car rolls forward, then neutral: throttle backwards at standstill would be reverse gear."""
+    """Brakes against the direction in which the car rolls, then neutral: more would turn the direction."""
 
     ROLLING: ClassVar[float] = 0.1
     """m/s"""
@@ -367,7 +367,7 @@ class Stop(State[StopSpec]):
     def tick(self, m: MachineState) -> None:
         """Wheels straight, brake or neutral."""
         m.steering = 0.0
-        m.throttle = -self.spec.brake if m.speed > self.ROLLING and m.direction > 0.0 else 0.0
+        m.throttle = -self.spec.brake * m.direction if m.speed > self.ROLLING else 0.0
         m.speed_target = 0.0
 
 

@@ -138,6 +138,13 @@ class TestBlackboard:
         bench.tick(distance=0.1, speed=0.3, throttle=-0.3)
         assert bench.m.x == pytest.approx(-0.1)
 
+    def test_a_car_that_does_not_start_gets_neutral_once_a_second(self) -> None:
+        # after reverse gear the motor controller brakes until it has seen neutral for 100 ms
+        bench = two_states({"type": "Timer", "seconds": 100}, {"type": "Motor", "speed": 0.5})
+        neutral = [bench.tick(speed=0.0)[1] == 0.0 for _ in range(96)]
+        assert neutral == [False] * 80 + [True] * 16
+        assert bench.tick(speed=0.0)[1] > 0.0
+
 
 class TestYourOwnState:
     def test_it_takes_ten_lines(self, monkeypatch: pytest.MonkeyPatch) -> None:

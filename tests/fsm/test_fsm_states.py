@@ -260,10 +260,11 @@ class TestStopAndIdle:
     def test_stop_leaves_a_standing_car_in_neutral(self) -> None:
         assert one_state(type="Stop").tick(speed=0.0) == (0.0, 0.0)
 
-    def test_stop_does_not_brake_a_car_that_rolls_backwards(self) -> None:
-        bench = one_state(type="Stop")
+    def test_stop_brakes_a_car_that_rolls_backwards_with_forward_throttle(self) -> None:
+        bench = one_state(type="Stop", brake=0.3)
         bench.tick(speed=0.0, throttle=-0.3)
-        assert bench.tick(speed=0.5, throttle=-0.3) == (0.0, 0.0)
+        assert bench.tick(speed=0.5, throttle=-0.3) == (0.0, 0.3)
+        assert bench.tick(speed=0.5, throttle=0.3) == (0.0, 0.3)
 
     def test_idle_does_nothing(self) -> None:
         assert one_state(type="Idle").tick(speed=1.0, left=0.1, front=0.1) == (0.0, 0.0)
