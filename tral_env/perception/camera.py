@@ -51,6 +51,8 @@ class SceneRenderer:
         self._model: mujoco.MjModel | None = None
         self._look: tuple[NDArray[Any], ...] = ()
         self._option = mujoco.MjvOption()
+        # MuJoCo paints the rays of rangefinders into the picture unless told not to.
+        self._option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = False
         self._option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = False
         self._view = mujoco.MjvCamera()
 
