@@ -48,7 +48,7 @@ class Randomization:
     sonar_cadence_s: Range = (0.065, 0.065)
     """Time from one ranging to the next, s. Source: SRF08, 65 ms."""
     sonar_together: Range = (0.0, 0.0)
-    """Above 0.5: the three sonars fire together and hear each other; else they fire in turn."""
+    """Above 0.5: the three sonars fire together and hear each other; else they fire in turn. Source: choice."""
     sonar_outlier_rate: Range = (0.0, 0.0)
     """Share of readings that are nonsense. Source: report ("many outliers")."""
     hall_miss_rate: Range = (0.0, 0.0)

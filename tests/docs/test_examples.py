@@ -1,0 +1,101 @@
+"""Every example of README.md and docs/ runs."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pages import PAGES, ROOT, Example, commands, examples, read
+
+BIN = Path(sys.executable).parent
+
+SET_UP = ("python3 -m venv ", ".venv/bin/pip install ", "pip install ", ".venv/bin/pytest", "pytest ")
+"""What begins so installs or runs these tests: .ci/run does it, with the command of the README."""
+
+CHEAPER = {
+    ".venv/bin/tral drive --scenario gates --seed 2 --out runs/first": "--camera projected --no-video",
+    "tral tune --policy wall --scenario straight --grid 5 --episodes 3 --out runs/tune": "--grid 2 --episodes 1",
+    "python benchmarks/compare.py --steps 20000 --scenario straight --seeds 1000:1010 --out runs/compare.json": (
+        "--steps 512 --seeds 1000:1001"
+    ),
+}
+"""Shell examples that would take too long -> options that come after theirs and win."""
+
+LITERAL = ("tral doctor", "tral courses", "ruff format --check .", "ruff check .", "mypy")
+"""Shell examples that run word by word."""
+
+IN_CHECKOUT = ("ruff", "mypy")
+"""Programs that look at the checkout; everything else runs in a folder of its own, with links to the checkout."""
+
+SKIPS_WITHOUT = {"benchmarks/compare.py": "stable_baselines3"}
+
+SHELL = [
+    (example, command)
+    for page in PAGES
+    for example in examples(page, read(page))
+    if example.language in ("bash", "sh", "console")
+    for command in commands(example)
+    if not command.startswith(SET_UP)
+]
+
+
+def run_python(blocks: list[Example], folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run the blocks of a page one after the other, as one program whose tracebacks name lines of the page."""
+    code = "names = {'__name__': '__main__'}\n" + "\n".join(
+        f"exec(compile({chr(10) * block.line + block.text!r}, {block.page!r}, 'exec'), names)" for block in blocks
+    )
+    return subprocess.run([sys.executable, "-W", "error", "-c", code], cwd=folder, capture_output=True, text=True)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_python_examples_run_in_order(page: str, tmp_path: Path) -> None:
+    blocks = [example for example in examples(page, read(page)) if example.language == "python"]
+    if not blocks:
+        pytest.skip("has no Python")
+    done = run_python(blocks, tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("example", "command"), SHELL, ids=[command for _, command in SHELL])
+def test_shell_examples_run(example: Example, command: str, tmp_path: Path) -> None:
+    assert command in CHEAPER or command in LITERAL, (
+        f"{example.page}: no test runs `{command}`: name it in LITERAL, or in CHEAPER with options that make it quick"
+    )
+    program, *arguments = shlex.split(command + " " + CHEAPER.get(command, ""))
+    for argument in arguments:
+        pytest.importorskip(SKIPS_WITHOUT.get(argument, "sys"), exc_type=ImportError)
+    (tmp_path / "benchmarks").symlink_to(ROOT / "benchmarks")
+    done = subprocess.run(
+        [BIN / Path(program).name, *arguments],
+        cwd=ROOT if program in IN_CHECKOUT else tmp_path,
+        env=os.environ | {"COLUMNS": "120"},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_no_command_is_listed_that_no_page_shows() -> None:
+    shown = {command for _, command in SHELL}
+    assert {*CHEAPER, *LITERAL} <= shown
+
+
+def test_other_blocks_are_no_forgotten_programs() -> None:
+    languages = {example.language for page in PAGES for example in examples(page, read(page))}
+    assert languages <= {"python", "bash", "json", ""}
+
+
+def test_the_command_of_ci_is_the_one_of_the_readme() -> None:
+    (block,) = [
+        example for example in examples("README.md", read("README.md")) if "<!-- tests -->" in line_above(example)
+    ]
+    assert commands(block)[-1].startswith(".venv/bin/pytest")
+
+
+def line_above(example: Example) -> str:
+    return read(example.page).splitlines()[example.line - 2]
