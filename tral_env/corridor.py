@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tral_env import task
 from tral_env.config import CameraConfig, CarConfig, TaskConfig
-from tral_env.course.generate import SCENARIOS, generate
+from tral_env.course.generate import SCENARIOS, generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
@@ -156,8 +156,8 @@ class Corridor:
         self, rng: np.random.Generator, fixed: tuple[Course, Plan] | None, randomization: Randomization
     ) -> tuple[Course, Plan, dict[str, float]]:
         if fixed is None:
-            course = generate(self.config.scenario, rng)
-            return course, build_plan(course), randomization.draw(rng)
+            course, plan = generate_plan(self.config.scenario, rng, hard=self.config.randomization == "hard")
+            return course, plan, randomization.draw(rng)
         return *fixed, randomization.draw(rng)
 
     def _fit(self, plans: Sequence[Plan], rows: Index) -> None:
@@ -213,7 +213,6 @@ class Corridor:
         no = np.zeros(self.n, bool)
         if lateral is None:
             _, lateral, _ = task.locate(self.track, np.arange(self.n), sim.pose[:, :2], self._segment)
-        left, right = task.wall_clearance(self.track, sim.pose, self.config.car)
         length = np.maximum(self.track.length, 1e-9)
         crash = sim.collision & (sim.closing_speed >= self.config.task.touch_speed)
         return {
@@ -224,12 +223,18 @@ class Corridor:
             "progress": np.clip(self._s / length, 0.0, 1.0),
             "gates_passed": self._passed.copy(),
             "gates_total": self.track.gates.copy(),
-            "clearance_error_m": task.clearance_error(left, right, self.wanted_clearance),
+            "clearance_error_m": self._clearance_error(),
             "lateral_offset_m": lateral,
             "pose": sim.pose.copy(),
             "speed_mps": sim.speed.copy(),
             "time_s": sim.time_s.copy(),
         }
+
+    def _clearance_error(self) -> Array:
+        if np.isnan(self.wanted_clearance[:, 0]).all():
+            return np.full(self.n, np.nan)
+        left, right = task.wall_clearance(self.track, self.sim.pose, self.config.car)
+        return task.clearance_error(left, right, self.wanted_clearance)
 
     def close(self) -> None:
         """Free the OpenGL context, if there is one."""

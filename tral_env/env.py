@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -21,7 +21,7 @@ from tral_env.views import VIEWS, Views
 _ROW = np.zeros(1, np.int64)
 
 
-class TralCorridorEnv(gym.Env[Any, NDArray[np.float32]]):
+class TralCorridorEnv(gym.Env[Any, Any]):
     """A 1:10 car drives a university corridor by three ultrasonics, a hall sensor and a camera.
 
     ## Action
@@ -56,7 +56,7 @@ class TralCorridorEnv(gym.Env[Any, NDArray[np.float32]]):
     `reset(options={{"course": Course or path, "car": {{"friction": 0.6}}}})`.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": int(CONTROL_RATE_HZ)}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": int(CONTROL_RATE_HZ)}  # noqa: RUF012 (Gymnasium declares it so)
 
     def __init__(
         self,
@@ -100,7 +100,7 @@ class TralCorridorEnv(gym.Env[Any, NDArray[np.float32]]):
         car = self.corridor.reset(_ROW, [self.np_random], options)
         info = self._info(self.corridor.info())
         info["car"] = {name: float(values[0]) for name, values in car.items()}
-        return self._observation(), info
+        return self._observation(self.corridor.observation()[0]), info
 
     def step(self, action: NDArray[np.floating]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive for 12.5 ms.
@@ -116,10 +116,10 @@ class TralCorridorEnv(gym.Env[Any, NDArray[np.float32]]):
         terminated, truncated = bool(step.terminated[0]), bool(step.truncated[0])
         if terminated or truncated:
             info["is_success"] = info["success"]
-        return self._observation(), float(step.reward[0]), terminated, truncated, info
+        return self._observation(step.observation[0]), float(step.reward[0]), terminated, truncated, info
 
-    def _observation(self) -> Any:
-        return self.corridor.observation()[0].copy()
+    def _observation(self, readings: NDArray[np.float32]) -> Any:
+        return readings
 
     def _info(self, info: dict[str, Any]) -> dict[str, Any]:
         """Info of the only car: Python numbers and bools, and arrays of its own."""
@@ -153,7 +153,7 @@ class TralCorridorEnv(gym.Env[Any, NDArray[np.float32]]):
             raise ConfigError("there is no course before the first reset()")
         return course
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """The chosen view, (height, width, 3) uint8; None without a render mode."""
         return None if self.render_mode is None else self.render_view(self._view, *self._size)
 
@@ -203,9 +203,9 @@ class TralCorridorPixelsEnv(TralCorridorEnv):
         self._exposures = -1
         return super().reset(seed=seed, options=options)
 
-    def _observation(self) -> Any:
+    def _observation(self, readings: NDArray[np.float32]) -> Any:
         exposures = int(self.corridor.sim.exposures[0])
         if exposures != self._exposures:
             self._exposures = exposures
             self._image = self.render_view("onboard", *self._image_size)
-        return {"image": self._image.copy(), "readings": super()._observation()}
+        return {"image": self._image.copy(), "readings": readings}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from gymnasium.utils import seeding
@@ -35,7 +35,7 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
     Every entry of `info` is an array of (n, ...), with a mask `_name`.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_fps": int(CONTROL_RATE_HZ)}  # type: ignore[misc]
+    metadata: dict[str, Any] = {"render_fps": int(CONTROL_RATE_HZ)}  # noqa: RUF012 (Gymnasium declares it so)
 
     def __init__(
         self,

@@ -51,14 +51,24 @@ class ProjectedVision:
     def __init__(self, n: int, noise: NoiseTape, lens: CameraConfig, car: CarConfig) -> None:
         """Nothing to see yet."""
         self._scenery = Scenery(n)
+        self._markers = np.zeros(n, np.int64)
         self._noise, self._lens, self._car = noise, lens, car
 
     def place(self, row: int, plan: Plan) -> None:
         """Put a course around a car."""
         self._scenery.place(row, plan)
+        self._markers[row] = len(plan.marker_id)
 
     def see(self, rows: Index, pose: Array, qpos: Array, mounting: Array) -> Sighting:
         """See `Vision`."""
+        sighting = Sighting.nothing(len(rows))
+        # Rows without markers draw no noise, whether they are alone or among others.
+        some = np.flatnonzero(self._markers[rows])
+        if len(some):
+            sighting.put(some, self._see(rows[some], pose[some], mounting[some]))
+        return sighting
+
+    def _see(self, rows: Index, pose: Array, mounting: Array) -> Sighting:
         normal = self._noise.normal(rows, NOISE_PLACES * NORMALS).reshape(-1, NOISE_PLACES, NORMALS)
         uniform = self._noise.uniform(rows, NOISE_PLACES * UNIFORMS).reshape(-1, NOISE_PLACES, UNIFORMS)
         seen = project(

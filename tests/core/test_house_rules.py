@@ -52,7 +52,7 @@ def test_perception_meets_mujoco_in_the_renderer_alone() -> None:
 
 
 def test_only_the_scene_builds_models() -> None:
-    users = [path.name for path in files("tral_env") if "MjSpec" in path.read_text()]
+    users = [path.name for path in files("tral_env") if ".compile()" in path.read_text()]
     assert users == ["scene.py"]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,17 @@ class Sighting:
     marker_x: Array
     marker_y: Array
     marker_heading: Array
+
+    @classmethod
+    def nothing(cls, n: int) -> Sighting:
+        """n images that show nothing."""
+        nobody, zero = np.full(n, NOTHING_SEEN_ID), np.zeros
+        return cls(nobody, zero(n), zero(n), zero(n), nobody.copy(), zero(n), zero(n), zero(n))
+
+    def put(self, rows: NDArray[np.int64], other: Sighting) -> None:
+        """Write what k other images show into the places `rows` (k,)."""
+        for field in fields(self):
+            getattr(self, field.name)[rows] = getattr(other, field.name)
 
     @property
     def gate_seen(self) -> Mask:

@@ -61,6 +61,8 @@ class Sightings:
             time_s: (n,) now.
             seen: what they show, arrays of (k,).
         """
+        if not (seen.gate_seen | seen.marker_seen).any():
+            return
         slot = self._slot[rows]
         for i, subject in enumerate(SUBJECTS):
             for j, quantity in enumerate(QUANTITIES):
@@ -70,6 +72,8 @@ class Sightings:
 
     def deliver(self, time_s: Array) -> None:
         """Publish what has come through the latency by now. `time_s` is (n,)."""
+        if self._queue_exposed.min() == np.inf:
+            return
         arrived = self._queue_exposed + self._latency_s[:, None] <= time_s[:, None] + _EPSILON_S
         for slot in np.flatnonzero(arrived.any(axis=0)):
             rows = np.flatnonzero(arrived[:, slot])
