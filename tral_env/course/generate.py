@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from tral_env.course.frames import place
-from tral_env.course.geometry import FRAME_WIDTH, build_plan, overlap_problems
+from tral_env.course.furniture import FRAME_WIDTH
+from tral_env.course.geometry import build_plan, overlap_problems
 from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
 from tral_env.errors import ConfigError, CourseError, nearest

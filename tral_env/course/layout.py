@@ -184,11 +184,11 @@ class Course(Part):
             CourseError: as for `load`.
         """
         try:
-            data = json.loads(text)
+            json.loads(text)
         except json.JSONDecodeError as error:
             raise CourseError(f"{source}: not JSON: {error.msg} at line {error.lineno}, column {error.colno}") from None
         try:
-            course = cls.model_validate(data)
+            course = cls.model_validate_json(text, strict=True)
         except ValidationError as error:
             raise _report(source, map(_sentence, filter(_is_cause, error.errors()))) from None
         return course.checked(source)
@@ -199,7 +199,7 @@ class Course(Part):
         Raises:
             CourseError: all problems, each with its place.
         """
-        problems = list(find_problems(self))
+        problems = [*find_problems(self)]
         if problems:
             raise _report(source or f"course '{self.name}'", problems)
         return self
@@ -305,7 +305,21 @@ def _sentence(error: Any) -> str:
     if error["type"] == "literal_error":
         allowed = [word.strip(" '") for word in error["ctx"]["expected"].replace(" or ", ",").split(",")]
         return f"{place}: got {got!r}: {nearest(got, allowed)}"
-    return f"{place}: got {json.dumps(got, default=str)[:60]}. Allowed: {error['msg'].removeprefix('Input should be ')}"
+    rule = _ALLOWED.get(error["type"]) or str(error["msg"]).removeprefix("Input should be ")
+    return f"{place}: got {json.dumps(got, default=str)[:60]}. Allowed: {rule}"
+
+
+_ALLOWED = {
+    "too_short": "a list of at least 1 item",
+    "string_too_short": "at least 1 character",
+    "model_type": "an object",
+    "tuple_type": "a list",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "bool_type": "true, false",
+    "string_type": "a string",
+}
+"""What pydantic says in words of Python, in words of JSON."""
 
 
 _KINDS: dict[str, type[Part]] = {

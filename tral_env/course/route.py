@@ -101,19 +101,20 @@ def _span(course: Course, i: int) -> tuple[float, float]:
 
 def _knots(segment: Segment, where: str, problems: list[str]) -> list[Knot]:
     """Knots at gates and around what stands in the way, in order."""
-    knots = []
+    pairs = []
     for gate in segment.gates:
         yaw = np.radians(gate.yaw_deg)
-        along, left = GATE_STRAIGHT * np.cos(yaw), GATE_STRAIGHT * np.sin(yaw)
-        for sign in (-1, 1):
-            knots.append(Knot(gate.at + sign * along, gate.offset + sign * left, float(np.tan(yaw))))
+        along, left, slope = GATE_STRAIGHT * np.cos(yaw), GATE_STRAIGHT * np.sin(yaw), float(np.tan(yaw))
+        pairs.append(
+            (Knot(gate.at - along, gate.offset - left, slope), Knot(gate.at + along, gate.offset + left, slope))
+        )
     for begin, end, blocked in _groups(_blocks(segment)):
         left = _passage(blocked, segment.width / 2)
         if left is None:
             problems.append(f"{where}: no way of {MIN_PASSAGE:g} m past what stands from {begin:.2f} to {end:.2f} m")
         elif left or end - begin > AHEAD + BEHIND:
-            knots += [Knot(begin, left), Knot(end, left)]
-    return sorted(knots, key=lambda knot: knot.along)
+            pairs.append((Knot(begin, left), Knot(end, left)))
+    return [knot for pair in sorted(pairs, key=lambda pair: pair[0].along) for knot in pair]
 
 
 def _blocks(segment: Segment) -> list[tuple[float, float, float, float]]:

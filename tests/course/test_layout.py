@@ -1,0 +1,142 @@
+"""Course files: what they may hold, and what is said about those that are wrong."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import jsonschema
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tral_env.course import layout
+from tral_env.course.layout import Course, course_schema, example_names, example_path
+from tral_env.errors import CourseError
+
+SCHEMA_FILE = Path(layout.__file__).parent / "course.schema.json"
+PLAIN = {"name": "plain", "segments": [{"length": 10}]}
+
+
+def course(**members: object) -> Course:
+    return Course.model_validate({**PLAIN, **members})
+
+
+def problems(text: str) -> list[str]:
+    with pytest.raises(CourseError) as caught:
+        Course.parse(text, source="file.json")
+    return str(caught.value).split("\n  ")
+
+
+def test_a_name_and_one_segment_are_enough():
+    plain = Course.parse(json.dumps(PLAIN))
+    assert (plain.segments[0].width, plain.start.at, plain.goal, plain.laps) == (2.0, 1.0, 1.0, 1)
+
+
+def test_the_schema_file_says_what_the_model_says():
+    assert json.loads(SCHEMA_FILE.read_text()) == course_schema()
+
+
+@pytest.mark.parametrize("name", example_names())
+def test_examples_satisfy_the_schema(name: str):
+    jsonschema.validate(json.loads(example_path(name).read_text()), course_schema())
+
+
+@pytest.mark.parametrize("name", example_names())
+def test_an_example_is_named_like_its_file_and_survives_saving(name: str, tmp_path: Path):
+    loaded = Course.load(example_path(name))
+    loaded.save(tmp_path / "copy.json")
+    assert loaded.name == name
+    assert Course.load(tmp_path / "copy.json") == loaded
+
+
+def test_an_unknown_example_names_those_there_are():
+    with pytest.raises(CourseError, match="no course 'defualt': did you mean 'default'"):
+        example_path("defualt")
+
+
+def test_members_with_their_default_value_are_not_written():
+    assert json.loads(course().to_json()) == {"name": "plain", "segments": [{"length": 10.0}]}
+
+
+def test_all_problems_of_a_file_are_listed_with_place_got_and_allowed():
+    text = """{"name": "x", "laps": 0, "segments": [{"length": 5, "widht": 2, "then": "lefd",
+               "doors": [{"side": "lft", "at": -1}]}]}"""
+    assert problems(text) == [
+        "file.json: 5 problems",
+        "/segments/0/then: got 'lefd': did you mean 'left'? Allowed: end, left, right, straight",
+        "/segments/0/doors/0/side: got 'lft': did you mean 'left'? Allowed: left, right",
+        "/segments/0/doors/0/at: got -1. Allowed: greater than or equal to 0",
+        "/segments/0/widht: unknown member 'widht': did you mean 'width'? Allowed: length, width, then, branches, "
+        "sign, doors, cupboards, obstacles, gates, tapes",
+        "/laps: got 0. Allowed: greater than or equal to 1",
+    ]
+
+
+def test_a_missing_member_is_named_beside_those_there_may_be():
+    assert problems('{"name": "x", "segments": [{"length": 5, "gates": [{"id": 1}]}]}')[1] == (
+        "/segments/0/gates/0/at: missing. Members here: id, at, offset, width, yaw_deg, marker_height"
+    )
+
+
+def test_text_that_is_no_json_is_located():
+    assert problems('{"name": }') == ["file.json: not JSON: Expecting value at line 1, column 10"]
+
+
+@pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity"])
+def test_numbers_must_be_finite(number: str):
+    assert problems(f'{{"name": "x", "segments": [{{"length": {number}}}]}}')[1].startswith("/segments/0/length: got")
+
+
+@pytest.mark.parametrize(
+    ("members", "problem"),
+    [
+        ({"laps": 2}, '/laps: got 2 for an open course. Allowed: 1 (or "closed": true)'),
+        ({"segments": []}, "/segments: got []. Allowed: a list of at least 1 item"),
+        (
+            {"segments": [{"length": 5}, {"length": 5}]},
+            "/segments/0/then: got 'end' before the last segment. Allowed: left, right, straight",
+        ),
+        (
+            {"segments": [{"length": 5, "then": "left"}]},
+            "/segments/0/then: got 'left' in the last segment. Allowed: end (or \"closed\": true)",
+        ),
+        (
+            {"segments": [{"length": 5, "branches": [{"to": "left"}]}]},
+            "/segments/0/branches: got 1 at an end wall. Allowed: none",
+        ),
+        (
+            {"segments": [{"length": 5, "then": "left", "branches": [{"to": "left"}]}, {"length": 5}]},
+            "/segments/0/branches/0/to: got 'left', which is taken. Allowed: right, straight",
+        ),
+        (
+            {"segments": [{"length": 5, "gates": [{"id": 3, "at": 3}, {"id": 3, "at": 9}]}]},
+            "/segments/0/gates/1/at: got 9. Allowed: 0 to 5, the segment's length",
+        ),
+        (
+            {"segments": [{"length": 9, "gates": [{"id": 3, "at": 3}, {"id": 3, "at": 8}]}]},
+            "/segments/0/gates/1/id: got 3, which more than one gate has. Allowed: unique ids",
+        ),
+        ({"start": 3}, "/start: got 3. Allowed: an object"),
+        ({"laps": "2"}, '/laps: got "2". Allowed: a whole number'),
+        ({"name": ""}, '/name: got "". Allowed: at least 1 character'),
+        ({"segments": [{"length": 5, "doors": 1}]}, "/segments/0/doors: got 1. Allowed: a list"),
+        ({"start": {"offset": 0.9}}, "/start/offset: got 0.9. Allowed: within 0.85 of the middle line"),
+    ],
+)
+def test_parts_that_do_not_fit_together_are_named(members: dict[str, object], problem: str):
+    assert problem in problems(json.dumps({**PLAIN, **members}))
+
+
+def test_courses_do_not_change():
+    with pytest.raises(ValueError, match="frozen"):
+        course().laps = 2  # type: ignore[misc]
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    st.text(max_size=60) | st.recursive(st.none() | st.integers() | st.text(), st.lists, max_leaves=5).map(json.dumps)
+)
+def test_whatever_is_read_is_a_course_or_a_course_error(text: str):
+    with pytest.raises(CourseError, match=r"file\.json"):
+        Course.parse(text, source="file.json")
