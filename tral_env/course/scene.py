@@ -175,7 +175,10 @@ def place(plan: Plan, pool: Pool) -> Placement:
 
 
 def dress(model: mujoco.MjModel, plan: Plan, pool: Pool) -> None:
-    """Write a plan into a model made by `build_model(pool)`, with its looks, for rendering."""
+    """Write a plan into a model made by `build_model(pool)`, with its looks.
+
+    That is enough for rendering. For physics call `mujoco.mj_setConst` afterwards, or rays and contacts miss the walls.
+    """
     ids, placed = pool_geoms(model, pool), place(plan, pool)
     model.geom_pos[ids], model.geom_quat[ids], model.geom_size[ids] = (
         placed.geom_pos,
