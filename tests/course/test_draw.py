@@ -8,16 +8,15 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from tral_env.course.draw import COLOURS, draw_plan
+from tral_env.course.draw import COLOURS, draw_figure
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, example_names, example_path
 from tral_env.course.plan import BOX_KINDS
 
 
 def drawn(name: str) -> tuple[Figure, np.ndarray]:
-    figure = Figure(figsize=(8, 6), layout="constrained")
+    figure = draw_figure(build_plan(Course.load(example_path(name))), name)
     canvas = FigureCanvasAgg(figure)
-    draw_plan(build_plan(Course.load(example_path(name))), figure.add_subplot())
     canvas.draw()
     return figure, np.asarray(canvas.buffer_rgba())[..., :3] / 255
 

@@ -5,15 +5,37 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tral_env.course.plan import BOX_KINDS, Plan
+from tral_env.course.plan import BOX_KINDS, Array, Plan
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 COLOURS = {"wall": "#8c959d", "door": "#b5651d", "frame": "#3f4750", "obstacle": "#c9a227", "post": "#2a6bb0"}
 """Fill of each kind of box."""
 TURNS = {40: "left", 41: "right", 42: "straight on"}
+
+
+def draw_figure(plan: Plan, title: str = "", width: float = 8.0) -> Figure:
+    """A figure of one plan, as high as the course needs.
+
+    Args:
+        plan: what to draw.
+        title: above it.
+        width: of the figure, inch.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    x, y = np.ptp(plan.box_position[:, :2], axis=0)
+    figure = Figure(figsize=(width, float(np.clip(1.2 + width * y / x, 2.2, 0.9 * width))), layout="constrained")
+    FigureCanvasAgg(figure)
+    ax = figure.add_subplot()
+    draw_plan(plan, ax)
+    ax.set_title(title, loc="left", fontsize=10)
+    return figure
 
 
 def draw_plan(plan: Plan, ax: Axes) -> None:
@@ -39,11 +61,12 @@ def draw_plan(plan: Plan, ax: Axes) -> None:
     ax.set_ylabel("y [m]")
 
 
-def _corners(plan: Plan, which: np.ndarray) -> np.ndarray:
+def _corners(plan: Plan, which: NDArray[np.bool_]) -> Array:
     half = plan.box_size[which, None, :2] * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
     c, s = np.cos(plan.box_yaw[which, None]), np.sin(plan.box_yaw[which, None])
     turned = np.stack([c * half[..., 0] - s * half[..., 1], s * half[..., 0] + c * half[..., 1]], axis=-1)
-    return np.asarray(plan.box_position[which, None, :2] + turned)
+    corners: Array = plan.box_position[which, None, :2] + turned
+    return corners
 
 
 def _draw_gates(plan: Plan, ax: Axes) -> None:
@@ -58,8 +81,10 @@ def _draw_markers(plan: Plan, ax: Axes) -> None:
         normal = 0.25 * np.array([np.cos(yaw), np.sin(yaw)])
         ax.plot([x, x + normal[0]], [y, y + normal[1]], color="#c2185b", linewidth=1.2, zorder=4)
         if int(marker) in TURNS:
-            where = (x + 1.4 * normal[0], y + 1.4 * normal[1])
-            ax.annotate(TURNS[int(marker)], where, ha="center", va="center", fontsize=7, color="#c2185b", zorder=5)
+            at, box = (x + 2 * normal[0], y + 2 * normal[1]), {"fc": "white", "ec": "none", "alpha": 0.8, "pad": 1}
+            ax.annotate(
+                TURNS[int(marker)], at, ha="center", va="center", color="#c2185b", fontsize=8, bbox=box, zorder=5
+            )
 
 
 def _draw_ends(plan: Plan, ax: Axes) -> None:

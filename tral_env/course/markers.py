@@ -13,12 +13,12 @@ MODULES = 6
 """Cells along the edge of the black square."""
 QUIET_MODULES = 1
 """White cells around it."""
-PIXELS_PER_MODULE = 16
-"""Of the texture: crisp from nearby; mip-mapping makes it smooth from afar."""
+PIXELS_PER_MODULE = 8
+"""Of the texture. From 0.6 to 7 m the detector reads 4, 8, 16 and 32 alike; mip-mapping smooths them from afar."""
 
 
 def marker_image(marker: int) -> NDArray[np.uint8]:
-    """Marker with its quiet zone, upright, (128, 128) grey values.
+    """Marker with its quiet zone, upright, (64, 64) grey values.
 
     Args:
         marker: id in DICT_4X4_50.

@@ -142,7 +142,8 @@ def _add_collision_sensor(spec: mujoco.MjSpec) -> None:
 
 def pool_geoms(model: mujoco.MjModel, pool: Pool) -> NDArray[np.int64]:
     """Ids of the pool's geoms in a model, (P,), in the order of `Placement`."""
-    return np.array([model.geom(name).id for name in pool.names], np.int64)
+    first = int(model.body("walls").geomadr[0]) if pool.names else 0
+    return first + np.arange(len(pool.names), dtype=np.int64)
 
 
 def place(plan: Plan, pool: Pool) -> Placement:
