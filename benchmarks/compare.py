@@ -20,6 +20,7 @@ import numpy as np
 import typer
 from host import host
 from report import span
+from rich import box
 from rich.console import Console
 from rich.table import Table
 
@@ -30,16 +31,25 @@ from tral_fsm.rollout import drive
 
 REPEAT = 8
 """Ticks for which the learner's command is held: it decides ten times a second."""
+THROTTLE = 0.1, 0.4
+"""Range of the learner's throttle: it always rolls, 0 to 0.8 m/s. A brief training that may also stand, brake and
+reverse learns to stand, because nothing that stands collides."""
+
+
+def command(choice: Any) -> Any:
+    """Steering and throttle of a choice in [-1, 1] x [-1, 1], shape (2,)."""
+    low, high = THROTTLE
+    return np.array([choice[0], low + (high - low) * (choice[1] + 1) / 2], np.float32)
 
 
 class Repeat(gym.Wrapper[Any, Any, Any, Any]):
-    """Holds each action for some ticks and adds up what they earn."""
+    """Holds each choice for some ticks and adds up what they earn."""
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One decision."""
         total = 0.0
         for _ in range(REPEAT):
-            observation, reward, terminated, truncated, info = self.env.step(action)
+            observation, reward, terminated, truncated, info = self.env.step(command(action))
             total += float(reward)
             if terminated or truncated:
                 break
@@ -62,7 +72,8 @@ class Learner:
         """Command for one car, (2,)."""
         if self._ticks % REPEAT == 0:
             normal = self._normalizer.normalize_obs(observation)
-            self._action, _ = self._model.predict(normal, deterministic=True)
+            choice, _ = self._model.predict(normal, deterministic=True)
+            self._action = command(choice)
         self._ticks += 1
         return self._action
 
@@ -89,7 +100,7 @@ def train(scenario: str, randomization: str, steps: int, seed: int) -> Learner:
         wrapper_class=Repeat,
     )
     with contextlib.closing(VecNormalize(envs)) as normalized:
-        model = PPO("MlpPolicy", normalized, n_steps=512, batch_size=256, gamma=0.98, seed=seed, device="cpu")
+        model = PPO("MlpPolicy", normalized, n_steps=512, batch_size=256, gamma=0.99, seed=seed, device="cpu")
         model.learn(steps, progress_bar=False)
         normalized.training = False
         return Learner(model, normalized)
@@ -118,12 +129,14 @@ def main(
         start = time.perf_counter()
         learner = train(scenario, randomization, steps, seed)
         trained_s = time.perf_counter() - start
-        drivers = {f"machine '{policy}'": rival, f"PPO, {steps} steps": learner}
+        drivers = {f"machine {policy}": rival, "PPO": learner}
         records = {name: evaluate(driver, scenario, randomization, run) for name, driver in drivers.items()}
     except TralError as error:
         raise SystemExit(f"Error: {error}") from None
     figures = {name: summarize(rows) for name, rows in records.items()}
-    Console().print(table(figures, f"{scenario}, seeds {seeds}, {randomization}; trained in {trained_s:.0f} s"))
+    Console().print(
+        table(figures, f"{scenario}, seeds {seeds}, {randomization}; PPO: {steps} steps in {trained_s:.0f} s")
+    )
     result = {
         "host": host(),
         "training": {
@@ -145,14 +158,15 @@ def main(
 
 def table(figures: dict[str, Summary], title: str) -> Table:
     """The drivers below one another."""
-    table = Table("driver", title=title, title_justify="left")
-    for heading in ("success", "95 %", "progress", "time", "mean speed", "clearance RMSE", "off the route"):
-        table.add_column(heading, justify="right")
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("driver", no_wrap=True)
+    for heading in ("success", "95 %", "progress", "time", "speed", "clearance\nRMSE", "off the\nroute"):
+        table.add_column(heading, justify="right", no_wrap=True)
     for name, row in figures.items():
         table.add_row(
             name,
             f"{row.successes}/{row.episodes}",
-            f"{100 * row.success_low:.0f} to {100 * row.success_high:.0f} %",
+            f"{100 * row.success_low:.0f}-{100 * row.success_high:.0f} %",
             f"{100 * row.progress:.0f} %",
             "-" if row.time_s is None else f"{row.time_s:.1f} s",
             f"{row.mean_speed_mps:.2f} m/s",

@@ -202,6 +202,6 @@ def _draw_gauges(image: Image, tick: Tick, readings: dict[str, float]) -> None:
     gate = (
         f"gate {readings['gate_id']:.0f}: {readings['gate_x']:.2f} m ahead, {readings['gate_y']:+.2f}"
         if seen
-        else "no gate seen yet"
+        else "no gate in sight"
     )
     _text(image, gate, (left + 10, top + 78), 0.45, _WHITE if seen else _GREY)
