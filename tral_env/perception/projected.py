@@ -32,7 +32,7 @@ class DetectorLaw:
 
     margin_px: float = 3.0
     """A corner nearer to the image's edge is lost."""
-    half_found_px: float = 9.8
+    half_found_px: float = 8.6
     """Markers whose shortest side has this many pixels are found half of the time."""
     found_slope: float = 0.65
     """Steepness of that limit, 1/px."""
