@@ -1,0 +1,107 @@
+"""The native vector environment as a Stable-Baselines3 `VecEnv` (extra ``rl``).
+
+SB3 does not take Gymnasium vector environments. It resets within the step, so the environment runs in SAME_STEP mode,
+and what SB3 wants of an episode's end is read from `final_obs` and `final_info`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.errors import MissingExtraError
+from tral_env.vector_env import TralCorridorVectorEnv
+
+try:
+    from stable_baselines3.common.vec_env import VecEnv, VecMonitor
+except ImportError as error:
+    raise MissingExtraError("stable-baselines3", "rl", "tral_env.sb3") from error
+
+
+class SB3CorridorVecEnv(VecEnv):
+    """`TralCorridorVectorEnv` for SB3: observations (n, d) float32, rewards (n,) float32.
+
+    At the end of an episode its info holds `terminal_observation`, `TimeLimit.truncated`, `is_success` and the
+    environment's own final info; all other infos are empty.
+    """
+
+    def __init__(self, env: TralCorridorVectorEnv) -> None:
+        """Wrap an environment made with ``autoreset_mode="SameStep"``."""
+        self.env = env
+        self._seed: int | None = None
+        self._actions: NDArray[np.floating] = np.zeros((env.num_envs, 2))
+        super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Seed the next reset: row i with seed + i."""
+        self._seed = int(np.random.default_rng().integers(2**31)) if seed is None else seed
+        return [self._seed + i for i in range(self.num_envs)]
+
+    def reset(self) -> NDArray[np.float32]:
+        """Start new episodes in all rows."""
+        observation, _ = self.env.reset(seed=self._seed, options=self._options[0] or None)
+        self._seed = None
+        self._reset_options()
+        return np.asarray(observation, np.float32)
+
+    def step_async(self, actions: NDArray[np.floating]) -> None:
+        """Keep the actions (n, 2) for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Drive all cars for 12.5 ms."""
+        observation, reward, terminated, truncated, info = self.env.step(self._actions)
+        done = terminated | truncated
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for row in np.flatnonzero(done):
+            final = {name: values[row] for name, values in info["final_info"].items() if not name.startswith("_")}
+            infos[row] = final | {
+                "is_success": bool(final["success"]),
+                "terminal_observation": info["final_obs"][row],
+                "TimeLimit.truncated": bool(truncated[row] and not terminated[row]),
+            }
+        return np.asarray(observation, np.float32), reward.astype(np.float32), done, infos
+
+    def close(self) -> None:
+        """Free what the environment holds."""
+        self.env.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """The environment's attribute, once for each index: all rows share it."""
+        return [getattr(self.env, attr_name)] * len(list(self._get_indices(indices)))
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Set an attribute of the environment that all rows share."""
+        setattr(self.env, attr_name, value)
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Call a method of the environment once and give its answer for each index."""
+        answer = getattr(self.env, method_name)(*args, **kwargs)
+        return [answer] * len(list(self._get_indices(indices)))
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """No row is wrapped: there are no single environments inside."""
+        return [False] * len(list(self._get_indices(indices)))
+
+
+def make_vec_env(num_envs: int = 64, *, seed: int | None = None, monitor: bool = True, **kwargs: Any) -> VecEnv:
+    """A vector environment ready for SB3.
+
+    Args:
+        num_envs: n.
+        seed: row i starts with seed + i.
+        monitor: wrap it in `VecMonitor`, which counts episodes' rewards and lengths.
+        kwargs: arguments of `TralCorridorVectorEnv`.
+
+    Returns:
+        A `VecEnv`, for example ``PPO("MlpPolicy", make_vec_env(64, scenario="corners"))``.
+
+    Raises:
+        MissingExtraError: Stable-Baselines3 is not installed.
+    """
+    env = SB3CorridorVecEnv(TralCorridorVectorEnv(num_envs, autoreset_mode="SameStep", **kwargs))
+    env.seed(seed)
+    return VecMonitor(env, info_keywords=("is_success",)) if monitor else env
