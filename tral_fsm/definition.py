@@ -82,6 +82,13 @@ class WallSpec(DrivingSpec):
         "sonar", description="over the sonar's own interval, or tick: the literal law of 2016"
     )
     max_error: float | None = quantity(0.4, "m", "e is clipped to this; null: not at all", gt=0.0, le=6.0)
+    max_angle_deg: float | None = quantity(
+        18.0,
+        "deg",
+        "e is clipped so that the wall is approached no steeper, or it gives no echo; null: not",
+        gt=0.0,
+        le=90.0,
+    )
     max_rate: float = quantity(0.5, "m/s", "e' over the sonar's interval is clipped to this", gt=0.0, le=1000.0)
     reach: float = quantity(2.5, "m", "a range above it is no wall: the course is held", gt=0.0, le=NO_ECHO_M)
     at_most_half: bool = Field(

@@ -260,11 +260,24 @@ class MachineState:
         """Set the throttle that brings the car to a speed [m/s]."""
         self.speed_target = speed
         self.throttle, self._integral = speed_control(speed, self.speed, self._integral)
-        self._stalled = self._stalled + 1 if self.speed == 0.0 and speed > 0.0 else 0
+        self._release(self.throttle)
+
+    def push(self, throttle: float) -> None:
+        """Set the throttle itself, open loop."""
+        self.throttle = throttle
+        if throttle < 0.0:
+            self._release(throttle)
+
+    def _release(self, throttle: float) -> None:
+        """Neutral for a while when the car stands although it is told to drive.
+
+        To turn its direction the motor controller wants to see brake, then neutral; until then it brakes.
+        """
+        self._stalled = self._stalled + 1 if self.speed == 0.0 and throttle != 0.0 else 0
         if self._stalled > _STALL_TICKS:
-            # after reverse gear the motor controller takes this throttle for a brake, until it has seen neutral
             self.throttle = 0.0
-            self._stalled %= _STALL_TICKS + _NEUTRAL_TICKS
+        if self._stalled >= _STALL_TICKS + _NEUTRAL_TICKS:
+            self._stalled = 0
 
     def want_clearance(self, is_left: bool, clearance: float) -> None:
         """Say which clearance [m] to which wall the active state keeps."""

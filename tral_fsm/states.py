@@ -109,7 +109,7 @@ class DrivingState(State[D]):
         """Set the throttle: open loop, or regulated to the spec's speed or to the one given [m/s]."""
         spec = self.spec
         if spec.throttle is not None:
-            m.throttle = spec.throttle
+            m.push(spec.throttle)
         elif spec.speed is not None:
             m.regulate(spec.speed if speed is None else speed)
 
@@ -126,6 +126,10 @@ class WallState(DrivingState[W]):
         self.is_left = spec.side == "left"
         self.sign = 1.0 if self.is_left else -1.0
         self.limit = math.inf if spec.max_error is None else spec.max_error
+        self.steep = math.inf
+        """e at which p e and d e' are in balance at `max_angle_deg`, m for 1 m/s."""
+        if spec.max_angle_deg is not None and spec.derivative == "sonar" and spec.p * spec.d > 0.0:
+            self.steep = math.sin(math.radians(spec.max_angle_deg)) * spec.d / spec.p
         self.range: float | None = None
         """Accepted range of the followed wall, m; None: no wall."""
         self.rate = 0.0
@@ -153,7 +157,7 @@ class WallState(DrivingState[W]):
         else:
             if spec.at_most_half:
                 wanted = min(wanted, self.half(m))
-            error = clip(self.range - wanted, self.limit)
+            error = clip(self.range - wanted, min(self.limit, self.steep * max(m.speed, 0.2)))
             self.error_sum += error
             if spec.derivative == "tick":
                 y = pid(

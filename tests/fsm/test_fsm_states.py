@@ -10,7 +10,7 @@ from tral_fsm.control import curvature
 from tral_fsm.definition import STATES
 from tral_fsm.states import RUNTIMES, Finishable, Targetable
 
-LITERAL = {"derivative": "tick", "max_error": None, "throttle": 0.3, "clearance": 0.5}
+LITERAL = {"derivative": "tick", "max_error": None, "max_angle_deg": None, "throttle": 0.3, "clearance": 0.5}
 
 
 def wall(kind: str = "BasicFollowWall", **changes: object) -> Bench:
@@ -54,6 +54,11 @@ class TestBasicFollowWall:
 
     def test_a_large_deviation_is_clipped(self) -> None:
         assert wall(max_error=0.1).tick(left=1.5)[0] == pytest.approx(0.2)
+
+    def test_a_wall_is_approached_no_steeper_than_it_can_be_heard(self) -> None:
+        # p e = d v sin(30 degrees) at e = 0.05 m
+        bench = wall(derivative="sonar", p=4.0, d=0.5, max_angle_deg=30.0)
+        assert bench.tick(left=1.5, speed=0.8)[0] == pytest.approx(4.0 * 0.05)
 
     def test_without_a_wall_it_goes_straight_on(self) -> None:
         bench = wall()
@@ -251,6 +256,11 @@ class TestMotor:
         assert bench.active == "a"
         bench.tick(distance=6.61)
         assert bench.active == "b"
+
+    def test_reverse_gets_neutral_once_a_second_until_the_car_moves(self) -> None:
+        bench = one_state(type="Motor", throttle=-0.3)
+        outs = [bench.tick(speed=0.0)[1] for _ in range(97)]
+        assert outs == [-0.3] * 80 + [0.0] * 16 + [-0.3]
 
 
 class TestStopAndIdle:
