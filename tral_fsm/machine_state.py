@@ -273,7 +273,7 @@ class MachineState:
 
         To turn its direction the motor controller wants to see brake, then neutral; until then it brakes.
         """
-        self._stalled = self._stalled + 1 if self.speed == 0.0 and throttle != 0.0 else 0
+        self._stalled = self._stalled + 1 if self.speed < 0.05 and throttle != 0.0 else 0
         if self._stalled > _STALL_TICKS:
             self.throttle = 0.0
         if self._stalled >= _STALL_TICKS + _NEUTRAL_TICKS:
