@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from lane import Cruiser, Lane
 
+from tral_env.interface import MAX_AGE_S
 from tral_fsm.report.palette import COLOURS, Palette
-from tral_fsm.report.video import FPS, HEIGHT, INSET_WIDTH, WIDTH, DriveVideo, compose
+from tral_fsm.report.video import FPS, HEIGHT, INSET_WIDTH, WIDTH, DriveVideo, _gate_line, compose
 from tral_fsm.rollout import Tick, drive
 
 
@@ -63,6 +64,12 @@ def test_a_range_with_an_echo_is_green_and_one_without_is_grey() -> None:
     # The lane has 1 m to the left and no echo ahead; 40 px are a metre.
     assert tuple(image[HEIGHT - 48, 137 - 30]) == (90, 220, 90)
     assert tuple(image[HEIGHT - 48 - 50, 137]) == (170, 170, 170)
+
+
+def test_the_gate_is_told_with_its_age() -> None:
+    readings = {"gate_id": 2.0, "gate_x": 1.5, "gate_y": -0.25, "gate_heading": 0.0, "gate_age": 0.4}
+    assert _gate_line(readings) == "gate 2: 1.50 m ahead, -0.25; 0.4 s ago"
+    assert _gate_line({**readings, "gate_age": MAX_AGE_S}) == "no gate in sight"
 
 
 def test_states_keep_the_colour_of_their_first_appearance() -> None:

@@ -199,9 +199,12 @@ def _draw_gauges(image: Image, tick: Tick, readings: dict[str, float]) -> None:
         cv2.line(image, (middle, y - 12), (middle, y + 4), _GREY, 1)
         cv2.rectangle(image, (middle, y - 9), (middle + int(70 * sign * value), y + 1), _GREEN, cv2.FILLED)
     seen = readings["gate_age"] < MAX_AGE_S
-    gate = (
-        f"gate {readings['gate_id']:.0f}: {readings['gate_x']:.2f} m ahead, {readings['gate_y']:+.2f}"
-        if seen
-        else "no gate in sight"
-    )
-    _text(image, gate, (left + 10, top + 78), 0.45, _WHITE if seen else _GREY)
+    _text(image, _gate_line(readings), (left + 10, top + 78), 0.42, _WHITE if seen else _GREY)
+
+
+def _gate_line(readings: dict[str, float]) -> str:
+    """The gate as the camera last saw it, and how long ago."""
+    if readings["gate_age"] >= MAX_AGE_S:
+        return "no gate in sight"
+    gate, x, y, age = (readings[f"gate_{name}"] for name in ("id", "x", "y", "age"))
+    return f"gate {gate:.0f}: {x:.2f} m ahead, {y:+.2f}; {age:.1f} s ago"
