@@ -142,7 +142,7 @@ class Simulation:
         for row, plan, car in zip(rows, plans, cars, strict=True):
             self._plans[row] = plan
             self._build(int(row), plan)
-            self.vision.place(int(row), plan)
+            self.vision.place(int(row), plan, car["image_degradation"], int(rngs[row].integers(2**32)))
             self.noise.reset(int(row), rngs[row])
             self.extras.place(int(row), plan.tape)
             for name, value in car.items():

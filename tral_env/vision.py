@@ -13,6 +13,7 @@ from tral_env.course.scene import Pool
 from tral_env.noise import NoiseTape
 from tral_env.perception.aruco import Detector, marker_poses
 from tral_env.perception.camera import OnboardCamera
+from tral_env.perception.degrade import degrade
 from tral_env.perception.gate import Sighting, sight
 from tral_env.perception.projected import NOISE_PLACES, NORMALS, UNIFORMS, Scenery, project
 from tral_env.stage import Stage
@@ -24,8 +25,15 @@ Index = NDArray[np.int64]
 class Vision(Protocol):
     """A way to see."""
 
-    def place(self, row: int, plan: Plan) -> None:
-        """Put a course around a car."""
+    def place(self, row: int, plan: Plan, degradation: float, seed: int) -> None:
+        """Put a course around a car.
+
+        Args:
+            row: which car.
+            plan: its course.
+            degradation: level of noise, blur and wrong exposure of its images, see `degrade`.
+            seed: of the noise in its images.
+        """
 
     def see(self, rows: Index, pose: Array, qpos: Array, mounting: Array) -> Sighting:
         """What the cameras of the rows see now.
@@ -54,8 +62,8 @@ class ProjectedVision:
         self._markers = np.zeros(n, np.int64)
         self._noise, self._lens, self._car = noise, lens, car
 
-    def place(self, row: int, plan: Plan) -> None:
-        """Put a course around a car."""
+    def place(self, row: int, plan: Plan, degradation: float, seed: int) -> None:
+        """See `Vision`; the law of the projected camera is fitted to images without degradation."""
         self._scenery.place(row, plan)
         self._markers[row] = len(plan.marker_id)
 
@@ -87,13 +95,16 @@ class RenderedVision:
         """OpenGL is opened with the first image."""
         self._stage = Stage(pool)
         self._plans: list[Plan | None] = [None] * n
+        self._rngs = [np.random.default_rng(0) for _ in range(n)]
+        self._degradation = np.zeros(n)
         self._camera = OnboardCamera(lens)
         self._detector = Detector()
         self._lens, self._car = lens, car
 
-    def place(self, row: int, plan: Plan) -> None:
-        """Put a course around a car."""
+    def place(self, row: int, plan: Plan, degradation: float, seed: int) -> None:
+        """See `Vision`."""
         self._plans[row] = plan
+        self._degradation[row], self._rngs[row] = degradation, np.random.default_rng(seed)
 
     def see(self, rows: Index, pose: Array, qpos: Array, mounting: Array) -> Sighting:
         """See `Vision`.
@@ -109,6 +120,7 @@ class RenderedVision:
         assert plan is not None, "a car looks around after its course was placed"
         roll, pitch, yaw = (float(angle) for angle in mounting)
         image = self._camera.capture(*self._stage.show(plan, qpos), (roll, pitch, yaw))
+        image = degrade(image, float(self._degradation[row]), self._rngs[row])
         poses = marker_poses(self._detector.detect(image), self._lens, self._car)
         valid = np.ones((1, len(poses.ids)), bool)
         return sight(poses.ids[None], poses.x[None], poses.y[None], poses.heading[None], valid)
