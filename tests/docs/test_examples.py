@@ -42,6 +42,13 @@ SHELL = [
     if not command.startswith(SET_UP)
 ]
 
+PYTHON = {
+    page: blocks
+    for page in PAGES
+    if (blocks := [example for example in examples(page, read(page)) if example.language == "python"])
+}
+"""Page -> its Python examples."""
+
 
 def run_python(blocks: list[Example], folder: Path) -> subprocess.CompletedProcess[str]:
     """Run the blocks of a page one after the other, as one program whose tracebacks name lines of the page."""
@@ -51,12 +58,9 @@ def run_python(blocks: list[Example], folder: Path) -> subprocess.CompletedProce
     return subprocess.run([sys.executable, "-W", "error", "-c", code], cwd=folder, capture_output=True, text=True)
 
 
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize("page", PYTHON)
 def test_python_examples_run_in_order(page: str, tmp_path: Path) -> None:
-    blocks = [example for example in examples(page, read(page)) if example.language == "python"]
-    if not blocks:
-        pytest.skip("has no Python")
-    done = run_python(blocks, tmp_path)
+    done = run_python(PYTHON[page], tmp_path)
     assert done.returncode == 0, done.stderr
 
 
