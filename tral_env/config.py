@@ -276,12 +276,12 @@ class TaskConfig:
     """A contact at a lower closing speed is a touch, at a higher one a crash, m/s."""
     progress_reward: float = 1.0
     """Reward for a metre along the route."""
-    gate_reward: float = 2.0
+    gate_reward: float = 1.0
     """Reward for a gate passed."""
-    success_reward: float = 10.0
+    success_reward: float = 5.0
     """Reward for the goal."""
-    failure_reward: float = -10.0
-    """Reward for a collision or a missed gate."""
+    failure_reward: float = -2.0
+    """Reward for a collision or a missed gate. Small: who fears a crash more than it likes rolling stands still."""
     steering_cost: float = 0.01
     """Cost of the square of the change of the steering command in a tick."""
     time_cost: float = 0.005

@@ -35,7 +35,7 @@ class TralCorridorEnv(gym.Env[Any, Any]):
     {fields}
 
     ## Reward
-    Progress along the route in metres (1 a metre: the slope to climb), 2 for a gate passed, 10 for the goal, -10 for
+    Progress along the route in metres (1 a metre: the slope to climb), 1 for a gate passed, 5 for the goal, -2 for
     a collision or a missed gate, minus 0.01 times the square of the steering's change and 0.005 a tick.
     Numbers: `TaskConfig`.
 

@@ -68,22 +68,34 @@ def empty_track(n: int) -> Track:
 
 
 def lay(track: Track, row: int, plan: Plan) -> None:
-    """Write the plan of one car into the track, in place; arrays grow where the plan is larger."""
-    points, gates, straights = len(plan.route), len(plan.gate_pose), len(plan.straights)
+    """Write the plan of one car into the track, in place; arrays grow where the plan is larger.
+
+    Several laps become one long route with the gates of each lap.
+    """
+    route = np.concatenate([np.tile(plan.route[:-1], (plan.laps, 1)), plan.route[-1:]])
+    route_s = _arc_length(route)
+    lap = np.repeat(np.arange(plan.laps), len(plan.gate_pose))
+    gate_s = np.tile(_gate_places(plan), plan.laps) + lap * route_s[len(plan.route) - 1]
+    points, gates, straights = len(route), len(gate_s), len(plan.straights)
     track.route = _grown(track.route, points, edge=True)
     track.route_s = _grown(track.route_s, points, edge=True)
     track.gate_pose = _grown(track.gate_pose, gates, fill=np.nan)
     track.gate_width = _grown(track.gate_width, gates)
     track.gate_s = _grown(track.gate_s, gates, fill=np.inf)
     track.straights = _grown(track.straights, straights)
-    track.route[row, :points], track.route[row, points:] = plan.route, plan.route[-1]
-    track.route_s[row, :points], track.route_s[row, points:] = plan.route_s, plan.length
+    track.route[row, :points], track.route[row, points:] = route, route[-1]
+    track.route_s[row, :points], track.route_s[row, points:] = route_s, route_s[-1]
     track.last[row] = points - 1
-    track.gate_pose[row], track.gate_pose[row, :gates] = np.nan, plan.gate_pose
-    track.gate_width[row, :gates] = plan.gate_width
-    track.gate_s[row], track.gate_s[row, :gates] = np.inf, _gate_places(plan)
+    track.gate_pose[row], track.gate_pose[row, :gates] = np.nan, np.tile(plan.gate_pose, (plan.laps, 1))
+    track.gate_width[row, :gates] = np.tile(plan.gate_width, plan.laps)
+    track.gate_s[row], track.gate_s[row, :gates] = np.inf, gate_s
     track.gates[row] = gates
     track.straights[row], track.straights[row, :straights] = 0.0, plan.straights
+
+
+def _arc_length(route: Array) -> Array:
+    steps = np.linalg.norm(np.diff(route, axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _gate_places(plan: Plan) -> Array:

@@ -19,7 +19,7 @@ class Views:
 
     def __init__(self) -> None:
         """OpenGL is opened with the first picture."""
-        self._renderer = SceneRenderer()
+        self._renderer = SceneRenderer(offsamples=0)
         self._sim: Simulation | None = None
         self._stage: Stage | None = None
 

@@ -59,6 +59,15 @@ def test_routes_of_unlike_lengths_live_side_by_side() -> None:
     assert s[0] == pytest.approx(0.1)
 
 
+def test_laps_make_one_long_route_with_the_gates_of_each_lap() -> None:
+    corners = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0], [0.0, 0.0]])
+    ring = plan(route=corners, gate_pose=np.array([[2.0, 0.0, 0.0]]), laps=3)
+    laps = track(ring)
+    assert laps.length.tolist() == pytest.approx([42.0])
+    assert laps.gates.tolist() == [3]
+    assert laps.gate_s[0].tolist() == pytest.approx([0.0, 14.0, 28.0])  # the nearest points of this coarse route
+
+
 def cross(before: tuple[float, float], after: tuple[float, float], passed: int = 0) -> tuple[bool, bool]:
     through, missed = task.cross_gates(
         track(plan()), np.array([before]), np.array([after]), np.array([after[0]]), np.array([passed])
@@ -128,7 +137,7 @@ def test_the_reward_adds_its_terms() -> None:
 
     assert earned() == pytest.approx(-0.005)
     assert earned(advance=np.array([0.02])) == pytest.approx(0.015)
-    assert earned(gate=yes) == pytest.approx(1.995)
-    assert earned(success=yes) == pytest.approx(9.995)
-    assert earned(failure=yes) == pytest.approx(-10.005)
+    assert earned(gate=yes) == pytest.approx(0.995)
+    assert earned(success=yes) == pytest.approx(4.995)
+    assert earned(failure=yes) == pytest.approx(-2.005)
     assert earned(steering_change=np.array([2.0])) == pytest.approx(-0.045)

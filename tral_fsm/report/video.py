@@ -19,8 +19,6 @@ from tral_fsm.rollout import Tick
 Image = NDArray[np.uint8]
 
 WIDTH, HEIGHT = 960, 540
-CHASE_WIDTH, CHASE_HEIGHT = 640, 360
-"""The view from behind is rendered smaller and scaled up: in software OpenGL the pixels are what costs."""
 INSET_WIDTH, INSET_HEIGHT = 288, 216
 FPS = 20
 """Frames per second; the video runs in real time."""
@@ -80,8 +78,7 @@ class DriveVideo:
 
     def frame(self, tick: Tick) -> Image:
         """The picture of a tick, (HEIGHT, WIDTH, 3) RGB."""
-        small = self._views.render_view("chase", CHASE_WIDTH, CHASE_HEIGHT)
-        chase = np.asarray(cv2.resize(small, (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC), np.uint8)
+        chase = self._views.render_view("chase", WIDTH, HEIGHT)
         if self._frames % INSET_EVERY == 0:
             self._onboard = self._views.render_view("onboard", INSET_WIDTH, INSET_HEIGHT)
         self._frames += 1
