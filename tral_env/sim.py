@@ -66,9 +66,9 @@ class Simulation:
         self.n, self.pool, self.layout = n, pool, layout
         self.car, self.lens = car or CarConfig(), lens or CameraConfig()
         self.sonar = UltrasonicConfig()
-        self.model = build_model(pool)
+        self.model = build_model(Pool(pool.boxes), looks=False)
         self.handles = CarHandles(self.model, self.sonar)
-        self._pool_geoms = pool_geoms(self.model, pool)
+        self._boxes = pool_geoms(self.model, Pool(pool.boxes))
         self.batch = Batch(self.model, n, nthread, True)
         self.substeps = round(CONTROL_PERIOD_S / self.model.opt.timestep)
         self.actuation = Actuation(n)
@@ -167,10 +167,9 @@ class Simulation:
 
     def _build(self, row: int, plan: Plan) -> None:
         placed = place(plan, self.pool)
-        ids = self._pool_geoms
-        self._geom["geom_pos"][row, ids] = placed.geom_pos
-        self._geom["geom_quat"][row, ids] = placed.geom_quat
-        self._geom["geom_size"][row, ids] = placed.geom_size
+        for name in ("geom_pos", "geom_quat", "geom_size"):
+            # Markers and tape come behind the boxes: they are only paint.
+            self._geom[name][row, self._boxes] = getattr(placed, name)[: self.pool.boxes]
 
     def _outfit(self, rows: Index) -> None:
         """Give cars the bodies, tyres and actuators that were drawn for them."""

@@ -20,6 +20,8 @@ from tral_env.errors import ConfigError, nearest
 
 PREFIX = "car/"
 """Before the names of everything that belongs to the car."""
+LOOKS_GROUP = 2
+"""Geoms of the car that only the eye needs; they weigh nothing and touch nothing."""
 TAPE_WIDTH = 0.05
 """m"""
 _TAPE_HALF_HEIGHT = 0.0005
@@ -84,16 +86,22 @@ class Placement:
     """(P, 3)"""
 
 
-def build_model(pool: Pool, *, car: bool = True) -> mujoco.MjModel:
+def build_model(pool: Pool, *, car: bool = True, looks: bool = True) -> mujoco.MjModel:
     """Compile the corridor's world with a pool of parked boxes and, unless told otherwise, the car.
 
     The boxes are geoms ``box_000``... of the body ``walls``. The sensor ``collision`` says whether the car touches
     them: the number of contacts (0: none), then the normal (3) of the deepest one.
+
+    Args:
+        pool: how many boxes, markers and tapes.
+        car: whether the car is in it.
+        looks: with what only the eye needs. Without, the physics are the same and a step costs a sixth less.
     """
     spec = mujoco.MjSpec.from_file(str(asset_path("corridor.xml")))
     spec.delete(spec.body("default_course"))
-    add_materials(spec)
-    _paint_walls(spec)
+    if looks:
+        add_materials(spec)
+        _paint_walls(spec)
     walls = spec.worldbody.add_body(name="walls", childclass="world")
     for name in pool.names:
         kind = name.split("_")[0]
@@ -109,6 +117,9 @@ def build_model(pool: Pool, *, car: bool = True) -> mujoco.MjModel:
             mujoco.MjSpec.from_file(str(asset_path("car.xml"))), prefix=PREFIX, frame=spec.worldbody.add_frame()
         )
         _add_collision_sensor(spec)
+    if not looks:
+        for geom in [geom for geom in spec.geoms if geom.group == LOOKS_GROUP]:
+            spec.delete(geom)
     return spec.compile()
 
 
