@@ -1,4 +1,7 @@
-"""The `tral` command: drive, courses, tune, doctor. One file a subcommand; what is heavy is imported when needed."""
+"""The `tral` command: drive, courses, tune, doctor, bench.
+
+One file a subcommand; what is heavy is imported when needed.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from tral_fsm.cli.bench import app as bench_app
 from tral_fsm.cli.console import Guarded
 from tral_fsm.cli.courses import command as courses_command
 from tral_fsm.cli.doctor import command as doctor_command
@@ -24,6 +28,7 @@ app.command("drive")(drive_command)
 app.command("courses")(courses_command)
 app.command("tune")(tune_command)
 app.command("doctor")(doctor_command)
+app.add_typer(bench_app, name="bench")
 
 
 def _show_version(wanted: bool) -> None:

@@ -1,0 +1,40 @@
+"""Measurements count honestly and come out as promised."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from tral_fsm.bench import speed
+from tral_fsm.cli import app
+
+TINY = speed.Plan(rows=(2,), threads=(2,), rivals=2, landmarks=(), rounds=1, seconds=0.05, camera=False)
+
+
+def test_every_contestant_is_measured() -> None:
+    result = speed.measure(TINY)
+    names = [row["name"] for row in result["contestants"]]
+    assert names[:4] == ["bare mj_step loop", "single env", "sync, 2 environments", "async, 2 environments"]
+    assert all(row["steps_per_s"] > 0 for row in result["contestants"])
+    assert 0 < result["ratios"]["single_over_bare_loop"] < 1
+    assert result["reset_ms_per_row"] > 0
+
+
+def test_a_second_of_80_hz_is_80_steps() -> None:
+    contestant = speed.Contestant(name="x", step=lambda: 1)
+    contestant.wall, contestant.cpu = [80.0, 160.0, 800.0], [160.0, 160.0, 160.0]
+    assert contestant.record()["sim_s_per_wall_s"] == pytest.approx(2.0)
+    assert contestant.record()["sim_s_per_cpu_s"] == pytest.approx(2.0)
+
+
+def test_a_ratio_is_the_median_of_its_rounds() -> None:
+    one = speed.Contestant(name="single env", step=lambda: 1, wall=[1.0, 2.0, 30.0])
+    other = speed.Contestant(name="bare mj_step loop", step=lambda: 1, wall=[2.0, 2.0, 3.0])
+    assert speed.ratios([one, other]) == {"single_over_bare_loop": 1.0}
+
+
+def test_json_is_the_only_thing_on_stdout(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(speed, "QUICK", TINY)
+    result = CliRunner().invoke(app, ["bench", "speed", "--quick", "--json", "--scenario", "straight"])
+    assert result.exit_code == 0
+    assert json.loads(result.stdout)["plan"]["scenario"] == "straight"

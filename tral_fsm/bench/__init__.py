@@ -1,0 +1,1 @@
+"""How fast things are: measurements that `tral bench` and the scripts of benchmarks/ share."""

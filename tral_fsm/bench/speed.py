@@ -1,0 +1,291 @@
+"""Steps a second, side by side in one run.
+
+A step is one control period of 12.5 ms of one car. Contestants take turns, round by round, so that a machine that
+slows down slows them all; each figure is the median over the rounds. Warm-up lies outside the clock, and steps in
+which an environment only resets are not counted.
+"""
+
+from __future__ import annotations
+
+import resource
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+import tral_env
+from tral_env.course.scene import Pool, build_model
+from tral_env.interface import CONTROL_PERIOD_S
+from tral_env.vector_env import TralCorridorVectorEnv
+
+ENV_ID = f"{tral_env.__name__}:TralCorridor-v0"
+_VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What is measured, and for how long."""
+
+    scenario: str = "corners"
+    """Courses that are driven."""
+    rows: tuple[int, ...] = (1, 16, 64, 256, 1024)
+    """Sizes of the native vector environment."""
+    threads: tuple[int, ...] = (1, 2)
+    rivals: int = 16
+    """Environments in Gymnasium's own vector environments."""
+    landmarks: tuple[str, ...] = ("Ant-v5", "HalfCheetah-v5")
+    """Well-known environments; their steps are of their own length."""
+    rounds: int = 3
+    seconds: float = 1.0
+    """Of one contestant in one round."""
+    camera: bool = True
+    """Whether the rendered camera is measured too."""
+
+
+QUICK = Plan(rows=(1, 256), threads=(2,), landmarks=("HalfCheetah-v5",), rounds=2, seconds=0.6)
+"""Under a minute."""
+
+
+@dataclass(kw_only=True)
+class Contestant:
+    """One thing whose steps are counted."""
+
+    name: str
+    step: Callable[[], int]
+    """Drives on; gives the steps that count."""
+    step_s: float = CONTROL_PERIOD_S
+    """Simulated time of a step."""
+    close: Callable[[], None] = lambda: None
+    wall: list[float] = field(default_factory=list)
+    cpu: list[float] = field(default_factory=list)
+    """Steps a second in each round, of wall time and of this process's CPU time."""
+
+    def run(self, seconds: float) -> None:
+        """One round."""
+        steps, wall, cpu = 0, time.perf_counter(), time.process_time()
+        while time.perf_counter() - wall < seconds:
+            steps += self.step()
+        self.wall.append(steps / (time.perf_counter() - wall))
+        self.cpu.append(steps / max(time.process_time() - cpu, 1e-9))
+
+    def record(self) -> dict[str, float | str]:
+        """Medians: steps/s, simulated s per wall s, per CPU s of this process."""
+        wall, cpu = statistics.median(self.wall), statistics.median(self.cpu)
+        return {
+            "name": self.name,
+            "steps_per_s": wall,
+            "sim_s_per_wall_s": wall * self.step_s,
+            "sim_s_per_cpu_s": cpu * self.step_s,
+        }
+
+
+def commands(n: int, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Gentle random commands, (n, 2): the cars drive, and crash now and then."""
+    return np.stack([rng.uniform(-0.3, 0.3, n), rng.uniform(0.25, 0.5, n)], axis=1).astype(np.float32)
+
+
+def native(scenario: str, rows: int, threads: int) -> Contestant:
+    """The native vector environment, resets included."""
+    env = TralCorridorVectorEnv(rows, autoreset_mode="SameStep", nthread=threads, scenario=scenario)
+    env.reset(seed=0)
+    rng = np.random.default_rng(0)
+
+    def step() -> int:
+        env.step(commands(rows, rng))
+        return rows
+
+    return Contestant(name=f"native vector env, {rows} rows, {threads} threads", step=step, close=env.close)
+
+
+def bare_batch(scenario: str, rows: int, threads: int) -> Contestant:
+    """`Batch.step` of the same model on the same courses, and nothing else: no readings, rewards or resets."""
+    env = TralCorridorVectorEnv(rows, autoreset_mode="Disabled", nthread=threads, scenario=scenario)
+    env.reset(seed=0)
+    rng = np.random.default_rng(0)
+    batch, substeps = env.corridor.sim.batch, env.corridor.sim.substeps
+    start, ctrl, ticks = batch.state.copy(), batch.bind("ctrl"), 0
+
+    def step() -> int:
+        nonlocal ticks
+        if ticks % 400 == 0:  # back to the start, before most cars have reached a wall
+            batch.state[:] = start
+        ticks += 1
+        ctrl[:] = np.stack([rng.uniform(-0.1, 0.1, rows), rng.uniform(1.5, 3.5, rows)], axis=1)
+        batch.step(nstep=substeps, stage=_VEL)
+        return rows
+
+    return Contestant(name=f"bare Batch.step, {rows} rows, {threads} threads", step=step, close=env.close)
+
+
+def bare_loop(scenario: str) -> Contestant:
+    """`mj_step` of the same model in a loop."""
+    model = build_model(Pool(Pool.for_scenario(scenario).boxes), looks=False)
+    data = mujoco.MjData(model)
+    substeps = round(CONTROL_PERIOD_S / model.opt.timestep)
+    ctrl = np.array([0.05, 2.5])
+
+    def step() -> int:
+        data.ctrl[:] = ctrl
+        mujoco.mj_step(model, data, substeps)
+        return 1
+
+    return Contestant(name="bare mj_step loop", step=step)
+
+
+def single(env_id: str, name: str, step_s: float = CONTROL_PERIOD_S, **arguments: Any) -> Contestant:
+    """A single environment, reset when it ends."""
+    env = gym.make(env_id, **arguments)
+    env.reset(seed=0)
+    env.action_space.seed(0)
+    rng = np.random.default_rng(0)
+    own = env_id == ENV_ID
+
+    def step() -> int:
+        action = commands(1, rng)[0] if own else env.action_space.sample()
+        _, _, terminated, truncated, _ = env.step(action)
+        if terminated or truncated:
+            env.reset()
+        return 1
+
+    return Contestant(name=name, step=step, step_s=step_s, close=env.close)
+
+
+def rival(scenario: str, rows: int, mode: str) -> Contestant:
+    """Gymnasium's SyncVectorEnv or AsyncVectorEnv of the single environment."""
+    env = gym.make_vec(ENV_ID, num_envs=rows, vectorization_mode=mode, scenario=scenario)
+    env.reset(seed=0)
+    rng = np.random.default_rng(0)
+    waiting = np.zeros(rows, bool)
+
+    def step() -> int:
+        nonlocal waiting
+        _, _, terminated, truncated, _ = env.step(commands(rows, rng))
+        counted = rows - int(waiting.sum())
+        waiting = terminated | truncated
+        return counted
+
+    return Contestant(name=f"{mode}, {rows} environments", step=step, close=env.close)
+
+
+def contestants(plan: Plan) -> Iterator[Contestant]:
+    """Everything that takes part."""
+    yield bare_loop(plan.scenario)
+    yield single(ENV_ID, "single env", scenario=plan.scenario)
+    yield rival(plan.scenario, plan.rivals, "sync")
+    yield rival(plan.scenario, plan.rivals, "async")
+    for rows in plan.rows:
+        for threads in plan.threads:
+            if rows == 1 and threads > 1 and len(plan.threads) > 1:
+                continue
+            yield native(plan.scenario, rows, threads)
+            yield bare_batch(plan.scenario, rows, threads)
+    for name in plan.landmarks:
+        try:
+            landmark = gym.make(name)
+        except ImportError:  # Gymnasium's MuJoCo environments want imageio
+            continue
+        yield single(name, name, float(landmark.get_wrapper_attr("dt")))
+
+
+def measure(plan: Plan, on_round: Callable[[str], None] = lambda name: None) -> dict[str, Any]:
+    """Run everything.
+
+    Args:
+        plan: what and how long.
+        on_round: told the name of each contestant when its turn comes.
+
+    Returns:
+        ``contestants``: records; ``ratios`` by name; ``reset_ms``, ``memory_mb``, ``camera``.
+    """
+    field_ = list(contestants(plan))
+    for contestant in field_:
+        contestant.run(plan.seconds / 4)
+        contestant.wall.clear()
+        contestant.cpu.clear()
+    for _ in range(plan.rounds):
+        for contestant in field_:
+            on_round(contestant.name)
+            contestant.run(plan.seconds)
+    for contestant in field_:
+        contestant.close()
+    return {
+        "plan": asdict(plan),
+        "contestants": [contestant.record() for contestant in field_],
+        "ratios": ratios(field_),
+        "reset_ms_per_row": reset_cost(plan.scenario),
+        "peak_memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "camera": camera_cost() if plan.camera else None,
+    }
+
+
+def ratios(field_: list[Contestant]) -> dict[str, float]:
+    """Round by round ratios of those that take part, their medians."""
+    by_name = {contestant.name: contestant for contestant in field_}
+
+    def ratio(one: str, other: str) -> float | None:
+        if one not in by_name or other not in by_name:
+            return None
+        pairs = zip(by_name[one].wall, by_name[other].wall, strict=True)
+        return statistics.median(a / b for a, b in pairs)
+
+    big = "native vector env, 256 rows, 2 threads"
+    names = {
+        "single_over_bare_loop": ("single env", "bare mj_step loop"),
+        "vector_over_bare_batch": (big, "bare Batch.step, 256 rows, 2 threads"),
+        "vector_over_sync": (big, next((n for n in by_name if n.startswith("sync")), "")),
+        "vector_over_async": (big, next((n for n in by_name if n.startswith("async")), "")),
+        "rows_1024_over_64": ("native vector env, 1024 rows, 2 threads", "native vector env, 64 rows, 2 threads"),
+    }
+    found = {name: ratio(*pair) for name, pair in names.items()}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def reset_cost(scenario: str, rows: int = 64) -> float:
+    """Time to reset a row with a new course and a new car, ms, amortized over `rows`."""
+    env = TralCorridorVectorEnv(rows, scenario=scenario)
+    env.reset(seed=0)
+    times = []
+    for _ in range(5):
+        start = time.perf_counter()
+        env.reset()
+        times.append((time.perf_counter() - start) / rows * 1e3)
+    env.close()
+    return statistics.median(times)
+
+
+def camera_cost(frames: int = 20) -> dict[str, float] | str:
+    """Cost of a frame of the rendered camera in the environment, beside bare rendering and detecting, ms."""
+    from tral_env.env import TralCorridorEnv
+    from tral_env.errors import RenderError
+    from tral_env.perception.aruco import Detector
+
+    env = TralCorridorEnv(scenario="gates", camera="rendered")
+    try:
+        env.reset(seed=0)
+    except RenderError as error:
+        return str(error)
+    sim = env.corridor.sim
+    pose, qpos, mounting, row = sim.pose, sim.qpos, np.zeros((1, 3)), np.zeros(1, np.int64)
+    detector = Detector()
+    image = env.render_view("onboard", 640, 480)
+    contestants: dict[str, Callable[[], object]] = {
+        "in_env_ms": lambda: sim.vision.see(row, pose, qpos, mounting),
+        "bare_render_ms": lambda: env.render_view("onboard", 640, 480),
+        "bare_detect_ms": lambda: detector.detect(image),
+    }
+    out = {}
+    for name, act in contestants.items():
+        times = []
+        for _ in range(frames):
+            start = time.perf_counter()
+            act()
+            times.append((time.perf_counter() - start) * 1e3)
+        out[name] = statistics.median(times)
+    env.close()
+    return out

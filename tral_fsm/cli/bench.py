@@ -1,0 +1,80 @@
+"""`tral bench`: how fast things are on this machine."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+app = typer.Typer(no_args_is_help=True, help="Measure how fast things are on this machine.")
+
+
+@app.callback()
+def main() -> None:
+    """Measure how fast things are on this machine."""
+
+
+@app.command("speed")
+def speed(
+    quick: Annotated[bool, typer.Option(help="Fewer contestants, under a minute.")] = False,
+    scenario: Annotated[str, typer.Option(help="Courses that are driven.")] = "corners",
+    out: Annotated[Path | None, typer.Option(help="Folder for speed.json and speed.png.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout and nothing else.")] = False,
+) -> None:
+    """Steps a second: single and vector environments beside bare MuJoCo and Gymnasium's own."""
+    from dataclasses import replace
+
+    from rich.console import Console
+
+    from tral_env.course.generate import SCENARIOS
+    from tral_env.errors import ConfigError, nearest
+    from tral_fsm.bench.speed import QUICK, Plan, measure
+
+    if scenario not in SCENARIOS:
+        raise ConfigError(f"unknown scenario '{scenario}': {nearest(scenario, SCENARIOS)}")
+    plan = replace(QUICK if quick else Plan(), scenario=scenario)
+    with Console(stderr=True).status("measuring") as status:
+        result = measure(plan, on_round=lambda name: status.update(f"measuring {name}"))
+    if out is not None:
+        _save(result, out)
+    if as_json:
+        typer.echo(json.dumps(result, indent=2))
+    else:
+        _show(result, out)
+
+
+def _save(result: dict[str, Any], out: Path) -> None:
+    from tral_fsm.bench.plot import speed_figure
+
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "speed.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    speed_figure(result).savefig(out / "speed.png", dpi=120)
+
+
+def _show(result: dict[str, Any], out: Path | None) -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("", no_wrap=True)
+    for heading in ("steps/s", "simulated s\nper wall s", "simulated s\nper CPU s"):
+        table.add_column(heading, justify="right")
+    for row in result["contestants"]:
+        figures = (row["steps_per_s"], row["sim_s_per_wall_s"], row["sim_s_per_cpu_s"])
+        table.add_row(row["name"], *(f"{figure:,.0f}" for figure in figures))
+    console = Console()
+    console.print(table)
+    for name, value in result["ratios"].items():
+        console.print(f"{name.replace('_', ' ')}: {value:.2f}")
+    console.print(f"reset of a row: {result['reset_ms_per_row']:.2f} ms; peak memory {result['peak_memory_mb']:.0f} MB")
+    if isinstance(result["camera"], dict):
+        console.print(
+            "rendered camera: " + ", ".join(f"{k.replace('_', ' ')} {v:.1f}" for k, v in result["camera"].items())
+        )
+    elif result["camera"]:
+        console.print(f"rendered camera: {result['camera']}")
+    if out is not None:
+        console.print(f"Files: {out}")
