@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -121,10 +121,10 @@ class Corridor:
             rows: (k,) which cars.
             rngs: generator of each of all n rows; only those of the rows are used.
             options: ``course``: a `Course` or the path of one, for these rows; ``car``: parameters of the car that are
-                not to be drawn, name -> value.
+                not to be drawn, name -> value, or name -> (n,) values: what an earlier reset returned drives again.
 
         Returns:
-            The drawn parameters of all cars, name -> (n,).
+            The parameters of all cars, name -> (n,).
 
         Raises:
             ConfigError: unknown option or parameter.
@@ -134,10 +134,10 @@ class Corridor:
         for name in options:
             if name not in RESET_OPTIONS:
                 raise ConfigError(f"unknown reset option '{name}': {nearest(name, RESET_OPTIONS)}")
-        randomization = self._randomization.fixed(**options.get("car", {}))
+        cars = self._cars(options.get("car") or {})
         given = as_course(options.get("course"))
         fixed = self._fixed if given is None else (given, build_plan(given))
-        drawn = [self._draw(rngs[row], fixed, randomization) for row in rows]
+        drawn = [self._draw(rngs[row], fixed, cars(int(row))) for row in rows]
         self._fit([plan for _, plan, _ in drawn], rows)
         for row, (course, plan, _) in zip(rows, drawn, strict=True):
             self.courses[row], self.plans[row] = course, plan
@@ -150,7 +150,17 @@ class Corridor:
             self.track, rows, self.sim.pose[rows, :2], self._segment[rows]
         )
         self.wanted_clearance[rows] = np.nan
-        return self.sim.parameters
+        return {name: values.copy() for name, values in self.sim.parameters.items()}
+
+    def _cars(self, given: Mapping[str, Any]) -> Callable[[int], Randomization]:
+        """Randomization of each row, where some parameters are given: for all cars, or one value each."""
+        if not given:
+            return lambda row: self._randomization
+        try:
+            values = {name: np.broadcast_to(np.asarray(value, float), self.n) for name, value in given.items()}
+        except (TypeError, ValueError):
+            raise ConfigError(f"options['car'] = {given!r}: expected name -> number or {self.n} numbers") from None
+        return lambda row: self._randomization.fixed(**{name: float(value[row]) for name, value in values.items()})
 
     def _draw(
         self, rng: np.random.Generator, fixed: tuple[Course, Plan] | None, randomization: Randomization

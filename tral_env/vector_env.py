@@ -32,7 +32,8 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
       "Disabled" reset rows by ``reset(options={"reset_mask": mask})``.
     - `nthread`: threads that step the cars; the results do not depend on it.
 
-    Every entry of `info` is an array of (n, ...), with a mask `_name`.
+    Every entry of `info` is an array of (n, ...), with a mask `_name`; `info["car"]` of a reset holds the parameters of
+    the cars in the same way. ``options={"car": {"friction": np.linspace(0.5, 1.2, n)}}`` sweeps a parameter.
     """
 
     metadata: dict[str, Any] = {"render_fps": int(CONTROL_RATE_HZ)}  # noqa: RUF012 (Gymnasium declares it so)
@@ -88,9 +89,9 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         mask = (options or {}).get("reset_mask")
         rows = self._everyone if mask is None else self._rows(mask)
         self._seed(seed, rows)
-        self.corridor.reset(rows, self._rngs, options)
+        cars = self.corridor.reset(rows, self._rngs, options)
         self._done[rows] = False
-        return self.corridor.observation(), _masked(self.corridor.info())
+        return self.corridor.observation(), _masked(self.corridor.info() | {"car": _masked(cars)})
 
     def _rows(self, mask: Any) -> NDArray[np.int64]:
         mask = np.asarray(mask)
@@ -160,5 +161,6 @@ def _masked(info: dict[str, Any], mask: NDArray[np.bool_] | None = None) -> dict
     """Info with a mask beside each entry, as Gymnasium's vector environments have it."""
     if not info:
         return {}
-    here = np.ones(len(next(iter(info.values()))), bool) if mask is None else mask.copy()
+    first = next(values for values in info.values() if isinstance(values, np.ndarray))
+    here = np.ones(len(first), bool) if mask is None else mask.copy()
     return info | {f"_{name}": here for name in info}

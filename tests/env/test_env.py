@@ -206,6 +206,19 @@ def test_the_drawn_car_can_be_fixed_and_is_told() -> None:
     assert -6 <= info["car"]["mechanism_offset_deg"] <= 6
 
 
+def test_a_parameter_can_be_swept_over_the_rows_and_replayed() -> None:
+    env = TralCorridorVectorEnv(3, scenario="straight")
+    observation, info = env.reset(seed=1, options={"car": {"friction": [0.5, 0.7, 0.9], "mass_scale": 1.1}})
+    assert info["car"]["friction"].tolist() == [0.5, 0.7, 0.9]
+    assert info["car"]["mass_scale"].tolist() == [1.1, 1.1, 1.1]
+    drawn = {name: values for name, values in info["car"].items() if not name.startswith("_")}
+    again, info = env.reset(seed=1, options={"car": drawn})
+    assert np.array_equal(observation, again)
+    assert all(np.array_equal(info["car"][name], values) for name, values in drawn.items())
+    with pytest.raises(ConfigError, match="expected name -> number or 3 numbers"):
+        env.reset(options={"car": {"friction": [0.5, 0.7]}})
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
