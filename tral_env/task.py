@@ -75,7 +75,7 @@ def lay(track: Track, row: int, plan: Plan) -> None:
     route = np.concatenate([np.tile(plan.route[:-1], (plan.laps, 1)), plan.route[-1:]])
     route_s = _arc_length(route)
     lap = np.repeat(np.arange(plan.laps), len(plan.gate_pose))
-    gate_s = np.tile(_gate_places(plan), plan.laps) + lap * route_s[len(plan.route) - 1]
+    gate_s = np.tile(plan.gate_s, plan.laps) + lap * route_s[len(plan.route) - 1]
     points, gates, straights = len(route), len(gate_s), len(plan.straights)
     track.route = _grown(track.route, points, edge=True)
     track.route_s = _grown(track.route_s, points, edge=True)
@@ -96,14 +96,6 @@ def lay(track: Track, row: int, plan: Plan) -> None:
 def _arc_length(route: Array) -> Array:
     steps = np.linalg.norm(np.diff(route, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def _gate_places(plan: Plan) -> Array:
-    if not len(plan.gate_pose):
-        return np.zeros(0)
-    apart = np.linalg.norm(plan.gate_pose[:, None, :2] - plan.route[None], axis=2)
-    places: Array = plan.route_s[apart.argmin(axis=1)]
-    return places
 
 
 def _grown(array: Array, size: int, *, fill: float = 0.0, edge: bool = False) -> Array:

@@ -59,13 +59,19 @@ def test_routes_of_unlike_lengths_live_side_by_side() -> None:
     assert s[0] == pytest.approx(0.1)
 
 
+def test_a_gate_at_the_start_of_a_ring_is_passed_at_the_end_of_the_lap() -> None:
+    corners = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0], [0.0, 0.0]])
+    ring = plan(route=corners, gate_pose=np.array([[0.0, 0.0, 0.0]]))
+    assert ring.gate_s.tolist() == pytest.approx([14.0])
+
+
 def test_laps_make_one_long_route_with_the_gates_of_each_lap() -> None:
     corners = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0], [0.0, 0.0]])
     ring = plan(route=corners, gate_pose=np.array([[2.0, 0.0, 0.0]]), laps=3)
     laps = track(ring)
     assert laps.length.tolist() == pytest.approx([42.0])
     assert laps.gates.tolist() == [3]
-    assert laps.gate_s[0].tolist() == pytest.approx([0.0, 14.0, 28.0])  # the nearest points of this coarse route
+    assert laps.gate_s[0].tolist() == pytest.approx([2.0, 16.0, 30.0])
 
 
 def cross(before: tuple[float, float], after: tuple[float, float], passed: int = 0) -> tuple[bool, bool]:

@@ -232,3 +232,12 @@ def test_posts_of_a_pair_never_block_the_car(family: str):
     assert (plan.gate_width >= 0.6).all()
     for a, b in itertools.pairwise(plan.gate_id.tolist()):
         assert b == a + 1
+
+
+@pytest.mark.parametrize(("start", "order"), [(1.5, [0, 1]), (5.0, [1, 0]), (8.5, [0, 1])])
+def test_the_gates_of_a_ring_come_in_the_order_in_which_a_lap_meets_them(start: float, order: list[int]):
+    side = {"length": 10, "width": 2, "then": "left"}
+    first = {**side, "gates": [{"id": 0, "at": 3.0}, {"id": 1, "at": 7.0}]}
+    plan = plan_of(first, side, side, side, closed=True, start={"at": start})
+    assert plan.gate_id.tolist() == order
+    assert (np.diff(plan.gate_s) > 0).all()

@@ -25,9 +25,9 @@ from tral_env.course.furniture import (
     furnish,
     tape_line,
 )
-from tral_env.course.layout import Course, Door, Gate
+from tral_env.course.layout import Course, Door
 from tral_env.course.overlap import overlapping
-from tral_env.course.plan import BOX_KINDS, Plan
+from tral_env.course.plan import BOX_KINDS, Plan, place_on
 from tral_env.course.walls import cut_walls
 from tral_env.errors import CourseError
 
@@ -46,17 +46,20 @@ def build_plan(course: Course) -> Plan:
     boxes = _boxes(space)
     arrays = _box_arrays(boxes)
     _raise_if(course, list(_collisions(boxes, arrays)))
-    gates = [(frame, gate) for frame in frames for gate in sorted(frame.segment.gates, key=_at)]
+    gates = [(frame, gate) for frame in frames for gate in frame.segment.gates]
+    gate_pose = np.array(
+        [(*frame.point(gate.at, gate.offset), frame.yaw + np.radians(gate.yaw_deg)) for frame, gate in gates]
+    ).reshape(-1, 3)
+    # Not simply segment by segment: a ring begins at the start, amid its first segment.
+    order = np.argsort(place_on(route, gate_pose[:, :2]), kind="stable")
     start = course.start
     plan = Plan(
         **arrays,
         route=route,
         start=np.array([*frames[0].point(start.at, start.offset), np.radians(start.heading_deg)]),
-        gate_pose=np.array(
-            [(*frame.point(gate.at, gate.offset), frame.yaw + np.radians(gate.yaw_deg)) for frame, gate in gates]
-        ).reshape(-1, 3),
-        gate_width=np.array([gate.width for _, gate in gates], float),
-        gate_id=np.array([gate.id for _, gate in gates], np.int64),
+        gate_pose=gate_pose[order],
+        gate_width=np.array([gate.width for _, gate in gates], float)[order],
+        gate_id=np.array([gate.id for _, gate in gates], np.int64)[order],
         marker_position=np.array([marker[1:4] for marker in space.markers], float).reshape(-1, 3),
         marker_yaw=np.array([marker[4] for marker in space.markers], float),
         marker_id=np.array([marker[0] for marker in space.markers], np.int64),
@@ -68,10 +71,6 @@ def build_plan(course: Course) -> Plan:
     )
     routes.check_drivable(plan, course.name)
     return plan
-
-
-def _at(gate: Gate) -> float:
-    return gate.at
 
 
 def _raise_if(course: Course, problems: list[str]) -> None:

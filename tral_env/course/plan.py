@@ -65,6 +65,39 @@ class Plan:
         return np.concatenate([[0.0], np.cumsum(steps)])
 
     @property
+    def gate_s(self) -> Array:
+        """(G,) places of the gates on the route, m."""
+        return place_on(self.route, self.gate_pose[:, :2])
+
+    @property
     def length(self) -> float:
         """Length of the route, m."""
         return float(self.route_s[-1])
+
+
+_SAME_M = 1e-6
+"""Distances that differ by less are equal."""
+
+
+def place_on(route: Array, points: Array) -> Array:
+    """Arc length at which a route comes nearest to points.
+
+    Args:
+        route: (R, 2) m.
+        points: (P, 2) m.
+
+    Returns:
+        (P,) m; the last such place where the route comes by twice, so that what stands at the start of a ring is passed
+        at its end.
+    """
+    start, along = route[:-1], np.diff(route, axis=0)
+    length = np.hypot(along[:, 0], along[:, 1])
+    unit = along / length[:, None]
+    offset = points[:, None] - start
+    t = np.clip((offset * unit).sum(axis=2), 0.0, length)
+    miss = offset - unit * t[..., None]
+    distance = np.hypot(miss[..., 0], miss[..., 1])
+    near = distance <= distance.min(axis=1, keepdims=True) + _SAME_M
+    place = np.concatenate([[0.0], np.cumsum(length)])[:-1] + t
+    nearest: Array = np.where(near, place, -np.inf).max(axis=1)
+    return nearest
