@@ -12,6 +12,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from pydantic import ValidationError
 
 from tral_env.errors import ConfigError
 from tral_fsm.definition import MachineDefinition, WallSpec
@@ -66,12 +67,16 @@ def with_gains(machine: MachineDefinition, p: float, d: float) -> MachineDefinit
         d: steering per m/s.
 
     Raises:
-        pydantic.ValidationError: a gain is out of its range.
+        ConfigError: a gain is out of its range.
     """
-    states = tuple(
-        type(state).model_validate({**state.model_dump(), "p": p, "d": d}) if isinstance(state, WallSpec) else state
-        for state in machine.states
-    )
+    try:
+        states = tuple(
+            type(state).model_validate({**state.model_dump(), "p": p, "d": d}) if isinstance(state, WallSpec) else state
+            for state in machine.states
+        )
+    except ValidationError as error:
+        faults = "; ".join(f"{fault['loc'][0]}: {fault['msg']}" for fault in error.errors())
+        raise ConfigError(f"gains p = {p:g}, d = {d:g} cannot be used: {faults}") from error
     return machine.model_copy(update={"states": states})
 
 

@@ -13,6 +13,7 @@ from typer.testing import CliRunner, Result
 import tral_env
 from tral_env.course.generate import SCENARIOS
 from tral_env.course.layout import Course
+from tral_env.errors import SimulationError
 from tral_fsm.cli import app
 from tral_fsm.cli.courses import seeded_course
 
@@ -102,6 +103,8 @@ def test_a_course_file_is_driven_under_its_name(driven: tuple[Path, Result]) -> 
         (["courses", "--out", "a.bmp"], "unknown suffix '.bmp'. Allowed: .png, .json"),
         (["tune", "--p", "3"], "--p 3: expected LOW:HIGH"),
         (["tune", "--d", "3:1"], "--d 3:1: expected the lower end first"),
+        (["tune", "--p", "1:inf"], "--p 1:inf: expected finite numbers"),
+        (["tune", "--d", "-1:2"], "d: Input should be greater than or equal to 0"),
         (["tune", "--scenario", "strait"], "did you mean 'straight'?"),
     ],
 )
@@ -127,6 +130,48 @@ def test_a_backend_that_does_not_load_exits_with_3_and_names_the_remedy(tmp_path
     assert done.returncode == 3
     assert "unset MUJOCO_GL or set it to one of" in " ".join(done.stderr.split())
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("command", [["drive", *CALM, "--no-video"], ["tune"], ["courses"]])
+def test_a_folder_that_cannot_be_made_is_said_before_anything_is_driven(command: list[str], tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    result = tral(*command, "--out", tmp_path / "file" / ("a.png" if command == ["courses"] else "a"))
+    assert result.exit_code == 2
+    assert "cannot be written" in result.stderr
+    assert "%" not in result.stderr
+
+
+def test_a_drive_that_was_interrupted_leaves_a_summary_and_the_next_does_not_claim_its_files(
+    tmp_path: Path, short: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(env: object, policy: object, seed: int, folder: Path, arguments: object) -> None:
+        (folder / "drive.mp4").write_text("half")
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("tral_fsm.cli.drive._drive_one", interrupted)
+        assert tral("drive", *CALM, "--no-video", "--out", tmp_path).exit_code == 130
+    left = json.loads((tmp_path / "summary.json").read_text())
+    assert (left["complete"], left["episodes"]) == (False, [])
+    result = tral("drive", *CALM, "--course", short, "--no-video", "--json", "--out", tmp_path)
+    assert json.loads(result.stdout)["episodes"][0]["files"] == ["trajectory.png"]
+
+
+def test_figures_are_whole_in_a_narrow_terminal(tmp_path: Path, short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "30")
+    result = tral("drive", *CALM, "--course", short, "--seed", 10**20, "--no-video", "--out", tmp_path)
+    assert str(10**20) in result.stdout
+    assert "…" not in result.stdout
+
+
+def test_physics_that_become_unstable_are_a_failed_episode_and_not_bad_usage(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unstable(*_: object) -> None:
+        raise SimulationError("NaN")
+
+    monkeypatch.setattr("tral_fsm.cli.drive._drive_one", unstable)
+    assert tral("drive", *CALM, "--no-video", "--out", tmp_path).exit_code == 1
 
 
 def test_courses_lists_every_family_with_what_it_is() -> None:
@@ -160,7 +205,27 @@ def test_tune_prints_the_table_and_writes_the_sweep(tmp_path: Path, monkeypatch:
     report = json.loads((tmp_path / "sweep.json").read_text())
     assert [(cell["p"], cell["d"]) for cell in report["cells"]] == [(1, 0.5), (1, 1), (2, 0.5), (2, 1)]
     assert (tmp_path / "sweep.png").exists()
+    assert report["complete"]
     assert "Best: p = 1, d = 0.5" in result.stdout
+    assert "Clearance RMSE [cm]" in result.stdout
+
+
+def test_a_sweep_that_was_interrupted_keeps_the_pairs_it_has_driven(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = []
+
+    def make(*_: object, **__: object) -> Lane:
+        made.append(Lane())
+        if len(made) == 3:
+            raise KeyboardInterrupt
+        return made[-1]
+
+    monkeypatch.setattr("tral_fsm.tune.gym.make", make)
+    result = tral("tune", "--grid", 2, "--episodes", 1, "--processes", 1, "--out", tmp_path)
+    assert result.exit_code == 130
+    report = json.loads((tmp_path / "sweep.json").read_text())
+    assert (report["complete"], len(report["cells"])) == (False, 2)
 
 
 def test_the_doctor_finds_the_core_working_and_says_a_remedy_for_all_that_is_not(

@@ -3,7 +3,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from pydantic import ValidationError
 from test_summary import record
 
 from tral_env.errors import ConfigError
@@ -38,7 +37,7 @@ def test_a_machine_without_a_wall_to_follow_has_no_gains() -> None:
 
 
 def test_a_gain_out_of_its_range_is_refused() -> None:
-    with pytest.raises(ValidationError, match="greater than or equal to 0"):
+    with pytest.raises(ConfigError, match=r"p = -1, d = 0 cannot be used: p: .* greater than or equal to 0"):
         with_gains(load_machine("wall"), -1.0, 0.0)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from lane import Cruiser, Lane
 
+from tral_env.errors import RenderError
 from tral_env.interface import MAX_AGE_S
 from tral_fsm.report.palette import COLOURS, Palette
 from tral_fsm.report.video import FPS, HEIGHT, INSET_WIDTH, WIDTH, DriveVideo, _gate_line, compose
@@ -21,10 +22,14 @@ class Painted:
         return np.full((height, width, 3), colour, np.uint8)
 
 
+def ticks(ending: str = "success") -> list[Tick]:
+    seen: list[Tick] = []
+    drive(Lane(ending), Cruiser(), seed=1, on_step=seen.append)
+    return seen
+
+
 def last_tick(ending: str = "success") -> Tick:
-    ticks: list[Tick] = []
-    drive(Lane(ending), Cruiser(), seed=1, on_step=ticks.append)
-    return ticks[-1]
+    return ticks(ending)[-1]
 
 
 def picture(tick: Tick) -> np.ndarray:
@@ -42,12 +47,33 @@ def test_a_video_has_twenty_frames_a_second_and_holds_its_end_for_one(tmp_path: 
 
 
 def test_a_video_of_a_drive_that_broke_off_is_finished_without_hiding_the_error(tmp_path: Path) -> None:
-    def break_off(tick: Tick) -> None:
+    def drive_on(video: DriveVideo) -> None:
+        video(ticks()[0])
         raise RuntimeError("broke off")
 
-    with pytest.raises(RuntimeError, match="broke off"), DriveVideo(tmp_path / "drive.mp4", Painted()):
-        drive(Lane(), Cruiser(), seed=1, on_step=break_off)
-    assert (tmp_path / "drive.mp4").exists()
+    with pytest.raises(RuntimeError, match="broke off"), DriveVideo(tmp_path / "drive.mp4", Painted()) as video:
+        drive_on(video)
+    assert imageio_ffmpeg.count_frames_and_secs(tmp_path / "drive.mp4")[0] == 1
+    assert list(tmp_path.iterdir()) == [tmp_path / "drive.mp4"]
+
+
+def test_a_video_without_a_frame_leaves_no_file(tmp_path: Path) -> None:
+    DriveVideo(tmp_path / "drive.mp4", Painted()).close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_video_whose_encoder_broke_off_leaves_no_file(tmp_path: Path) -> None:
+    video = DriveVideo(tmp_path / "drive.mp4", Painted())
+    video(ticks()[0])
+    video._writer.close()  # as an interrupt in the midst of a frame does
+    video.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_encoder_is_named_with_the_remedy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / "none"))
+    with pytest.raises(RenderError, match=r"no encoder .* --no-video"):
+        DriveVideo(tmp_path / "drive.mp4", Painted())
 
 
 def test_the_onboard_view_is_inset_at_the_upper_right() -> None:

@@ -5,14 +5,25 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable
 from importlib import metadata
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from typer.core import TyperGroup
 
-from tral_env.errors import ConfigError, HardwareError, MissingExtraError, RenderError, TralError, nearest
+from tral_env.errors import (
+    ConfigError,
+    HardwareError,
+    MissingExtraError,
+    RenderError,
+    SimulationError,
+    TralError,
+    nearest,
+)
 
-BAD_USAGE, MACHINE_LACKS = 2, 3
+if TYPE_CHECKING:
+    from rich.table import Table
+
+FAILED, BAD_USAGE, MACHINE_LACKS = 1, 2, 3
 """Exit codes."""
 
 _PACKAGES = ("tral-env", "mujoco", "gymnasium", "numpy", "opencv-python-headless")
@@ -22,14 +33,28 @@ class Guarded(TyperGroup):
     """A group of commands that says an error of the project in a line on stderr instead of a traceback."""
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command; leave with exit code 2 or 3 at a `TralError`."""
+        """Run the command; leave with the exit code that fits at a `TralError`."""
         try:
             return super().invoke(ctx)
         except TralError as error:
             typer.secho("Error: ", err=True, fg="red", bold=True, nl=False)
             typer.echo(str(error), err=True)
-            lacks = isinstance(error, RenderError | MissingExtraError | HardwareError)
-            raise typer.Exit(MACHINE_LACKS if lacks else BAD_USAGE) from None
+            raise typer.Exit(_exit_code(error)) from None
+
+
+def _exit_code(error: TralError) -> int:
+    if isinstance(error, RenderError | MissingExtraError | HardwareError):
+        return MACHINE_LACKS
+    return FAILED if isinstance(error, SimulationError) else BAD_USAGE
+
+
+def print_figures(table: Table) -> None:
+    """Print a table of figures at its full width: a figure that is cut off says nothing."""
+    from rich.console import Console
+
+    console = Console()
+    full = console.measure(table, options=console.options.update(max_width=sys.maxsize)).maximum
+    Console(width=max(console.width, full)).print(table)
 
 
 def check_name(kind: str, got: str, allowed: Iterable[str]) -> str:

@@ -9,6 +9,7 @@ import typer
 
 from tral_env.errors import ConfigError
 from tral_fsm.cli.console import check_name
+from tral_fsm.cli.files import prepare_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,7 +37,7 @@ def command(
         return
     families = [scenario] if scenario else list(SCENARIOS)
     if out.suffix == ".png":
-        out.parent.mkdir(parents=True, exist_ok=True)
+        prepare_folder(out.parent)
         draw_sheet(families, seed).savefig(out, dpi=110)
     elif out.suffix == ".json":
         _export(scenario, seed, out)
@@ -59,7 +60,7 @@ def _list(families: dict[str, str]) -> None:
 def _export(scenario: str | None, seed: int, out: Path) -> None:
     if scenario is None:
         raise ConfigError(f"--out {out}: a course file holds one course, so --scenario is needed")
-    out.parent.mkdir(parents=True, exist_ok=True)
+    prepare_folder(out.parent)
     seeded_course(scenario, seed).save(out)
 
 

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from tral_fsm.cli import opengl
-from tral_fsm.cli.console import check_name, versions
+from tral_fsm.cli.console import FAILED, check_name, print_figures, versions
+from tral_fsm.cli.files import prepare_folder, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 Camera = Literal["projected", "rendered"]
 Randomization = Literal["none", "default", "hard"]
 
-_OWN_FILES = ("trajectory.png", "drive.mp4")
+_OWN_FILES = ("trajectory.png", "drive.mp4", "drive.part.mp4")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,14 +91,12 @@ def command(
     if as_json:
         typer.echo(json.dumps(report, indent=2))
     else:
-        from rich.console import Console
-
         from tral_fsm.cli.show import table_of_episodes
 
-        Console().print(table_of_episodes(report))
+        print_figures(table_of_episodes(report))
         typer.echo(f"Files: {out}")
     if report["figures"]["successes"] < episodes:
-        raise typer.Exit(1)
+        raise typer.Exit(FAILED)
 
 
 def run(arguments: DriveArguments, out: Path) -> dict[str, Any]:
@@ -111,8 +110,8 @@ def run(arguments: DriveArguments, out: Path) -> dict[str, Any]:
         The content of summary.json.
 
     Raises:
-        ConfigError: unknown scenario, policy or option.
-        RenderError: pictures are asked for, and this machine has no OpenGL.
+        ConfigError: unknown scenario, policy or option, or a folder that cannot be written.
+        RenderError: pictures are asked for, and this machine has no OpenGL or no encoder.
     """
     from tral_fsm import load_policy
     from tral_fsm.report.summary import summarize
@@ -128,6 +127,8 @@ def run(arguments: DriveArguments, out: Path) -> dict[str, Any]:
             "figures": summarize([]).record(),
             "episodes": [],
         }
+        # Already now, so that the next drive knows this folder for one of a drive, however this one ends.
+        write_json(out / "summary.json", report)
         for seed in arguments.seeds:
             folder = out if arguments.episodes == 1 else out / f"seed_{seed}"
             folder.mkdir(exist_ok=True)
@@ -136,7 +137,7 @@ def run(arguments: DriveArguments, out: Path) -> dict[str, Any]:
             report["episodes"].append({**episode.record(), "files": files})
             report["figures"] = summarize(report["episodes"]).record()
             report["complete"] = seed == arguments.seeds[-1]
-            (out / "summary.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+            write_json(out / "summary.json", report)
     return report
 
 
@@ -159,7 +160,7 @@ def make_env(arguments: DriveArguments) -> gym.Env[Any, Any]:
 
 def _prepare(out: Path) -> None:
     """Make the folder; take away what an earlier drive left there, so that runs do not mix."""
-    out.mkdir(parents=True, exist_ok=True)
+    prepare_folder(out)
     if (out / "summary.json").exists():
         for name in _OWN_FILES:
             for old in [out / name, *out.glob(f"seed_*/{name}")]:

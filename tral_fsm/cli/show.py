@@ -10,6 +10,7 @@ from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 if TYPE_CHECKING:
     from tral_fsm.rollout import Tick
@@ -24,11 +25,11 @@ class DriveProgress:
     def __init__(self, name: str) -> None:
         """A bar of this name, on stderr."""
         self._bar = Progress(
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(),
             TaskProgressColumn(),
             TimeElapsedColumn(),
-            TextColumn("{task.fields[state]}"),
+            TextColumn("{task.fields[state]}", markup=False),
             console=Console(stderr=True),
         )
         self._task = self._bar.add_task(name, total=1.0, state="")
@@ -52,7 +53,9 @@ def table_of_episodes(report: Mapping[str, Any]) -> Table:
     """Table of a drive: a row an episode, and one over all of them if there are several."""
     arguments = report["arguments"]
     name = report["episodes"][0]["scenario"]
-    table = Table(title=f"{arguments['policy']} on {name}", title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    table = Table(
+        title=Text(f"{arguments['policy']} on {name}"), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False
+    )
     for heading in ("seed", "success"):
         table.add_column(heading, no_wrap=True)
     for heading in ("progress", "time", "mean\nspeed", "clearance\nRMSE", "gates", "collisions"):

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tral_env.errors import ConfigError
-from tral_fsm.cli.console import check_name, versions
+from tral_fsm.cli.console import check_name, print_figures, versions
 from tral_fsm.cli.drive import Randomization
+from tral_fsm.cli.files import prepare_folder, write_json
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from rich.table import Table
 
@@ -41,22 +42,28 @@ def command(
     """
     from tral_env.course.generate import SCENARIOS
     from tral_fsm.library import load as load_machine
-    from tral_fsm.tune import Task, best, gains
+    from tral_fsm.tune import Task, best, gains, with_gains
 
     check_name("scenario", scenario, SCENARIOS)
     machine = load_machine(policy)
-    base_p, base_d = gains(machine)
+    own = dict(zip("pd", gains(machine), strict=True))
+    values = {name: _values(span, own[name], grid, name) for name, span in (("p", p), ("d", d))}
+    for end in (0, -1):  # what cannot be used is said before an hour of driving
+        with_gains(machine, values["p"][end], values["d"][end])
+    prepare_folder(out)
     task = Task(scenario=scenario, seeds=tuple(range(seed, seed + episodes)), randomization=randomization)
-    cells = _sweep(machine, _values(p, base_p, grid, "p"), _values(d, base_d, grid, "d"), task, processes)
-    report = {
-        "policy": policy,
-        "task": asdict(task),
-        "versions": versions(),
-        "gains": {"p": base_p, "d": base_d},
-        "best": best(cells).record(),
-        "cells": [cell.record() for cell in cells],
-    }
-    _write(report, cells, out)
+    report = {"complete": False, "policy": policy, "task": asdict(task), "versions": versions(), "gains": own}
+    cells: list[Cell] = []
+
+    def keep(cell: Cell) -> None:
+        cells.append(cell)
+        report.update(
+            best=best(cells).record(), cells=[cell.record() for cell in cells], complete=len(cells) == grid**2
+        )
+        write_json(out / "sweep.json", report)
+
+    _sweep(machine, values, task, processes, keep)
+    _draw(report, cells, out)
     if as_json:
         typer.echo(json.dumps(report, indent=2))
     else:
@@ -76,38 +83,47 @@ def _values(span: str | None, base: float, count: int, name: str) -> list[float]
         ends = float(low), float(high)
     except ValueError:
         raise ConfigError(f"--{name} {span}: expected LOW:HIGH, such as 0.5:8") from None
+    if not np.isfinite(ends).all():
+        raise ConfigError(f"--{name} {span}: expected finite numbers, such as 0.5:8")
     if not ends[0] < ends[1]:
         raise ConfigError(f"--{name} {span}: expected the lower end first")
     return [float(value) for value in np.linspace(*ends, count)]
 
 
 def _sweep(
-    machine: MachineDefinition, p: Sequence[float], d: Sequence[float], task: Task, processes: int
-) -> list[Cell]:
+    machine: MachineDefinition,
+    values: Mapping[str, Sequence[float]],
+    task: Task,
+    processes: int,
+    on_cell: Callable[[Cell], None],
+) -> None:
     from rich.console import Console
     from rich.progress import Progress
 
     from tral_fsm.tune import sweep
 
+    p, d = values["p"], values["d"]
     with Progress(console=Console(stderr=True)) as bar:
         bar_task = bar.add_task(f"{len(p)} x {len(d)} gains", total=len(p) * len(d))
-        return sweep(machine, p, d, task, processes=processes, on_cell=lambda _: bar.advance(bar_task))
+
+        def done(cell: Cell) -> None:
+            on_cell(cell)
+            bar.advance(bar_task)
+
+        sweep(machine, p, d, task, processes=processes, on_cell=done)
 
 
-def _write(report: Mapping[str, Any], cells: Sequence[Cell], out: Path) -> None:
+def _draw(report: Mapping[str, Any], cells: Sequence[Cell], out: Path) -> None:
     from tral_fsm.report.heatmap import sweep_figure
 
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "sweep.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     task = report["task"]
-    title = f"{report['policy']} on {task['scenario']}, {len(task['seeds'])} courses, {task['randomization']}"
+    courses = len(task["seeds"])
+    title = f"{report['policy']} on {task['scenario']}, {courses} course{'s' * (courses > 1)}, {task['randomization']}"
     sweep_figure(cells, title).savefig(out / "sweep.png", dpi=120)
 
 
 def _show(report: Mapping[str, Any], cells: Sequence[Cell], out: Path) -> None:
-    from rich.console import Console
-
-    Console().print(_table(cells))
+    print_figures(_table(cells))
     chosen, own = report["best"], report["gains"]
     typer.echo(
         f"Best: p = {chosen['p']:.4g}, d = {chosen['d']:.4g}; the machine has p = {own['p']:g}, d = {own['d']:g}"
@@ -117,10 +133,11 @@ def _show(report: Mapping[str, Any], cells: Sequence[Cell], out: Path) -> None:
 
 def _table(cells: Sequence[Cell]) -> Table:
     from rich.table import Table
+    from rich.text import Text
 
     from tral_fsm.report.heatmap import label
 
-    table = Table("p \\ d", title="Clearance RMSE [cm]", title_justify="left")
+    table = Table("p \\ d", title=Text("Clearance RMSE [cm]"), title_justify="left")
     for value in sorted({cell.d for cell in cells}):
         table.add_column(f"{value:.3g}", justify="right")
     for value in sorted({cell.p for cell in cells}):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Generator
 from pathlib import Path
 from types import TracebackType
@@ -12,6 +13,7 @@ import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.errors import RenderError
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, MAX_AGE_S, NO_ECHO_M, STEERING, THROTTLE
 from tral_fsm.report.palette import Palette
 from tral_fsm.rollout import Tick
@@ -51,15 +53,20 @@ class DriveVideo:
     """
 
     def __init__(self, path: Path, views: Views) -> None:
-        """Write to the file at `path`, mp4; an existing one is overwritten."""
+        """Write to the file at `path`, mp4; an existing one is replaced once the video is whole.
+
+        Raises:
+            RenderError: there is no encoder.
+        """
         self._views = views
+        self._path, self._part = path, path.with_suffix(f".part{path.suffix}")
         self._palette = Palette()
         self._last: Tick | None = None
         self._frames = 0
         self._onboard = np.zeros((INSET_HEIGHT, INSET_WIDTH, 3), np.uint8)
         self._every = round(CONTROL_RATE_HZ / FPS)
         self._writer: Generator[None, Any, None] = imageio_ffmpeg.write_frames(
-            str(path),
+            str(self._part),
             (WIDTH, HEIGHT),
             fps=FPS,
             codec="libx264",
@@ -67,7 +74,13 @@ class DriveVideo:
             ffmpeg_log_level="error",
             output_params=["-crf", "24", "-preset", "veryfast"],
         )
-        self._writer.send(None)
+        try:
+            self._writer.send(None)
+        except (OSError, RuntimeError) as error:
+            raise RenderError(
+                f"no encoder for the video ({error}): install ffmpeg and set IMAGEIO_FFMPEG_EXE to it, "
+                "or do without: tral drive --no-video"
+            ) from error
 
     def __call__(self, tick: Tick) -> None:
         """Add a frame if it is time for one."""
@@ -85,8 +98,13 @@ class DriveVideo:
         return compose(chase, self._onboard, tick, self._palette.rgb(tick.state))
 
     def close(self) -> None:
-        """Finish the file."""
+        """Finish the file. Without a frame, or if the encoder broke off, there is none."""
+        whole = self._frames > 0 and inspect.getgeneratorstate(self._writer) == inspect.GEN_SUSPENDED
         self._writer.close()
+        if whole:
+            self._part.replace(self._path)
+        else:
+            self._part.unlink(missing_ok=True)
 
     def hold(self, seconds: float = 1.0) -> None:
         """Show the last tick for a while, so that the end can be read."""

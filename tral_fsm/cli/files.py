@@ -1,0 +1,31 @@
+"""Files that a command leaves: the folder is tried before the work begins, and each file is whole or not there."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from tral_env.errors import ConfigError
+
+
+def prepare_folder(folder: Path) -> None:
+    """Make a folder if it is missing, and try whether it can be written.
+
+    Raises:
+        ConfigError: it cannot.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise ConfigError(f"--out {folder}: cannot be written: {error.strerror}: choose another folder") from error
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Replace a file by a JSON text at once: who reads it, or what interrupts this, never meets half of it."""
+    part = path.with_name(f"{path.name}.part")
+    part.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    part.replace(path)
