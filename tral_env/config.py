@@ -8,21 +8,48 @@ ranger; "choice" is ours.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import Any, TypeVar
 
-from tral_env.errors import ConfigError
+from tral_env.errors import ConfigError, nearest
+
+Config = TypeVar("Config")
 
 
 def _check(config: object, positive: tuple[str, ...] = (), unit_interval: tuple[str, ...] = ()) -> None:
     for field in fields(config):  # type: ignore[arg-type]
         value = getattr(config, field.name)
         where = f"{type(config).__name__}.{field.name}"
+        if isinstance(field.default, int | float) and not isinstance(value, int | float):
+            raise ConfigError(f"{where} = {value!r}: expected a number")
         if isinstance(value, float) and not math.isfinite(value):
             raise ConfigError(f"{where} = {value!r}: expected a finite number")
         if field.name in positive and not value > 0:
             raise ConfigError(f"{where} = {value!r}: expected a number above 0")
         if field.name in unit_interval and not 0 <= value <= 1:
             raise ConfigError(f"{where} = {value!r}: expected a share between 0 and 1")
+
+
+def as_config(kind: type[Config], value: Config | Mapping[str, Any] | None) -> Config:
+    """A configuration: the default one for None; one of the named values for a mapping.
+
+    A mapping is what `EnvSpec.from_json` gives for a configuration that went through `to_json`.
+
+    Raises:
+        ConfigError: unknown name, or neither of these.
+    """
+    if value is None:
+        return kind()
+    if isinstance(value, kind):
+        return value
+    if not isinstance(value, Mapping):
+        raise ConfigError(f"got {value!r}: expected a {kind.__name__}, or a mapping of its values")
+    names = [field.name for field in fields(kind)]  # type: ignore[arg-type]
+    for name in value:
+        if name not in names:
+            raise ConfigError(f"{kind.__name__} has no '{name}': {nearest(name, names)}")
+    return kind(**{name: tuple(item) if isinstance(item, list) else item for name, item in value.items()})
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,7 @@ Index = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 CAMERAS = ("projected", "rendered")
-RESET_OPTIONS = ("course", "car", "reset_mask")
+RESET_OPTIONS = ("course", "car")
 """What ``reset(options=...)`` understands."""
 
 
@@ -41,11 +41,12 @@ class CorridorConfig:
     """A course, or the path of its JSON file, driven instead of generated ones."""
     camera: str = "projected"
     """"projected": markers are projected, no OpenGL; "rendered": an image is rendered and searched by OpenCV."""
-    randomization: str | Randomization = "default"
+    randomization: str | Randomization | Mapping[str, Any] = "default"
     """How much the cars differ: "none", "default", "hard" or ranges of your own."""
     groups: tuple[str, ...] = ()
     """Optional groups of readings behind the core ones."""
     car: CarConfig = field(default_factory=CarConfig)
+    """Only its full lock can be other than that of `assets/car.xml`."""
     lens: CameraConfig = field(default_factory=CameraConfig)
     task: TaskConfig = field(default_factory=TaskConfig)
 
@@ -56,6 +57,10 @@ class CorridorConfig:
             raise ConfigError(f"unknown camera '{self.camera}': {nearest(self.camera, CAMERAS)}")
         level(self.randomization)
         Layout.of(self.groups)
+        for place in fields(CarConfig):
+            got, has = getattr(self.car, place.name), getattr(CarConfig(), place.name)
+            if place.name != "full_lock_deg" and got != has:
+                raise ConfigError(f"CarConfig.{place.name} = {got!r}: the car of assets/car.xml has {has!r}")
 
     def fixed_course(self) -> Course | None:
         """The course that every episode drives, if there is one."""
@@ -63,8 +68,28 @@ class CorridorConfig:
 
 
 def as_course(course: Course | str | Path | None) -> Course | None:
-    """A course, read from its file if a path was given."""
-    return Course.load(course) if isinstance(course, str | Path) else course
+    """A course, read from its file if a path was given.
+
+    Raises:
+        ConfigError: none of these.
+        CourseError: the file is no course.
+        OSError: the file cannot be opened.
+    """
+    if isinstance(course, str | Path):
+        return Course.load(course)
+    if course is not None and not isinstance(course, Course):
+        raise ConfigError(f"course = {course!r}: expected a Course or the path of a course file")
+    return course
+
+
+def _checked(options: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The options of a reset, if they are any of `RESET_OPTIONS`."""
+    if not isinstance(options, Mapping):
+        raise ConfigError(f"options = {options!r}: expected a mapping with {', '.join(RESET_OPTIONS)}")
+    for name in options:
+        if name not in RESET_OPTIONS:
+            raise ConfigError(f"unknown reset option '{name}': {nearest(name, RESET_OPTIONS)}")
+    return options
 
 
 @dataclass(frozen=True)
@@ -91,6 +116,7 @@ class Corridor:
         pool = Pool.for_scenario(config.scenario) if self._fixed is None else Pool.of(self._fixed[1])
         self.sim = self._simulation(pool)
         self.track = task.empty_track(n)
+        self._started = False
         self.courses: list[Course | None] = [None] * n
         self.plans: list[Plan | None] = [None] * n
         self.wanted_clearance = np.full((n, 2), np.nan)
@@ -127,16 +153,19 @@ class Corridor:
             The parameters of all cars, name -> (n,).
 
         Raises:
-            ConfigError: unknown option or parameter.
-            CourseError: the course cannot be read or built, or does not fit beside the other rows.
+            ConfigError: unknown option or parameter; the course does not fit beside the other rows; the first reset
+                leaves out a car.
+            CourseError: the course cannot be built, or its file is no course.
+            OSError: its file cannot be opened.
         """
-        options = options or {}
-        for name in options:
-            if name not in RESET_OPTIONS:
-                raise ConfigError(f"unknown reset option '{name}': {nearest(name, RESET_OPTIONS)}")
+        if not self._started and len(rows) != self.n:
+            raise ConfigError(f"the first reset starts {len(rows)} of {self.n} cars: expected all")
+        options = _checked(options or {})
         cars = self._cars(options.get("car") or {})
         given = as_course(options.get("course"))
         fixed = self._fixed if given is None else (given, build_plan(given))
+        if not len(rows):
+            return self._parameters()
         drawn = [self._draw(rngs[row], fixed, cars(int(row))) for row in rows]
         self._fit([plan for _, plan, _ in drawn], rows)
         for row, (course, plan, _) in zip(rows, drawn, strict=True):
@@ -150,12 +179,18 @@ class Corridor:
             self.track, rows, self.sim.pose[rows, :2], self._segment[rows]
         )
         self.wanted_clearance[rows] = np.nan
+        self._started = True
+        return self._parameters()
+
+    def _parameters(self) -> dict[str, Array]:
         return {name: values.copy() for name, values in self.sim.parameters.items()}
 
     def _cars(self, given: Mapping[str, Any]) -> Callable[[int], Randomization]:
         """Randomization of each row, where some parameters are given: for all cars, or one value each."""
         if not given:
             return lambda row: self._randomization
+        if not isinstance(given, Mapping):
+            raise ConfigError(f"options['car'] = {given!r}: expected name -> number or {self.n} numbers")
         try:
             values = {name: np.broadcast_to(np.asarray(value, float), self.n) for name, value in given.items()}
         except (TypeError, ValueError):
@@ -190,7 +225,13 @@ class Corridor:
         return self.sim.observation()
 
     def step(self, command: NDArray[np.floating], rows: Index | None = None) -> Step:
-        """Drive all cars, or those of the rows, for one tick. `command` is (n, 2)."""
+        """Drive all cars, or those of the rows, for one tick. `command` is (n, 2).
+
+        Raises:
+            ConfigError: the cars have no courses yet.
+        """
+        if not self._started:
+            raise ConfigError("step() before the first reset()")
         sim, config = self.sim, self.config.task
         before = sim.pose[:, :2].copy()
         sim.step(np.asarray(command, np.float64), rows)

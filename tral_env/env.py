@@ -7,9 +7,10 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
-from tral_env.config import CameraConfig, CarConfig, TaskConfig
+from tral_env.config import CameraConfig, CarConfig, TaskConfig, as_config
 from tral_env.corridor import Corridor, CorridorConfig
 from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
@@ -21,7 +22,7 @@ from tral_env.views import VIEWS, Views
 _ROW = np.zeros(1, np.int64)
 
 
-class TralCorridorEnv(gym.Env[Any, Any]):
+class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     """A 1:10 car drives a university corridor by three ultrasonics, a hall sensor and a camera.
 
     ## Action
@@ -74,6 +75,8 @@ class TralCorridorEnv(gym.Env[Any, Any]):
         task: TaskConfig | None = None,
     ) -> None:
         """See the class."""
+        given = {name: value for name, value in locals().items() if name not in ("self", "__class__")}
+        EzPickle.__init__(self, **given)
         if render_mode not in (None, "rgb_array"):
             raise ConfigError(f"unknown render_mode {render_mode!r}. Allowed: None, 'rgb_array'")
         if view not in VIEWS:
@@ -85,9 +88,9 @@ class TralCorridorEnv(gym.Env[Any, Any]):
             randomization=randomization,
             course=course,
             groups=tuple(groups),
-            car=car or CarConfig(),
-            lens=lens or CameraConfig(),
-            task=task or TaskConfig(),
+            car=as_config(CarConfig, car),
+            lens=as_config(CameraConfig, lens),
+            task=as_config(TaskConfig, task),
         )
         self.corridor = Corridor(1, config)
         self.action_space = action_space()
@@ -191,6 +194,7 @@ class TralCorridorPixelsEnv(TralCorridorEnv):
     def __init__(self, image_size: tuple[int, int] = (160, 120), **kwargs: Any) -> None:
         """See the class; the other arguments are those of `TralCorridorEnv`."""
         super().__init__(**kwargs)
+        EzPickle.__init__(self, image_size, **kwargs)
         self._image_size = tuple(image_size)
         width, height = self._image_size
         image = spaces.Box(0, 255, (height, width, 3), np.uint8)

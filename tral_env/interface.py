@@ -153,10 +153,13 @@ class Layout:
             groups: names out of `OPTIONAL_GROUPS`.
 
         Raises:
-            ConfigError: unknown group.
+            ConfigError: unknown group, or one given twice.
         """
         fields = list(CORE_FIELDS)
-        for group in groups:
+        groups = list(groups)
+        for i, group in enumerate(groups):
+            if group in groups[:i]:
+                raise ConfigError(f"observation group '{group}' is given twice")
             if group not in OPTIONAL_GROUPS:
                 raise ConfigError(f"unknown observation group '{group}': {nearest(group, OPTIONAL_GROUPS)}")
             fields.extend(OPTIONAL_GROUPS[group])

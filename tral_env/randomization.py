@@ -11,12 +11,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
+from typing import Any
 
 import numpy as np
 
+from tral_env.config import as_config
 from tral_env.errors import ConfigError, nearest
 
 Range = tuple[float, float]
+
+_FACTORS = ("lock_scale", "servo_speed_scale", "servo_strength_scale", "mass_scale", "wheel_radius_scale")
+_ABOVE_0 = {*_FACTORS, "friction", "battery_v", "sonar_cadence_s"}
+_FROM_0 = {"latency_s", "camera_latency_s", "battery_resistance_ohm", "image_degradation"}
+_SHARES = {"sonar_together", "sonar_outlier_rate", "hall_miss_rate", "hall_double_rate"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,11 +75,7 @@ class Randomization:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            low, high = getattr(self, field.name)
-            if not (np.isfinite(low) and np.isfinite(high) and low <= high):
-                raise ConfigError(
-                    f"Randomization.{field.name} = {(low, high)!r}: expected (low, high), finite, low <= high"
-                )
+            _check_range(field.name, getattr(self, field.name))
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
         """Draw one car: parameter -> value. Each parameter takes one number of the generator, whatever its range."""
@@ -90,6 +93,20 @@ class Randomization:
                 raise ConfigError(f"unknown parameter '{name}': {nearest(name, names)}")
         ranges: dict[str, Range] = asdict(self) | {name: (value, value) for name, value in values.items()}
         return Randomization(**ranges)
+
+
+def _check_range(name: str, pair: Any) -> None:
+    got = f"Randomization.{name} = {pair!r}: expected"
+    try:
+        low, high = (float(end) for end in pair)
+    except (TypeError, ValueError):
+        raise ConfigError(f"{got} two numbers: low, high") from None
+    if not (np.isfinite(low) and np.isfinite(high) and low <= high):
+        raise ConfigError(f"{got} (low, high), finite, low <= high")
+    if (name in _ABOVE_0 and low <= 0) or (name in _FROM_0 and low < 0):
+        raise ConfigError(f"{got} numbers {'above' if name in _ABOVE_0 else 'from'} 0")
+    if name in _SHARES and not 0 <= low <= high <= 1:
+        raise ConfigError(f"{got} shares between 0 and 1")
 
 
 LEVELS: Mapping[str, Randomization] = {
@@ -142,14 +159,14 @@ LEVELS: Mapping[str, Randomization] = {
 """The named levels; docs/randomization.md has them as a table."""
 
 
-def level(randomization: str | Randomization) -> Randomization:
-    """The level of that name, or the given one.
+def level(randomization: str | Randomization | Mapping[str, Any]) -> Randomization:
+    """The level of that name, or the given one; a mapping of ranges is what comes back from a spec's JSON.
 
     Raises:
         ConfigError: unknown name.
     """
-    if isinstance(randomization, Randomization):
-        return randomization
+    if isinstance(randomization, Randomization | Mapping):
+        return as_config(Randomization, randomization)
     if randomization not in LEVELS:
         raise ConfigError(f"unknown randomization '{randomization}': {nearest(randomization, LEVELS)}")
     return LEVELS[randomization]

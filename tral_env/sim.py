@@ -71,7 +71,7 @@ class Simulation:
         self._boxes = pool_geoms(self.model, Pool(pool.boxes))
         self.batch = Batch(self.model, n, nthread, True)
         self.substeps = round(CONTROL_PERIOD_S / self.model.opt.timestep)
-        self.actuation = Actuation(n)
+        self.actuation = Actuation(n, car=self.car)
         self.hall = Hall(n, HallConfig())
         self.ranging = Ranging(n)
         self.sightings = Sightings(n, self.lens.rate_hz)
@@ -100,6 +100,7 @@ class Simulation:
         """Drawn parameters of the cars, name -> (n,); see `Randomization`."""
         self._plans: list[Plan | None] = [None] * n
         self._ticks = np.zeros(n, np.int64)
+        self._last_fired = np.zeros((n, len(SONARS)))
         self._velocity = np.zeros((n, 2))
         self._wheel = np.zeros(n)
         self._everyone = np.arange(n)
@@ -163,7 +164,7 @@ class Simulation:
         self._wheel[rows] = self._sensordata[rows, self.handles.hall_wheel]
         self._look(rows)
         self.extras.battery_v[rows] = self.parameters["battery_v"][rows]
-        self.extras.update(rows, self.pose, self._sensordata[:, self.handles.imu])
+        self.extras.update(rows, self.pose, self._at_rest())
 
     def _build(self, row: int, plan: Plan) -> None:
         placed = place(plan, self.pool)
@@ -195,6 +196,12 @@ class Simulation:
         self.qpos[rows, root + 3] = np.cos(start[:, 2] / 2)
         self.qpos[rows, root + 6] = np.sin(start[:, 2] / 2)
 
+    def _at_rest(self) -> Array:
+        """(n, 6) what the inertial sensors of standing cars feel; MuJoCo's have not been read before the first tick."""
+        motion = np.zeros((self.n, len(self.handles.imu)))
+        motion[:, 5] = -self.model.opt.gravity[2]
+        return motion
+
     def _first_ranges(self, rows: Index) -> None:
         """Range once at time 0; then the sonars fire in turn, or together, each in its cadence."""
         self.batch.forward(rows, stage=_VEL)
@@ -207,7 +214,6 @@ class Simulation:
         wait = np.where(together, 1.0, (np.arange(count) + 1.0) / count) * cadence
         for k in range(count):
             self._history[rows[:, None], self.handles.ray_clocks[k]] = (wait - cadence)[:, k, None]
-        self._last_fired = getattr(self, "_last_fired", np.zeros((self.n, count)))
         self._last_fired[rows] = wait - cadence
 
     def step(self, command: Array, rows: Index | None = None) -> None:

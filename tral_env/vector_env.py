@@ -11,10 +11,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from tral_env.config import CameraConfig, CarConfig, TaskConfig
+from tral_env.config import CameraConfig, CarConfig, TaskConfig, as_config
 from tral_env.corridor import Corridor, CorridorConfig, Step
 from tral_env.course.layout import Course
-from tral_env.errors import ConfigError
+from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, action_space
 from tral_env.randomization import Randomization
 
@@ -53,9 +53,10 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         task: TaskConfig | None = None,
     ) -> None:
         """See the class."""
-        if num_envs < 1:
-            raise ConfigError(f"num_envs = {num_envs}: expected 1 or more")
-        self._mode = AutoresetMode(autoreset_mode)
+        for name, count in (("num_envs", num_envs), ("nthread", nthread)):
+            if not isinstance(count, int | np.integer) or count < 1:
+                raise ConfigError(f"{name} = {count!r}: expected a whole number, 1 or more")
+        self._mode = _autoreset_mode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
         config = CorridorConfig(
             scenario=scenario,
@@ -63,9 +64,9 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
             randomization=randomization,
             course=course,
             groups=tuple(groups),
-            car=car or CarConfig(),
-            lens=lens or CameraConfig(),
-            task=task or TaskConfig(),
+            car=as_config(CarConfig, car),
+            lens=as_config(CameraConfig, lens),
+            task=as_config(TaskConfig, task),
         )
         self.num_envs = num_envs
         self.corridor = Corridor(num_envs, config, nthread=nthread)
@@ -86,7 +87,10 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
             seed: row i is seeded with seed + i, or with seed[i].
             options: as in `TralCorridorEnv`, and ``reset_mask``: (n,) bool.
         """
-        mask = (options or {}).get("reset_mask")
+        mask = None
+        if isinstance(options, dict) and "reset_mask" in options:
+            mask = options["reset_mask"]
+            options = {name: value for name, value in options.items() if name != "reset_mask"}
         rows = self._everyone if mask is None else self._rows(mask)
         self._seed(seed, rows)
         cars = self.corridor.reset(rows, self._rngs, options)
@@ -151,6 +155,13 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
     def close_extras(self, **kwargs: Any) -> None:
         """Free what OpenGL holds."""
         self.corridor.close()
+
+
+def _autoreset_mode(mode: str | AutoresetMode) -> AutoresetMode:
+    modes = [each.value for each in AutoresetMode]
+    if not isinstance(mode, AutoresetMode) and mode not in modes:
+        raise ConfigError(f"unknown autoreset_mode '{mode}': {nearest(mode, modes)}")
+    return AutoresetMode(mode)
 
 
 def _like(mask: NDArray[np.bool_], values: NDArray[Any]) -> NDArray[np.bool_]:

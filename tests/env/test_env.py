@@ -1,5 +1,6 @@
 """The environments keep Gymnasium's contract, and a car alone drives as it does among others."""
 
+import copy
 import subprocess
 import sys
 import warnings
@@ -12,9 +13,11 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
 import tral_env.env
+from tral_env.config import WIDE_LENS, CarConfig, TaskConfig
 from tral_env.course.generate import SCENARIOS
 from tral_env.errors import ConfigError
-from tral_env.interface import CORE_LAYOUT, action_space
+from tral_env.interface import CORE_LAYOUT, Layout, action_space
+from tral_env.randomization import LEVELS, level
 from tral_env.vector_env import TralCorridorVectorEnv
 
 ROLL = """
@@ -226,6 +229,11 @@ def test_a_parameter_can_be_swept_over_the_rows_and_replayed() -> None:
         ({"camera": "render"}, "did you mean 'rendered'"),
         ({"randomization": "hrd"}, "did you mean 'hard'"),
         ({"groups": ("imus",)}, "did you mean 'imu'"),
+        ({"groups": ("imu", "imu")}, "'imu' is given twice"),
+        ({"course": 3}, "course = 3"),
+        ({"lens": 3}, "expected a CameraConfig"),
+        ({"task": {"nominal_sped": 1}}, "did you mean 'nominal_speed'"),
+        ({"car": CarConfig(wheelbase=0.3)}, "wheelbase = 0.3: the car of assets/car.xml has 0.258"),
         ({"view": "chaze"}, "did you mean 'chase'"),
         ({"render_mode": "human"}, "Allowed: None, 'rgb_array'"),
     ],
@@ -235,13 +243,74 @@ def test_bad_arguments_are_answered_with_the_nearest(arguments: dict, message: s
         tral_env.env.TralCorridorEnv(**arguments)
 
 
-def test_bad_actions_and_options_are_refused() -> None:
+def test_bad_actions_are_refused() -> None:
     env = corridor(scenario="straight").unwrapped
     env.reset(seed=0)
     with pytest.raises(ConfigError, match="two finite numbers"):
         env.step(np.array([np.nan, 0.0]))
-    with pytest.raises(ConfigError, match="did you mean 'course'"):
-        env.reset(options={"cours": 1})
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"cours": 1}, "did you mean 'course'"),
+        (5, "options = 5"),
+        ({"course": 3}, "course = 3"),
+        ({"car": 5}, "'car'"),
+        ({"car": {"mass_scale": 0.0}}, "mass_scale = .* above 0"),
+        ({"car": {"camera_latency_s": -1.0}}, "camera_latency_s = .* from 0"),
+        ({"car": {"hall_miss_rate": 7.0}}, "hall_miss_rate = .* between 0 and 1"),
+    ],
+)
+def test_bad_options_are_refused(options: object, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        corridor(scenario="straight").unwrapped.reset(seed=0, options=options)
+
+
+def test_a_car_does_not_drive_before_its_first_reset() -> None:
+    env = TralCorridorVectorEnv(2, autoreset_mode="Disabled", scenario="straight")
+    with pytest.raises(ConfigError, match="before the first reset"):
+        env.step(np.zeros((2, 2)))
+    with pytest.raises(ConfigError, match="1 of 2 cars"):
+        env.reset(seed=0, options={"reset_mask": np.array([True, False])})
+
+
+def test_a_mask_that_names_nobody_resets_nobody() -> None:
+    env = TralCorridorVectorEnv(2, autoreset_mode="Disabled", scenario="straight")
+    env.reset(seed=0)
+    env.step(np.zeros((2, 2)))
+    _, info = env.reset(options={"reset_mask": np.zeros(2, bool)})
+    assert info["time_s"].tolist() == [1 / 80, 1 / 80]
+
+
+def test_a_copy_of_an_environment_drives_as_the_first_one_does() -> None:
+    first = corridor(scenario="corners", groups=("imu",), randomization="hard")
+    again = copy.deepcopy(first)
+    assert np.array_equal(first.reset(seed=4)[0], again.reset(seed=4)[0])
+
+
+def test_a_spec_with_configurations_survives_json() -> None:
+    given = {"randomization": LEVELS["hard"], "lens": WIDE_LENS, "task": TaskConfig(grace_s=1.0)}
+    again = gym.make(EnvSpec.from_json(corridor(**given).spec.to_json())).unwrapped.corridor.config
+    assert (level(again.randomization), again.lens, again.task) == tuple(given.values())
+
+
+def test_the_full_lock_of_the_configuration_is_driven() -> None:
+    turned = []
+    for degrees in (12.0, 22.0):
+        env = corridor(scenario="straight", randomization="none", car=CarConfig(full_lock_deg=degrees))
+        env.reset(seed=1)
+        for _ in range(80):
+            *_, info = env.step(np.array([1.0, 0.4], np.float32))
+        turned.append(info["pose"][2])
+    assert turned[0] < 0.7 * turned[1]
+
+
+def test_the_inertial_sensor_feels_gravity_from_the_first_reading_on() -> None:
+    env = corridor(scenario="straight", randomization="none", groups=("imu",))
+    observation, _ = env.reset(seed=1)
+    reading = Layout.of(("imu",)).unpack(observation)
+    assert reading["imu_accel_z"] == pytest.approx(9.81, abs=1.5)  # five times the bias
 
 
 def test_a_course_given_at_reset_is_driven(tmp_path: object) -> None:

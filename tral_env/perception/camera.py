@@ -53,7 +53,6 @@ class SceneRenderer:
         self._option = mujoco.MjvOption()
         # MuJoCo paints the rays of rangefinders into the picture unless told not to.
         self._option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = False
-        self._option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = False
         self._view = mujoco.MjvCamera()
 
     def render(

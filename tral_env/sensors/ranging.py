@@ -49,10 +49,6 @@ class Ranging:
         self.range_m[at], self._fired[at] = self._pending_range[at], self._pending_fired[at]
         self._pending_range[at], self._pending_fired[at] = range_m, time_s
 
-    def last_fired(self) -> Array:
-        """(n, 3) time at which each ranger last fired."""
-        return self._pending_fired
-
     def age(self, time_s: Array) -> Array:
         """(n, 3) time since the published ranges were measured, s; `time_s` is (n,)."""
         age: Array = np.minimum(time_s[:, None] - self._fired, MAX_AGE_S)
