@@ -9,7 +9,6 @@ what a learner has to beat.
 from __future__ import annotations
 
 import contextlib
-import json
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -18,14 +17,18 @@ from typing import Annotated, Any
 import gymnasium as gym
 import numpy as np
 import typer
-from host import host
 from report import span
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from tral_env.course.generate import SCENARIOS
 from tral_env.errors import MissingExtraError, TralError
 from tral_fsm import load_policy
+from tral_fsm.bench.host import host
+from tral_fsm.cli.console import check_name
+from tral_fsm.cli.drive import Randomization
+from tral_fsm.cli.files import prepare_folder, write_json
 from tral_fsm.report.summary import Summary, summarize
 from tral_fsm.rollout import drive
 
@@ -58,6 +61,11 @@ class Repeat(gym.Wrapper[Any, Any, Any, Any]):
 
 class Learner:
     """A trained model as a policy; it decides as often as it did in training."""
+
+    @property
+    def decisions(self) -> int:
+        """Decisions that it was trained for: whole rollouts, so some more than were asked for."""
+        return int(self._model.num_timesteps)
 
     def __init__(self, model: Any, normalizer: Any) -> None:
         self._model, self._normalizer = model, normalizer
@@ -118,17 +126,20 @@ def main(
     scenario: str = "straight",
     seeds: Annotated[str, typer.Option(help="FIRST:BEHIND, courses of the evaluation.")] = "1000:1010",
     policy: Annotated[str, typer.Option(help="The state machine.")] = "office",
-    randomization: str = "default",
+    randomization: Randomization = "default",
     seed: Annotated[int, typer.Option(help="Seed of the training.")] = 0,
     out: Path = Path("benchmarks/results/compare.json"),
 ) -> None:
     """Train PPO, drive both, print and write the figures."""
     try:
         run = span(seeds)
+        check_name("scenario", scenario, SCENARIOS)
         rival = load_policy(policy)
+        prepare_folder(out.parent)
         start = time.perf_counter()
         learner = train(scenario, randomization, steps, seed)
         trained_s = time.perf_counter() - start
+        steps = learner.decisions
         drivers = {f"machine {policy}": rival, "PPO": learner}
         records = {name: evaluate(driver, scenario, randomization, run) for name, driver in drivers.items()}
     except TralError as error:
@@ -152,8 +163,7 @@ def main(
         "figures": {name: asdict(summary) for name, summary in figures.items()},
         "episodes": records,
     }
-    out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    write_json(out, result)
 
 
 def table(figures: dict[str, Summary], title: str) -> Table:

@@ -20,7 +20,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from host import host
 from rich.console import Console
 from rich.table import Table
 
@@ -32,6 +31,7 @@ from tral_env.perception.aruco import Detector, MarkerPoses, marker_poses
 from tral_env.perception.camera import OnboardCamera
 from tral_env.perception.gate import sight
 from tral_env.perception.projected import LAW, project_points
+from tral_fsm.bench.host import host
 
 RESULTS = Path(__file__).parent / "results" / "marker_accuracy.json"
 LENS, CAR = CameraConfig(), CarConfig()

@@ -11,19 +11,22 @@ from __future__ import annotations
 import contextlib
 import json
 import multiprocessing
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from host import host
 from rich.console import Console
 from rich.progress import Progress
 
 from tral_env.course.generate import SCENARIOS
-from tral_env.errors import ConfigError, TralError, nearest
+from tral_env.errors import ConfigError, TralError
+from tral_fsm import load_policy
+from tral_fsm.bench.host import host
+from tral_fsm.cli.console import check_name
+from tral_fsm.cli.drive import Camera, Randomization
 from tral_fsm.report.summary import Summary, summarize
 
 
@@ -40,8 +43,8 @@ def main(
     seeds: Annotated[str, typer.Option(help="FIRST:BEHIND, as a range.")] = "1000:1050",
     scenarios: Annotated[str, typer.Option(help="Names with commas between them, or all.")] = "all",
     policy: str = "office",
-    camera: str = "rendered",
-    randomization: str = "default",
+    camera: Camera = "rendered",
+    randomization: Randomization = "default",
     processes: int = 2,
     out: Path = Path("benchmarks/results/office.jsonl"),
     table_only: Annotated[bool, typer.Option(help="Drive nothing, print the table of the file.")] = False,
@@ -53,6 +56,7 @@ def main(
         jobs = [(name, seed) for name in families(scenarios) for seed in span(seeds)]
         missing = [] if table_only else [job for job in jobs if job not in done]
         if missing:
+            load_policy(policy)  # what cannot drive begins no file
             append(out, {"kind": "run", "settings": asdict(settings), "host": host()})
             work(missing, settings, processes, out)
         print(markdown(out, settings))
@@ -64,8 +68,7 @@ def families(names: str) -> list[str]:
     """Families by name; "all" for all."""
     chosen = list(SCENARIOS) if names == "all" else names.split(",")
     for name in chosen:
-        if name not in SCENARIOS:
-            raise ConfigError(f"unknown scenario '{name}': {nearest(name, SCENARIOS)}")
+        check_name("scenario", name, SCENARIOS)
     return chosen
 
 
@@ -145,8 +148,6 @@ def episode(scenario: str, seed: int, settings: Settings) -> dict[str, Any]:
 def _make(scenario: str, settings: Settings) -> tuple[Any, Any]:
     import gymnasium as gym
 
-    from tral_fsm import load_policy
-
     env = gym.make(
         "tral_env:TralCorridor-v0",
         scenario=scenario,
@@ -161,10 +162,9 @@ def markdown(path: Path, settings: Settings) -> str:
     episodes = read(path, settings)
     runs = [line["host"] for line in lines(path) if line["kind"] == "run"]
     commits = sorted({str(run["commit"]) for run in runs})
-    seeds = sorted({seed for _, seed in episodes})
     heading = [
         f"policy {settings.policy}, camera {settings.camera}, randomization {settings.randomization}",
-        f"seeds {seeds[0]} to {seeds[-1]}" if seeds else "no episodes",
+        f"seeds {stretches({seed for _, seed in episodes})}" if episodes else "no episodes",
         *(f"{run['cpu']}, {run['cores']} cores, {run['versions']}" for run in runs[-1:]),
         f"commits {', '.join(commits)}",
     ]
@@ -179,6 +179,17 @@ def markdown(path: Path, settings: Settings) -> str:
             rows.append(row(name, summarize(records)))
     rows.append(row("all", summarize(episodes.values())))
     return "\n".join([*heading, "", *rows])
+
+
+def stretches(seeds: Iterable[int]) -> str:
+    """Numbers in words: "0 to 9, 1000 to 1049"."""
+    ends: list[list[int]] = []
+    for seed in sorted(seeds):
+        if ends and seed == ends[-1][1] + 1:
+            ends[-1][1] = seed
+        else:
+            ends.append([seed, seed])
+    return ", ".join(str(first) if first == last else f"{first} to {last}" for first, last in ends)
 
 
 def row(name: str, figures: Summary) -> str:

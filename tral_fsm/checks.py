@@ -44,6 +44,10 @@ class FormatError(MachineError):
         lines = "".join(f"\n  {problem}" for problem in self.problems)
         super().__init__(f"{source}: {len(self.problems)} problem{'s' * (len(self.problems) != 1)}{lines}")
 
+    def __reduce__(self) -> tuple[type[FormatError], tuple[str, tuple[Problem, ...]]]:
+        """Come whole out of a process of its own."""
+        return FormatError, (self.source, self.problems)
+
 
 def check(machine: MachineDefinition) -> list[Problem]:
     """All faults in how the parts of a machine hang together.

@@ -18,6 +18,7 @@ def test_every_contestant_is_measured() -> None:
     assert all(row["steps_per_s"] > 0 for row in result["contestants"])
     assert 0 < result["ratios"]["single_over_bare_loop"] < 1
     assert result["reset_ms_per_row"] > 0
+    assert result["host"]["versions"]["mujoco"]
 
 
 def test_a_second_of_80_hz_is_80_steps() -> None:

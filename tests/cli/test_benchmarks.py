@@ -75,6 +75,19 @@ def test_the_table_has_a_row_a_family_with_its_interval(tmp_path: Path) -> None:
     assert rows[-1].startswith("| all | 10 |")
 
 
+def test_seeds_with_a_gap_are_not_told_as_one_stretch(tmp_path: Path) -> None:
+    path = begun(tmp_path / "a.jsonl", *(episode("straight", seed) for seed in (0, 1, 2, 7, 10, 11)))
+    assert "seeds 0 to 2, 7, 10 to 11" in report.markdown(path, CALM)
+
+
+def test_a_machine_that_cannot_run_begins_no_file(tmp_path: Path) -> None:
+    (tmp_path / "bad.json").write_text('{"root": 0, "states": []}')
+    settings = {**asdict(CALM), "policy": str(tmp_path / "bad.json"), "scenarios": "straight", "processes": 1}
+    with pytest.raises(SystemExit, match="a machine needs at least one"):
+        report.main(seeds="3:4", out=tmp_path / "a.jsonl", **settings)
+    assert not (tmp_path / "a.jsonl").exists()
+
+
 def test_what_was_driven_is_not_driven_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "a.jsonl"
     settings = {**asdict(CALM), "scenarios": "straight", "processes": 1, "out": out}

@@ -1,6 +1,7 @@
 """TRAL JSON: what is read, and everything that is wrong with a file at once."""
 
 import json
+import pickle
 import re
 from typing import Any
 
@@ -176,3 +177,10 @@ def test_a_mutated_machine_gives_a_definition_or_a_format_error(data: st.DataObj
     except FormatError:
         return
     assert loads(dumps(definition)) == definition
+
+
+def test_a_format_error_comes_whole_out_of_another_process() -> None:
+    with pytest.raises(FormatError) as caught:
+        loads('{"root": 0, "states": []}', "a.json")
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert (str(again), again.problems) == (str(caught.value), caught.value.problems)

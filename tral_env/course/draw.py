@@ -51,7 +51,7 @@ def draw_plan(plan: Plan, ax: Axes) -> None:
         corners = _corners(plan, plan.box_kind == BOX_KINDS.index(kind))
         ax.add_collection(PolyCollection(list(corners), facecolor=colour, edgecolor=colour, linewidth=0.6, zorder=2))
     ax.add_collection(LineCollection(list(plan.tape.reshape(-1, 2, 2)), color="black", linewidth=2.0, zorder=1))
-    ax.plot(*plan.route.T, color="#2e7d32", linewidth=1.0, linestyle=(0, (4, 3)), zorder=3)
+    ax.plot(*plan.route.T, color="#2e7d32", linewidth=1.0, linestyle=(0, (4, 3)), zorder=3, label="route")
     _draw_gates(plan, ax)
     _draw_markers(plan, ax)
     _draw_ends(plan, ax)
@@ -93,4 +93,4 @@ def _draw_ends(plan: Plan, ax: Axes) -> None:
     along = plan.route[-1] - plan.route[-2]
     across = 0.4 * np.array([-along[1], along[0]]) / np.linalg.norm(along)
     ends = np.stack([plan.route[-1] - across, plan.route[-1] + across])
-    ax.plot(*ends.T, color="#d32f2f", linewidth=2.5, zorder=4)
+    ax.plot(*ends.T, color="#d32f2f", linewidth=2.5, zorder=4, label="goal")

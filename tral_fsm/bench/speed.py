@@ -23,6 +23,7 @@ import tral_env
 from tral_env.course.scene import Pool, build_model
 from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.vector_env import TralCorridorVectorEnv
+from tral_fsm.bench.host import host
 
 ENV_ID = f"{tral_env.__name__}:TralCorridor-v0"
 _VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
@@ -201,7 +202,8 @@ def measure(plan: Plan, on_round: Callable[[str], None] = lambda name: None) -> 
         on_round: told the name of each contestant when its turn comes.
 
     Returns:
-        ``contestants``: records; ``ratios`` by name; ``reset_ms``, ``memory_mb``, ``camera``.
+        ``host``, ``plan``; ``contestants``: records; ``ratios`` by name; ``reset_ms_per_row``, ``peak_memory_mb``,
+        ``camera``.
     """
     field_ = list(contestants(plan))
     for contestant in field_:
@@ -215,6 +217,7 @@ def measure(plan: Plan, on_round: Callable[[str], None] = lambda name: None) -> 
     for contestant in field_:
         contestant.close()
     return {
+        "host": host(),
         "plan": asdict(plan),
         "contestants": [contestant.record() for contestant in field_],
         "ratios": ratios(field_),

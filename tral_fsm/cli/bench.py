@@ -8,6 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
+from tral_fsm.cli.console import check_name, print_figures
+from tral_fsm.cli.files import prepare_folder, write_json
+
 app = typer.Typer(no_args_is_help=True, help="Measure how fast things are on this machine.")
 
 
@@ -20,7 +23,7 @@ def main() -> None:
 def speed(
     quick: Annotated[bool, typer.Option(help="Fewer contestants, under a minute.")] = False,
     scenario: Annotated[str, typer.Option(help="Courses that are driven.")] = "corners",
-    out: Annotated[Path | None, typer.Option(help="Folder for speed.json and speed.png.")] = None,
+    out: Annotated[Path | None, typer.Option(file_okay=False, help="Folder for speed.json and speed.png.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout and nothing else.")] = False,
 ) -> None:
     """Steps a second: single and vector environments beside bare MuJoCo and Gymnasium's own."""
@@ -29,11 +32,11 @@ def speed(
     from rich.console import Console
 
     from tral_env.course.generate import SCENARIOS
-    from tral_env.errors import ConfigError, nearest
     from tral_fsm.bench.speed import QUICK, Plan, measure
 
-    if scenario not in SCENARIOS:
-        raise ConfigError(f"unknown scenario '{scenario}': {nearest(scenario, SCENARIOS)}")
+    check_name("scenario", scenario, SCENARIOS)
+    if out is not None:
+        prepare_folder(out)
     plan = replace(QUICK if quick else Plan(), scenario=scenario)
     with Console(stderr=True).status("measuring") as status:
         result = measure(plan, on_round=lambda name: status.update(f"measuring {name}"))
@@ -48,8 +51,7 @@ def speed(
 def _save(result: dict[str, Any], out: Path) -> None:
     from tral_fsm.bench.plot import speed_figure
 
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "speed.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    write_json(out / "speed.json", result)
     speed_figure(result).savefig(out / "speed.png", dpi=120)
 
 
@@ -65,8 +67,8 @@ def _show(result: dict[str, Any], out: Path | None) -> None:
     for row in result["contestants"]:
         figures = (row["steps_per_s"], row["sim_s_per_wall_s"], row["sim_s_per_cpu_s"])
         table.add_row(row["name"], *(f"{figure:,.0f}" for figure in figures))
+    print_figures(table)
     console = Console()
-    console.print(table)
     for name, value in result["ratios"].items():
         console.print(f"{name.replace('_', ' ')}: {value:.2f}")
     console.print(f"reset of a row: {result['reset_ms_per_row']:.2f} ms; peak memory {result['peak_memory_mb']:.0f} MB")

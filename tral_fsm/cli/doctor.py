@@ -149,7 +149,8 @@ def _opengl() -> list[Finding]:
     for backend in opengl.backends():
         ok, said = _python(_PROBE, MUJOCO_GL=backend)
         detail = f"{float(said.split()[-1]):.1f} ms for a frame of 640 x 480" if ok else said
-        findings.append(Finding(topic="OpenGL", name=backend, ok=ok, needed=False, detail=detail))
+        remedy = "" if ok else opengl.NEEDS.get(backend, opengl.REMEDY)
+        findings.append(Finding(topic="OpenGL", name=backend, ok=ok, needed=False, detail=detail, remedy=remedy))
     works = [finding.name for finding in findings if finding.ok]
     now = opengl.backend_in_use()
     remedy = f"export MUJOCO_GL={works[0]}" if works else opengl.REMEDY

@@ -11,6 +11,13 @@ from tral_env.errors import RenderError
 BACKENDS = {"Linux": ("egl", "osmesa", "glfw"), "Darwin": ("cgl", "glfw"), "Windows": ("wgl", "glfw")}
 """Values of MUJOCO_GL worth trying, the best first."""
 
+NEEDS = {
+    "egl": "apt install libegl1 libgl1-mesa-dri (Debian, Ubuntu)",
+    "osmesa": "apt install libosmesa6 (Debian, Ubuntu), where it still exists",
+    "glfw": "needs a screen: run it on a desktop",
+}
+"""What a backend that does not work may lack."""
+
 REMEDY = (
     "install OpenGL that needs no screen (Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri), "
     "or do without it: tral drive --camera projected --no-video"

@@ -33,7 +33,9 @@ def sweep_figure(cells: Sequence[Cell], title: str) -> Figure:
         light = error[row, column] > middle
         ax.text(column, row, label(cell), ha="center", va="center", fontsize=9, color="white" if light else "black")
     chosen = best(cells)
-    ax.plot(d.index(chosen.d) + 0.36, p.index(chosen.p) + 0.33, "*", color="red", markersize=11)
+    place = d.index(chosen.d) + 0.36, p.index(chosen.p) + 0.33
+    ax.plot(*place, "*", color="red", markersize=11, linestyle="none", label="best")
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=9, frameon=False)
     return figure
 
 

@@ -61,7 +61,8 @@ def title(episode: Episode) -> str:
     if episode.gates_total:
         parts.append(f"gates {episode.gates_passed}/{episode.gates_total}")
     if episode.clearance_samples:
-        parts.append(f"clearance RMSE {100 * episode.clearance_rmse:.1f} cm")
+        share = 100 * episode.clearance_samples / len(episode.trace.time)
+        parts.append(f"clearance RMSE {100 * episode.clearance_rmse:.1f} cm over {share:.0f} % of the time")
     return "   ".join(parts)
 
 
