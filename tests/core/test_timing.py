@@ -40,6 +40,19 @@ def test_an_image_is_known_after_its_latency_and_grows_old() -> None:
     assert (seen["gate_id"][0], seen["marker_id"][0], seen["gate_age"][0]) == (3.0, 7.0, 0.0625)
 
 
+@pytest.mark.parametrize("rate_hz", [15.0, 60.0])
+def test_images_of_a_slow_camera_arrive_one_by_one(rate_hz: float) -> None:
+    eyes = Sightings(1, rate_hz)
+    eyes.reset(ROW, np.array([0.4]))
+    ages = []
+    for time_s in np.arange(160)[:, None] * 0.0125:
+        if len(eyes.due(ROW, time_s)):
+            eyes.expose(ROW, time_s, sighting(3.0, 7.0))
+        eyes.deliver(time_s)
+        ages.append(eyes.readings(time_s)["gate_age"][0])
+    assert max(ages[33:]) <= 0.4 + 1 / rate_hz + 0.0125 + 1e-9
+
+
 def test_a_camera_of_15_hz_exposes_15_images_a_second() -> None:
     eyes = Sightings(1, rate_hz=15.0)
     images = sum(len(eyes.due(ROW, np.array([tick * 0.0125]))) for tick in range(800))

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 IN_FLIGHT = 4
-"""Images on their way from the sensor to the detector, at most: 15 Hz and 120 ms make two."""
+"""Images on their way from the sensor to the detector that there is room for at first: 15 Hz and 120 ms make two."""
 SUBJECTS = ("gate", "marker")
 QUANTITIES = ("id", "x", "y", "heading")
 _EPSILON_S = 1e-9
@@ -39,6 +39,7 @@ class Sightings:
 
     def reset(self, rows: Index, latency_s: Array) -> None:
         """Forget everything; the first image is exposed at once. `latency_s` is (k,)."""
+        self._make_room(float(latency_s.max(initial=0.0)))
         self._next_exposure[rows] = 0.0
         self._latency_s[rows] = latency_s
         self._known[rows] = 0.0
@@ -46,6 +47,13 @@ class Sightings:
         self._known_exposed[rows] = -np.inf
         self._queue_exposed[rows] = np.inf
         self._slot[rows] = 0
+
+    def _make_room(self, latency_s: float) -> None:
+        """Let the queue hold all images that a slow camera has on their way; one too few, and none would arrive."""
+        more = int(np.ceil(latency_s / self._period_s)) + 2 - self._queue_exposed.shape[1]
+        if more > 0:
+            self._queue = np.pad(self._queue, ((0, 0), (0, more), (0, 0), (0, 0)))
+            self._queue_exposed = np.pad(self._queue_exposed, ((0, 0), (0, more)), constant_values=np.inf)
 
     def due(self, rows: Index, time_s: Array) -> Index:
         """Those of the rows whose camera exposes an image now. `time_s` is (n,)."""
@@ -68,7 +76,7 @@ class Sightings:
             for j, quantity in enumerate(QUANTITIES):
                 self._queue[rows, slot, i, j] = getattr(seen, f"{subject}_{quantity}")
         self._queue_exposed[rows, slot] = time_s[rows]
-        self._slot[rows] = (slot + 1) % IN_FLIGHT
+        self._slot[rows] = (slot + 1) % self._queue_exposed.shape[1]
 
     def deliver(self, time_s: Array) -> None:
         """Publish what has come through the latency by now. `time_s` is (n,)."""
