@@ -10,6 +10,7 @@ import pytest
 from mujoco.batch import Batch
 
 from tral_env.assets import asset_path
+from tral_env.config import LineConfig
 from tral_env.course.generate import SCENARIOS, generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, example_path
@@ -110,6 +111,11 @@ def test_spare_geoms_are_parked_out_of_reach(pool: Pool):
     assert (placed.geom_pos[spare, 2] < -5).all()
     assert (placed.geom_size[spare] <= 0.001).all()
     np.testing.assert_allclose(np.linalg.norm(placed.geom_quat, axis=1), 1)
+
+
+def test_the_tape_that_is_painted_is_as_wide_as_the_line_sensor_takes_it_to_be(pool: Pool):
+    placed = place(build_plan(Course.load(example_path("ring"))), pool)
+    assert 2 * placed.geom_size[pool.names.index("tape_000"), 1] == LineConfig().tape_width
 
 
 def test_a_pool_that_is_too_small_is_refused():

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.assets import asset_path
+from tral_env.config import LineConfig
 from tral_env.course.generate import LIMITS
 from tral_env.course.markers import MARKER_IDS, add_materials, material_name
 from tral_env.course.plan import BOX_KINDS, Array, Plan
@@ -22,8 +23,6 @@ PREFIX = "car/"
 """Before the names of everything that belongs to the car."""
 LOOKS_GROUP = 2
 """Geoms of the car that only the eye needs; they weigh nothing and touch nothing."""
-TAPE_WIDTH = 0.05
-"""m"""
 _TAPE_HALF_HEIGHT = 0.0005
 _PLATE_HALF_DEPTH = 0.001
 _QUIET_ZONE = 4 / 3
@@ -181,7 +180,7 @@ def place(plan: Plan, pool: Pool) -> Placement:
     yaw = np.arctan2(along[:, 1], along[:, 0])
     pos[tapes, :2], pos[tapes, 2] = (plan.tape[:, 2:] + plan.tape[:, :2]) / 2, _TAPE_HALF_HEIGHT
     size[tapes, 0] = np.linalg.norm(along, axis=1) / 2
-    size[tapes, 1:] = TAPE_WIDTH / 2, _TAPE_HALF_HEIGHT
+    size[tapes, 1:] = LineConfig().tape_width / 2, _TAPE_HALF_HEIGHT
     quat[tapes, 0], quat[tapes, 3] = np.cos(yaw / 2), np.sin(yaw / 2)
     return Placement(pos, quat, size)
 
