@@ -140,3 +140,15 @@ def test_courses_do_not_change():
 def test_whatever_is_read_is_a_course_or_a_course_error(text: str):
     with pytest.raises(CourseError, match=r"file\.json"):
         Course.parse(text, source="file.json")
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "1" * 5000])
+def test_json_that_cannot_be_held_is_a_course_error(text: str):
+    with pytest.raises(CourseError, match=r"file\.json: not readable"):
+        Course.parse(text, source="file.json")
+
+
+def test_a_file_that_is_no_text_is_a_course_error(tmp_path: Path):
+    (tmp_path / "a.json").write_bytes(b"\xff\xfe")
+    with pytest.raises(CourseError, match=r"a\.json: not UTF-8 text: invalid start byte at byte 0"):
+        Course.load(tmp_path / "a.json")

@@ -166,6 +166,12 @@ def test_broken_json_names_line_and_column():
         parse_calibration("{\n", "x.json")
 
 
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"version": ' + "1" * 5000 + "}"])
+def test_json_that_cannot_be_held_is_refused(text):
+    with pytest.raises(CalibrationError, match=r"x\.json"):
+        parse_calibration(text, "x.json")
+
+
 def test_unknown_name_and_missing_file_are_refused(tmp_path):
     with pytest.raises(CalibrationError, match="did you mean 'tt01'"):
         load_calibration("tt02")

@@ -171,10 +171,14 @@ class Course(Part):
             path: a JSON file after `course.schema.json`.
 
         Raises:
-            CourseError: the file is no JSON, or has problems; all of them are listed with place, got and allowed.
+            CourseError: the file is no text, no JSON, or has problems; all of them are listed with place, got and allowed.
             OSError: the file cannot be opened.
         """
-        return cls.parse(Path(path).read_text(encoding="utf-8"), source=str(path))
+        try:
+            text = Path(path).read_text(encoding="utf-8")
+        except UnicodeDecodeError as error:
+            raise CourseError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None
+        return cls.parse(text, source=str(path))
 
     @classmethod
     def parse(cls, text: str, source: str = "course") -> Course:
@@ -187,6 +191,8 @@ class Course(Part):
             json.loads(text)
         except json.JSONDecodeError as error:
             raise CourseError(f"{source}: not JSON: {error.msg} at line {error.lineno}, column {error.colno}") from None
+        except (ValueError, RecursionError) as error:  # an integer of thousands of digits, endless nesting
+            raise CourseError(f"{source}: not readable: {error}") from None
         try:
             course = cls.model_validate_json(text, strict=True)
         except ValidationError as error:

@@ -70,10 +70,14 @@ def parse_calibration(text: str, where: str) -> CarCalibration:
         return CarCalibration.model_validate_json(text)
     except json.JSONDecodeError as error:
         raise CalibrationError(f"{where}:{error.lineno}:{error.colno}: not JSON: {error.msg}") from error
+    except RecursionError as error:
+        raise CalibrationError(f"{where}: nested too deeply") from error
     except ValidationError as error:
         problems = [problem for detail in error.errors() for problem in _problems(detail)]
         listing = "".join(f"\n  {problem}" for problem in problems)
         raise CalibrationError(f"calibration '{where}' cannot be used, {len(problems)} problem(s):{listing}") from error
+    except ValueError as error:  # an integer of thousands of digits
+        raise CalibrationError(f"{where}: not readable: {error}") from error
 
 
 def _problems(detail: Any) -> Iterable[str]:
