@@ -171,7 +171,7 @@ class Course(Part):
             path: a JSON file after `course.schema.json`.
 
         Raises:
-            CourseError: the file is no text, no JSON, or has problems; all of them are listed with place, got and allowed.
+            CourseError: the file is no text or no JSON, or has problems; all are listed with place, got and allowed.
             OSError: the file cannot be opened.
         """
         try:
