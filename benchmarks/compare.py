@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import time
 from dataclasses import asdict
+from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,14 +20,13 @@ import numpy as np
 import typer
 from report import span
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
 from tral_env.course.generate import SCENARIOS
 from tral_env.errors import MissingExtraError, TralError
 from tral_fsm import load_policy
 from tral_fsm.bench.host import host
-from tral_fsm.cli.console import check_name
+from tral_fsm.cli.console import check_name, print_figures
 from tral_fsm.cli.drive import Randomization
 from tral_fsm.cli.files import prepare_folder, write_json
 from tral_fsm.report.summary import Summary, summarize
@@ -62,14 +62,14 @@ class Repeat(gym.Wrapper[Any, Any, Any, Any]):
 class Learner:
     """A trained model as a policy; it decides as often as it did in training."""
 
+    def __init__(self, model: Any, normalizer: Any) -> None:
+        self._model, self._normalizer = model, normalizer
+        self.reset()
+
     @property
     def decisions(self) -> int:
         """Decisions that it was trained for: whole rollouts, so some more than were asked for."""
         return int(self._model.num_timesteps)
-
-    def __init__(self, model: Any, normalizer: Any) -> None:
-        self._model, self._normalizer = model, normalizer
-        self.reset()
 
     def reset(self, n: int = 1) -> None:
         """Start anew."""
@@ -145,7 +145,7 @@ def main(
     except TralError as error:
         raise SystemExit(f"Error: {error}") from None
     figures = {name: summarize(rows) for name, rows in records.items()}
-    Console().print(
+    print_figures(
         table(figures, f"{scenario}, seeds {seeds}, {randomization}; PPO: {steps} steps in {trained_s:.0f} s")
     )
     result = {
@@ -157,6 +157,7 @@ def main(
             "repeat": REPEAT,
             "seconds": round(trained_s, 1),
         },
+        "learner": {name: metadata.version(name) for name in ("stable-baselines3", "torch")},
         "scenario": scenario,
         "seeds": seeds,
         "randomization": randomization,
