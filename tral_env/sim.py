@@ -34,6 +34,9 @@ Flags = NDArray[np.bool_]
 _VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
 _NONE = int(mujoco.mjtStage.mjSTAGE_NONE)
 
+_UNSTABLE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
+"""Warnings about positions, velocities and accelerations that are not finite, or huge."""
+
 _SONAR_DRAWS = 2 + ultrasonic.MEASURE_DRAWS
 """Numbers for one ranging: softness of the incidence limit, crosstalk, measurement."""
 
@@ -110,6 +113,7 @@ class Simulation:
         bind, expand = self.batch.bind, self.batch.expand
         self.qpos, self._qvel, self._ctrl = bind("qpos"), bind("qvel"), bind("ctrl")
         self._sensordata, self._history = bind("sensordata"), bind("history")
+        self._warnings = self.batch.warning
         self._geom = {name: expand(name) for name in ("geom_pos", "geom_quat", "geom_size", "geom_friction")}
         self._mass, self._inertia = expand("body_mass"), expand("body_inertia")
         self._frictionloss, self._interval = expand("dof_frictionloss"), expand("sensor_interval")
@@ -222,6 +226,9 @@ class Simulation:
         Args:
             command: (n, 2) steering, throttle; clipped to [-1, 1].
             rows: (k,) the cars that move; None: all.
+
+        Raises:
+            SimulationError: the physics of a car became unstable; it has to be reset.
         """
         moving = self._everyone if rows is None else rows
         if rows is None:
@@ -231,6 +238,7 @@ class Simulation:
         drive = self.actuation.apply(moving, self.command[moving], self._wheel_speed()[moving])
         self._actuate(moving, drive)
         self.batch.step(rows, nstep=self.substeps, stage=_VEL)
+        self._check_stable()
         self._ticks[moving] += 1
         self.time_s[moving] = self._ticks[moving] * CONTROL_PERIOD_S
         before = self._velocity.copy()
@@ -240,6 +248,12 @@ class Simulation:
         self._fire_sonars()
         self._look(moving)
         self.extras.update(moving, self.pose, self._sensordata[:, self.handles.imu])
+
+    def _check_stable(self) -> None:
+        # MuJoCo itself only counts a warning and puts such a car back to the origin, as if nothing had happened.
+        unstable = self._warnings[:, _UNSTABLE, 1]
+        if unstable.any():
+            raise SimulationError(f"unstable physics in rows {np.flatnonzero(unstable.any(axis=1)).tolist()}")
 
     def _wheel_speed(self) -> Array:
         """(n,) mean rate of the four wheels times their radius, m/s; a sum in fixed order, alike for any n."""
@@ -263,8 +277,6 @@ class Simulation:
         dof = self.handles.root_dof
         self._velocity[:] = self._qvel[:, dof : dof + 2]
         self.speed[:] = self._velocity[:, 0] * np.cos(yaw) + self._velocity[:, 1] * np.sin(yaw)
-        if not np.isfinite(self.pose).all():
-            raise SimulationError(f"unstable physics in rows {np.flatnonzero(~np.isfinite(self.pose).all(axis=1))}")
 
     def _feel_contact(self, before: Array) -> None:
         found = self._sensordata[:, self.handles.contact_found]

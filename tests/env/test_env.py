@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode
 import tral_env.env
 from tral_env.config import WIDE_LENS, CarConfig, TaskConfig
 from tral_env.course.generate import SCENARIOS
-from tral_env.errors import ConfigError
+from tral_env.errors import ConfigError, SimulationError
 from tral_env.interface import CORE_LAYOUT, Layout, action_space
 from tral_env.randomization import LEVELS, level
 from tral_env.vector_env import TralCorridorVectorEnv
@@ -281,6 +281,16 @@ def test_a_mask_that_names_nobody_resets_nobody() -> None:
     env.step(np.zeros((2, 2)))
     _, info = env.reset(options={"reset_mask": np.zeros(2, bool)})
     assert info["time_s"].tolist() == [1 / 80, 1 / 80]
+
+
+def test_unstable_physics_are_an_error_until_the_next_reset() -> None:
+    env = TralCorridorVectorEnv(3, scenario="straight")
+    env.reset(seed=0)
+    env.corridor.sim.qpos[1, 0] = np.inf
+    with pytest.raises(SimulationError, match=r"rows \[1\]"):
+        env.step(np.zeros((3, 2)))
+    env.reset(seed=0)
+    env.step(np.zeros((3, 2)))
 
 
 def test_a_copy_of_an_environment_drives_as_the_first_one_does() -> None:
