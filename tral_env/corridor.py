@@ -172,15 +172,17 @@ class Corridor:
             self.courses[row], self.plans[row] = course, plan
             task.lay(self.track, int(row), plan)
         self.sim.reset(rows, [plan for _, plan, _ in drawn], [car for _, _, car in drawn], rngs)
-        self._segment[rows] = 0
-        self._passed[rows] = 0
-        self._steering[rows] = 0.0
-        self._s[rows], _, self._segment[rows] = task.locate(
-            self.track, rows, self.sim.pose[rows, :2], self._segment[rows]
-        )
-        self.wanted_clearance[rows] = np.nan
+        self._line_up(rows)
         self._started = True
         return self._parameters()
+
+    def _line_up(self, rows: Index) -> None:
+        """Begin the task of the rows anew."""
+        position, first = self.sim.pose[rows, :2], np.zeros(len(rows), np.int64)
+        self._s[rows], _, self._segment[rows] = task.locate(self.track, rows, position, first)
+        self._passed[rows] = 0
+        self._steering[rows] = 0.0
+        self.wanted_clearance[rows] = np.nan
 
     def _parameters(self) -> dict[str, Array]:
         return {name: values.copy() for name, values in self.sim.parameters.items()}
