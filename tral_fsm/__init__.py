@@ -1,5 +1,6 @@
 """State machines that drive: definition, states, transitions, policy."""
 
+from tral_fsm import corridor  # registers its states and conditions
 from tral_fsm.checks import FormatError, Problem, check
 from tral_fsm.definition import MachineDefinition
 from tral_fsm.library import load as load_machine
@@ -17,6 +18,7 @@ __all__ = [
     "Problem",
     "Transit",
     "check",
+    "corridor",
     "load_machine",
     "load_policy",
     "machine_names",

@@ -97,18 +97,19 @@ def pursuit(x: float, y: float) -> float:
     return steering_for(2.0 * y / max(x * x + y * y, 1e-6))
 
 
-def line(offset: float, heading: float, length: float) -> float:
+def line(offset: float, heading: float, length: float, steepest: float = math.pi / 4.0) -> float:
     """Steering onto a line without overshoot: curvature -(offset / length^2 + 2 sin(heading) / length).
 
     Args:
         offset: where the car is beside the line, + = left of it, m.
         heading: of the car against the line, rad.
         length: in which an offset dies away by the factor e, m.
+        steepest: angle at which the line is approached at most, rad.
 
     Returns:
-        Steering command in [-1, 1]. The approach is never steeper than 45 degrees.
+        Steering command in [-1, 1].
     """
-    steep = clip(offset / (2.0 * length), math.sin(math.pi / 4.0))
+    steep = clip(offset / (2.0 * length), math.sin(steepest))
     return steering_for(-2.0 / length * (steep + math.sin(heading)))
 
 

@@ -162,6 +162,7 @@ class ApproachPointSpec(DrivingSpec):
     )
     tolerance: float = quantity(0.05, "m", "arrived within this distance along the way", gt=0.0, le=2.0)
     length: float = quantity(0.35, "m", "an offset from the axis dies away by e in it", gt=0.0, le=5.0)
+    max_angle_deg: float = quantity(45.0, "deg", "the axis is approached no steeper", gt=0.0, le=90.0)
     track: bool = Field(True, description="take each new sighting of the gate that was handed over")
 
     @property
@@ -202,6 +203,7 @@ class StopSpec(StateSpec):
 
     type: Literal["Stop"] = "Stop"
     brake: float = quantity(0.3, "", "throttle against the direction in which the car rolls", ge=0.0, le=1.0)
+    hold: float = quantity(0.0, "s", "brakes at least so long: a motor controller wants to see it before it reverses")
 
     @property
     def may_end(self) -> bool:

@@ -12,13 +12,12 @@ from collections.abc import Sequence
 
 from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT, MAX_AGE_S, NO_ECHO_M
 from tral_fsm.control import TRACK, clip, curvature, speed_control, wrap
+from tral_fsm.walls import SENSOR_X, Ahead, Walls
 
 _HISTORY_TICKS = 128
 """Poses kept for late camera images: 1.6 s."""
 _STEERING_LAG_S = 0.06
 """Time constant of the servo in dead reckoning. Source: choice."""
-_CORRIDOR_BLEND = 0.15
-"""Weight of one sonar interval in the estimate of the corridor's direction. Source: choice."""
 _TRIM_LIMIT = 0.25
 """A larger fault is no matter of trim: 5.5 degrees. Source: choice."""
 _STALL_TICKS, _NEUTRAL_TICKS = 80, 16
@@ -104,6 +103,7 @@ class MachineState:
         "_stalled",
         "_travelled",
         "_wheel",
+        "ahead",
         "applied_steering",
         "applied_throttle",
         "corridor_yaw",
@@ -121,6 +121,8 @@ class MachineState:
         "tick",
         "time",
         "trim",
+        "trim_fault",
+        "walls",
         "wanted_clearance",
         "wanted_side",
         "x",
@@ -153,11 +155,17 @@ class MachineState:
         self.yaw = 0.0
         """Dead reckoning from the start, rad, not wrapped."""
         self.corridor_yaw = 0.0
-        """Direction of the corridor in dead reckoning, rad; wall following learns it from the side ranges."""
+        """Direction of the corridor in dead reckoning, rad, but for quarter turns; learnt from the side ranges."""
+        self.walls = Walls()
+        """The corridor's walls."""
+        self.ahead = Ahead()
+        """What is ahead."""
         self.direction = 1.0
         """+1 forward, -1 after reverse gear was ordered at standstill: the hall sensor does not know."""
         self.trim = 0.0
-        """Steering at which the car drives straight, as far as wall following has learnt it."""
+        """Steering at which the car drives straight, as far as the states have learnt it."""
+        self.trim_fault = 0.0
+        """By how much the side range that came in this tick says that the trim is wrong."""
         self.steering = 0.0
         """Output, + = left."""
         self.throttle = 0.0
@@ -193,6 +201,7 @@ class MachineState:
         self.left.update(range_left, age_left, time)
         self.front.update(range_front, age_front, time)
         self.right.update(range_right, age_right, time)
+        self._find_walls()
         self._see(self.gate, gate_id, gate_x, gate_y, gate_heading, gate_age)
         self._see(self.marker, marker_id, marker_x, marker_y, marker_heading, marker_age)
         self.wanted_side = self.wanted_clearance = self.speed_target = math.nan
@@ -220,13 +229,37 @@ class MachineState:
         seen.age = age
         if not seen.new:
             return
-        back = min(int(age / CONTROL_PERIOD_S + 0.5), len(self._history) - 1)
-        px, py, yaw = self._history[-1 - back]
+        px, py, yaw = self._pose_before(age)
         cos, sin = math.cos(yaw), math.sin(yaw)
         seen.id = int(number)
         seen.x = px + cos * x - sin * y
         seen.y = py + sin * x + cos * y
         seen.heading = yaw + heading
+
+    def _pose_before(self, age: float) -> Pose:
+        """Pose of dead reckoning some seconds ago."""
+        back = min(int(age / CONTROL_PERIOD_S + 0.5), len(self._history) - 1)
+        return self._history[-1 - back]
+
+    def _find_walls(self) -> None:
+        """Correct the corridor's direction and walls by the side ranges that came in this tick."""
+        self.trim_fault = 0.0
+        for sonar, wall in ((self.left, self.walls.left), (self.right, self.walls.right)):
+            if sonar.new:
+                x, y, yaw = self._pose_before(sonar.age)
+                along = self.yaw - self.heading
+                turn, trim = self.walls.take(wall, sonar.range, x, y, yaw - along, along)
+                self.corridor_yaw += turn
+                self.trim_fault += trim
+        if self.front.new:
+            self.ahead.take(self.front.range, self.distance)
+
+    def clearance(self, is_left: bool) -> float:
+        """What the side ultrasonic should read at this moment, m; NaN: no wall known."""
+        along = self.yaw - self.heading
+        return self.walls.side(is_left).seen_from(
+            self.x + SENSOR_X * math.cos(self.yaw), self.y + SENSOR_X * math.sin(self.yaw), along
+        )
 
     def side(self, is_left: bool) -> Sonar:
         """Side ultrasonic of that side."""
@@ -248,13 +281,13 @@ class MachineState:
         """Heading of the car against the corridor, in [-45, 45) degrees, rad: corridors meet at right angles."""
         return (self.yaw - self.corridor_yaw + _QUARTER / 2.0) % _QUARTER - _QUARTER / 2.0
 
-    def learn_heading(self, measured: float) -> None:
-        """Correct the corridor's direction by a measured heading [rad] against it."""
-        self.corridor_yaw += _CORRIDOR_BLEND * clip(self.heading - measured, 0.5)
-
     def learn_trim(self, gain: float, error: float) -> None:
         """Integrate a small deviation [m], + = too far right, with a gain [1/(m s)] into the trim."""
-        self.trim = clip(self.trim + gain * error * CONTROL_PERIOD_S, _TRIM_LIMIT)
+        self.set_trim(self.trim + gain * error * CONTROL_PERIOD_S)
+
+    def set_trim(self, trim: float) -> None:
+        """Set the trim, within what may be the car's fault."""
+        self.trim = clip(trim, _TRIM_LIMIT)
 
     def regulate(self, speed: float) -> None:
         """Set the throttle that brings the car to a speed [m/s]."""

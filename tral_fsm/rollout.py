@@ -16,8 +16,6 @@ from tral_env.interface import Policy
 Array = NDArray[np.float64]
 Outcome = Literal["success", "collision", "missed_gate", "timeout"]
 
-OUTCOMES: tuple[Outcome, ...] = ("success", "collision", "missed_gate", "timeout")
-
 
 @dataclass(frozen=True, kw_only=True)
 class Tick:

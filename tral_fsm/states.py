@@ -191,8 +191,6 @@ class WallState(DrivingState[W]):
             self.range = sonar.range
             if known and sonar.interval > 0.0:
                 self.rate = clip((sonar.range - sonar.previous) / sonar.interval, spec.max_rate)
-                if m.speed > 0.15:
-                    m.learn_heading(-self.sign * math.asin(clip(self.rate / m.speed)))
             else:
                 self.rate = 0.0
 
@@ -305,7 +303,7 @@ class ApproachPoint(DrivingState[ApproachPointSpec]):
         else:
             cos, sin = math.cos(heading), math.sin(heading)
             ahead = cos * x + sin * y
-            steering = line(sin * x - cos * y, -heading, spec.length)
+            steering = line(sin * x - cos * y, -heading, spec.length, math.radians(spec.max_angle_deg))
         self.finished = ahead <= spec.tolerance
         self.steer(m, steering)
         self.drive(m)
@@ -368,10 +366,15 @@ class Stop(State[StopSpec]):
     ROLLING: ClassVar[float] = 0.1
     """m/s"""
 
+    def on_enter(self, m: MachineState) -> None:
+        """Remember when it began, and in which direction the car rolls."""
+        self.until = m.time + self.spec.hold
+        self.direction = m.direction
+
     def tick(self, m: MachineState) -> None:
         """Wheels straight, brake or neutral."""
         m.steering = 0.0
-        m.throttle = -self.spec.brake * m.direction if m.speed > self.ROLLING else 0.0
+        m.throttle = -self.spec.brake * self.direction if m.speed > self.ROLLING or m.time < self.until else 0.0
         m.speed_target = 0.0
 
 

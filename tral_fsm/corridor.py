@@ -1,0 +1,273 @@
+"""States and conditions that drive by the walls of the blackboard instead of by the raw ranges.
+
+The laws are those of `control.line`: a place in the corridor is kept by where the car is and how it points, both from
+the observer in `walls`, so that jitter, recesses and openings do not reach the wheel.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal
+
+from pydantic import Field
+
+from tral_fsm import states, transitions
+from tral_fsm.control import clip, steering_for
+from tral_fsm.definition import ConditionSpec, DrivingSpec, Side, quantity
+from tral_fsm.machine_state import MachineState
+from tral_fsm.states import DrivingState, State
+from tral_fsm.transitions import Condition
+
+_QUARTER = math.pi / 2.0
+_SURE_LOCK = 0.9
+"""A linkage that is off does not reach full lock on one side, which dead reckoning cannot know. Source: choice."""
+FRONT_X = 0.304
+"""Front ultrasonic ahead of the rear axle, m."""
+_LATE = 0.25
+"""A turn takes so much more than its radius: late readings, slow servo, an end that dies away, m. Source: choice."""
+_FADE = 0.6
+"""The line comes to its place without a kink: over this length, m. Source: choice."""
+
+
+class FollowCorridorSpec(DrivingSpec):
+    """Keeps a place in the corridor: a clearance to the wall on `side`, at most half of what both sides have."""
+
+    type: Literal["FollowCorridor"] = "FollowCorridor"
+    side: Side = Field("right", description="the wall that the clearance is to")
+    clearance: float = quantity(0.9, "m", "wanted range of that side's ultrasonic", gt=0.0, le=5.0)
+    least: float = quantity(
+        0.3, "m", "at least this much is kept to the other wall if it alone is known", ge=0.0, le=5.0
+    )
+    length: float = quantity(0.4, "m", "an offset from the line dies away by e in it", gt=0.0, le=5.0)
+    slope: float = quantity(0.15, "", "the line shifts to the side by at most this, m for a metre", gt=0.0, le=1.0)
+    shift: float = quantity(5.0, "m", "the line shifts towards `side` by no more than this altogether", gt=0.0, le=5.0)
+    max_angle_deg: float = quantity(18.0, "deg", "the line is approached no steeper", gt=0.0, le=60.0)
+    learn_trim: bool = Field(True, description="learn at which steering the car drives straight")
+    slow_front: float | None = quantity(None, "m", "front range from which on the car slows down", gt=0.0, le=5.0)
+    slow_speed: float = quantity(0.3, "m/s", "speed at half of slow_front and nearer", ge=0.0, le=5.0)
+
+
+@states.runs(FollowCorridorSpec)
+class FollowCorridor(DrivingState[FollowCorridorSpec]):
+    """Follows a line in the corridor that begins where the car is and shifts to its place by a slope.
+
+    The line is kept as a clearance to a wall: that of `side` if it is known, else the other one, else, by dead
+    reckoning, nowhere. When the wall changes, or is found at another place, the line stays where it was and shifts.
+    """
+
+    def on_enter(self, m: MachineState) -> None:
+        """The line begins at the car."""
+        self.offset = 0.0
+        """Where the line is, + = left of the car, m."""
+        self.reference = 0.0
+        """Wall that it is kept to: +1 left, -1 right, 0 none."""
+        self.clearance = math.nan
+        """Of the line to that wall, m."""
+        self.shifted = 0.0
+        """How far it has shifted towards `side`, m."""
+        self.moved = -1
+        self.place = (m.x, m.y)
+        self.driven = m.distance
+
+    def tick(self, m: MachineState) -> None:
+        """Move the line, steer onto it."""
+        spec = self.spec
+        if spec.learn_trim and m.trim_fault:
+            m.set_trim(m.trim + m.trim_fault)
+        slope = self.shift(m)
+        approach = clip(self.offset / (2.0 * spec.length) + slope, math.sin(math.radians(spec.max_angle_deg)))
+        self.steer(m, clip(steering_for(2.0 / spec.length * (approach - math.sin(m.heading))), _SURE_LOCK))
+        if self.reference:
+            m.want_clearance(self.reference > 0.0, self.clearance)
+        self.drive(m, self.speed_now(m))
+
+    def shift(self, m: MachineState) -> float:
+        """Find the line anew; gives the slope with which it moves to the left."""
+        spec = self.spec
+        along = m.yaw - m.heading
+        x, y = self.place
+        self.offset -= math.cos(along) * (m.y - y) - math.sin(along) * (m.x - x)
+        self.place = (m.x, m.y)
+        step, self.driven = m.distance - self.driven, m.distance
+        preferred = spec.side == "left"
+        mine, other = m.clearance(preferred), m.clearance(not preferred)
+        is_left, now = (preferred, mine) if mine == mine else (not preferred, other)
+        if now != now:
+            self.reference = 0.0
+            return 0.0
+        sign = 1.0 if is_left else -1.0
+        moved = m.walls.side(is_left).moved
+        if sign != self.reference or moved != self.moved:
+            self.clearance = now - sign * self.offset
+            self.reference, self.moved = sign, moved
+        if is_left != preferred:
+            wanted = max(self.clearance, spec.least)
+        elif other == other:
+            wanted = min(spec.clearance, (mine + other) / 2.0)
+        else:
+            wanted = spec.clearance
+        slope = clip((wanted - self.clearance) / _FADE, spec.slope)
+        self.shifted -= slope * step if is_left == preferred else -slope * step
+        if self.shifted > spec.shift and (slope < 0.0) == (is_left == preferred):
+            slope = 0.0
+        self.clearance += slope * step
+        self.offset = sign * (now - self.clearance)
+        return -sign * slope
+
+    def speed_now(self, m: MachineState) -> float | None:
+        """Speed [m/s]: falls linearly from `slow_front` on, to `slow_speed` at half of it."""
+        spec = self.spec
+        if spec.slow_front is None or spec.speed is None or m.front.range >= spec.slow_front:
+            return None
+        share = max(2.0 * m.front.range / spec.slow_front - 1.0, 0.0)
+        slow = min(spec.slow_speed, spec.speed)
+        return slow + (spec.speed - slow) * share
+
+
+class TurnSpec(DrivingSpec):
+    """Turns into the corridor on `side`: full lock, then onto the direction a right angle away from this corridor's."""
+
+    type: Literal["Turn"] = "Turn"
+    side: Side = Field("left", description="to which side")
+    room: float = quantity(
+        0.65, "m", "the turn ends so far before the wall ahead, if lock and wall allow", gt=0.0, le=5.0
+    )
+    lock: float = quantity(0.85, "", "share of full lock at least", gt=0.0, le=1.0)
+    length: float = quantity(0.4, "m", "the rest of the turn dies away by e in half of it", gt=0.0, le=5.0)
+    tolerance_deg: float = quantity(2.0, "deg", "turned when no more than this is left", gt=0.0, le=45.0)
+
+    @property
+    def finishable(self) -> bool:
+        """When turned."""
+        return True
+
+
+@states.runs(TurnSpec)
+class Turn(DrivingState[TurnSpec]):
+    """A quarter turn against the corridor, not against the heading that the car happened to have."""
+
+    def on_enter(self, m: MachineState) -> None:
+        """Aim at a right angle to the corridor."""
+        self.finished = False
+        sign = 1.0 if self.spec.side == "left" else -1.0
+        self.aim = m.yaw - m.heading + sign * _QUARTER
+        radius = max(m.ahead.range + FRONT_X - _LATE - self.spec.room, 0.1)
+        self.lock = max(steering_for(1.0 / radius), self.spec.lock)
+
+    def tick(self, m: MachineState) -> None:
+        """Steer to that direction."""
+        spec = self.spec
+        rest = self.aim - m.yaw
+        self.finished = abs(rest) <= math.radians(spec.tolerance_deg)
+        self.steer(m, clip(steering_for(2.0 / spec.length * math.sin(clip(rest, _QUARTER))), self.lock))
+        self.drive(m)
+
+
+class BackUpSpec(DrivingSpec):
+    """Reverses for a distance and turns back to the corridor's direction meanwhile. Stop before and after it."""
+
+    type: Literal["BackUp"] = "BackUp"
+    distance: float = quantity(0.7, "m", "hall distance", gt=0.0, le=100.0)
+    length: float = quantity(0.4, "m", "the heading dies away by e in half of it", gt=0.0, le=5.0)
+
+    @property
+    def finishable(self) -> bool:
+        """After its distance."""
+        return True
+
+
+@states.runs(BackUpSpec)
+class BackUp(DrivingState[BackUpSpec]):
+    """In reverse the wheels turn the car the other way."""
+
+    def on_enter(self, m: MachineState) -> None:
+        """Remember where it began."""
+        self.finished = False
+        self.entry = m.distance
+
+    def tick(self, m: MachineState) -> None:
+        """Drive back, wheels so that the car comes to point along the corridor."""
+        self.finished = m.distance - self.entry >= self.spec.distance
+        self.steer(m, steering_for(2.0 / self.spec.length * math.sin(m.heading)))
+        self.drive(m)
+
+
+class OpeningSpec(ConditionSpec):
+    """Fires when there is no wall on a side: two readings found none, though the car stood parallel to hear one."""
+
+    type: Literal["Opening"] = "Opening"
+    side: Side = Field("left", description="on which side")
+
+
+@transitions.runs(OpeningSpec)
+class Opening(Condition[OpeningSpec]):
+    """Asks the observer of the walls."""
+
+    def __init__(self, spec: OpeningSpec, owner: State[Any]) -> None:
+        super().__init__(spec, owner)
+        self.is_left = spec.side == "left"
+
+    def triggered(self, m: MachineState) -> bool:
+        """The wall is lost."""
+        return m.walls.side(self.is_left).open
+
+    def why(self, m: MachineState) -> str:
+        """How many readings."""
+        return f"{m.walls.side(self.is_left).lost} readings without a wall on the {self.spec.side}"
+
+
+class SomethingAheadSpec(ConditionSpec):
+    """Fires when two readings of the front ultrasonic agree on something near, first heard between two ranges.
+
+    A wall across the corridor is heard from 5 m on, the edges of a box from 2 m on.
+    """
+
+    type: Literal["SomethingAhead"] = "SomethingAhead"
+    below: float = quantity(1.0, "m", "it is nearer than this", gt=0.0, le=5.0)
+    heard_above: float = quantity(0.0, "m", "it has been heard from farther away than this", ge=0.0, le=6.0)
+    heard_below: float = quantity(6.0, "m", "it has not been heard from farther away than this", gt=0.0, le=6.0)
+    aside_below: float | None = quantity(
+        None, "m", "it is no farther beside the way than this, as far as its approach tells; null: never mind", gt=0.0
+    )
+
+
+@transitions.runs(SomethingAheadSpec)
+class SomethingAhead(Condition[SomethingAheadSpec]):
+    """Asks what the blackboard knows of what is ahead."""
+
+    def triggered(self, m: MachineState) -> bool:
+        """Near, and first heard where it should be."""
+        spec, ahead = self.spec, m.ahead
+        if ahead.range >= spec.below or not spec.heard_above < ahead.heard_from <= spec.heard_below:
+            return False
+        return spec.aside_below is None or ahead.aside < spec.aside_below
+
+    def why(self, m: MachineState) -> str:
+        """How near, and from where on."""
+        ahead = m.ahead
+        return f"{ahead.range:.2f} m ahead, {ahead.aside:.2f} m aside, heard from {ahead.heard_from:.2f} m on"
+
+
+class MoreRoomSpec(ConditionSpec):
+    """Fires when there is more room on a side than on the other: when the wall there is farther away, or not known."""
+
+    type: Literal["MoreRoom"] = "MoreRoom"
+    side: Side = Field("left", description="on which side")
+
+
+@transitions.runs(MoreRoomSpec)
+class MoreRoom(Condition[MoreRoomSpec]):
+    """Compares the walls."""
+
+    def __init__(self, spec: MoreRoomSpec, owner: State[Any]) -> None:
+        super().__init__(spec, owner)
+        self.is_left = spec.side == "left"
+
+    def triggered(self, m: MachineState) -> bool:
+        """More room there."""
+        here, there = m.clearance(self.is_left), m.clearance(not self.is_left)
+        return here > there or (here != here and there == there)
+
+    def why(self, m: MachineState) -> str:
+        """Both clearances."""
+        return f"left {m.clearance(True):.2f} m, right {m.clearance(False):.2f} m"
