@@ -92,6 +92,22 @@ def test_a_range_with_an_echo_is_green_and_one_without_is_grey() -> None:
     assert tuple(image[HEIGHT - 48 - 50, 137]) == (170, 170, 170)
 
 
+@pytest.mark.parametrize("ending", ["success", "collision", "missed_gate", "timeout"])
+def test_a_drive_that_is_over_says_how_it_ended(ending: str) -> None:
+    middle = slice(HEIGHT // 2 - 40, HEIGHT // 2 + 5), slice(WIDTH // 2 - 110, WIDTH // 2 + 110)
+    views, tick = Painted(), last_tick(ending)
+    image = compose(
+        views.render_view("chase", WIDTH, HEIGHT), views.render_view("onboard", 288, 216), tick, COLOURS[1], over=True
+    )
+    colour = (90, 220, 90) if ending == "success" else (240, 60, 50)
+    assert (image[middle] == colour).all(axis=-1).sum() > 500
+
+
+def test_a_drive_that_goes_on_says_no_outcome() -> None:
+    middle = slice(HEIGHT // 2 - 40, HEIGHT // 2 + 5), slice(WIDTH // 2 - 110, WIDTH // 2 + 110)
+    assert (picture(ticks()[0])[middle] == 90).all()
+
+
 def test_the_gate_is_told_with_its_age() -> None:
     readings = {"gate_id": 2.0, "gate_x": 1.5, "gate_y": -0.25, "gate_heading": 0.0, "gate_age": 0.4}
     assert _gate_line(readings) == "gate 2: 1.50 m ahead, -0.25; 0.4 s ago"

@@ -51,6 +51,7 @@ class Summary:
     time_s: float | None
     """Mean over the successes; None without one."""
     mean_speed_mps: float
+    """Mean over the episodes, each counting alike, however long it took."""
     clearance_rmse_m: float | None
     """Over all ticks of all episodes; None where no clearance was measured."""
     lateral_rms_m: float | None

@@ -89,13 +89,13 @@ class DriveVideo:
         if tick.index % self._every == 0:
             self._writer.send(self.frame(tick))
 
-    def frame(self, tick: Tick) -> Image:
-        """The picture of a tick, (HEIGHT, WIDTH, 3) RGB."""
+    def frame(self, tick: Tick, over: bool = False) -> Image:
+        """The picture of a tick, (HEIGHT, WIDTH, 3) RGB; `over`: the drive has ended with it."""
         chase = self._views.render_view("chase", WIDTH, HEIGHT)
         if self._frames % INSET_EVERY == 0:
             self._onboard = self._views.render_view("onboard", INSET_WIDTH, INSET_HEIGHT)
         self._frames += 1
-        return compose(chase, self._onboard, tick, self._palette.rgb(tick.state))
+        return compose(chase, self._onboard, tick, self._palette.rgb(tick.state), over)
 
     def close(self) -> None:
         """Finish the file. Without a frame, or if the encoder broke off, there is none."""
@@ -109,7 +109,7 @@ class DriveVideo:
     def hold(self, seconds: float = 1.0) -> None:
         """Show the last tick for a while, so that the end can be read."""
         if self._last is not None:
-            image = self.frame(self._last)
+            image = self.frame(self._last, over=True)
             for _ in range(round(seconds * FPS)):
                 self._writer.send(image)
 
@@ -126,7 +126,7 @@ class DriveVideo:
             self.close()
 
 
-def compose(chase: Image, onboard: Image, tick: Tick, colour: tuple[int, int, int]) -> Image:
+def compose(chase: Image, onboard: Image, tick: Tick, colour: tuple[int, int, int], over: bool = False) -> Image:
     """Draw inset, state and readings over a chase view.
 
     Args:
@@ -134,12 +134,14 @@ def compose(chase: Image, onboard: Image, tick: Tick, colour: tuple[int, int, in
         onboard: (h, w, 3) RGB.
         tick: what is shown.
         colour: of the active state.
+        over: the drive has ended with this tick; without an outcome its time was up.
 
     Returns:
         `chase`.
     """
     _draw_inset(chase, onboard)
     _draw_state(chase, tick, colour)
+    _draw_outcome(chase, tick, over)
     readings = dict(zip(CORE_LAYOUT.names, tick.observation, strict=False))
     _draw_ranges(chase, readings)
     _draw_gauges(chase, tick, readings)
@@ -178,10 +180,14 @@ def _draw_state(image: Image, tick: Tick, colour: tuple[int, int, int]) -> None:
     if info["gates_total"]:
         line += f"   gates {info['gates_passed']}/{info['gates_total']}"
     _text(image, line, (32, 70))
-    ended = [word for word in ("success", "collision", "missed_gate") if info[word]]
-    if ended:
-        outcome = _GREEN if ended[0] == "success" else _RED
-        _text(image, ended[0].replace("_", " ").upper(), (WIDTH // 2 - 110, HEIGHT // 2), 1.4, outcome, 3)
+
+
+def _draw_outcome(image: Image, tick: Tick, over: bool) -> None:
+    ended = [word for word in ("success", "collision", "missed_gate") if tick.info[word]]
+    if ended or over:
+        word = ended[0] if ended else "timeout"
+        colour = _GREEN if word == "success" else _RED
+        _text(image, word.replace("_", " ").upper(), (WIDTH // 2 - 110, HEIGHT // 2), 1.4, colour, 3)
 
 
 def _draw_ranges(image: Image, readings: dict[str, float]) -> None:
