@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
 from tral_env.errors import ConfigError, nearest
@@ -285,6 +285,19 @@ class CameraConfig:
             raise ConfigError(
                 f"CameraConfig.distortion has {len(self.distortion)} numbers, expected 5: k1, k2, p1, p2, k3"
             )
+
+    def scaled(self, width: int, height: int) -> CameraConfig:
+        """The lens that sees the same in an image of another size, px."""
+        across, down = width / self.width, height / self.height
+        return replace(
+            self,
+            width=width,
+            height=height,
+            fx=self.fx * across,
+            fy=self.fy * down,
+            cx=(self.cx + 0.5) * across - 0.5,
+            cy=(self.cy + 0.5) * down - 0.5,
+        )
 
 
 WIDE_LENS = CameraConfig(fx=335.9, fy=333.6, cx=330.2, cy=249.6, distortion=(-0.162, 0.0157, -0.0016, -0.0047, 0.0))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -16,8 +17,11 @@ from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space
+from tral_env.perception.degrade import WebcamLaw
 from tral_env.randomization import Randomization
+from tral_env.sim import Simulation
 from tral_env.views import VIEWS, Views
+from tral_env.vision import Webcam
 
 _ROW = np.zeros(1, np.int64)
 
@@ -188,7 +192,8 @@ class TralCorridorPixelsEnv(TralCorridorEnv):
     """`TralCorridor-v0` with the camera's image in the observation.
 
     Observation: `Dict(image=Box(0, 255, (height, width, 3), uint8), readings=Box((d,), float32))`. The image is that of
-    the last exposure, 15 times a second; `image_size` is (width, height) in pixels.
+    the last exposure, 15 times a second, scaled to `image_size`, (width, height) in pixels: through the lens, with the
+    mounting error and the degradation that were drawn for the car. It needs OpenGL.
     """
 
     def __init__(self, image_size: tuple[int, int] = (160, 120), **kwargs: Any) -> None:
@@ -201,6 +206,8 @@ class TralCorridorPixelsEnv(TralCorridorEnv):
         self.observation_space = spaces.Dict({"image": image, "readings": self.corridor.layout.space()})
         self._image = np.zeros(image.shape, np.uint8)
         self._exposures = -1
+        self._sim: Simulation | None = None
+        self._webcam: Webcam | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start a new episode, with a new image."""
@@ -208,8 +215,32 @@ class TralCorridorPixelsEnv(TralCorridorEnv):
         return super().reset(seed=seed, options=options)
 
     def _observation(self, readings: NDArray[np.float32]) -> Any:
-        exposures = int(self.corridor.sim.exposures[0])
+        sim = self.corridor.sim
+        webcam = self._webcam
+        if self._exposures < 0 or webcam is None:
+            webcam = self._place_webcam(sim)
+        exposures = int(sim.exposures[0])
         if exposures != self._exposures:
             self._exposures = exposures
-            self._image = self.render_view("onboard", *self._image_size)
+            self._image = webcam.image(0, sim.qpos[0], sim.mounting(_ROW)[0])
         return {"image": self._image.copy(), "readings": readings}
+
+    def _place_webcam(self, sim: Simulation) -> Webcam:
+        webcam = self._webcam
+        if webcam is None or sim is not self._sim:
+            if webcam is not None:
+                webcam.close()
+            # Fewer pixels, each the mean of many: less of the noise and of the blur is left.
+            share, law = self._image_size[0] / sim.lens.width, WebcamLaw()
+            law = replace(law, blur_px=law.blur_px * share, noise=law.noise * share)
+            webcam = Webcam(1, sim.pool, sim.lens.scaled(*self._image_size), law)
+            self._webcam, self._sim = webcam, sim
+        degradation = float(sim.parameters["image_degradation"][0])
+        webcam.place(0, sim.plan(0), degradation, int(sim.image_seeds[0]))
+        return webcam
+
+    def close(self) -> None:
+        """Free what OpenGL holds."""
+        super().close()
+        if self._webcam is not None:
+            self._webcam.close()

@@ -99,6 +99,8 @@ class Simulation:
         """(n,) speed towards what it touches, a tick before, m/s."""
         self.exposures = np.zeros(n, np.int64)
         """(n,) images exposed since reset."""
+        self.image_seeds = np.zeros(n, np.int64)
+        """(n,) seeds of the noise in the images."""
         self.parameters: dict[str, Array] = {}
         """Drawn parameters of the cars, name -> (n,); see `Randomization`."""
         self._plans: list[Plan | None] = [None] * n
@@ -147,7 +149,8 @@ class Simulation:
         for row, plan, car in zip(rows, plans, cars, strict=True):
             self._plans[row] = plan
             self._build(int(row), plan)
-            self.vision.place(int(row), plan, car["image_degradation"], int(rngs[row].integers(2**32)))
+            self.image_seeds[row] = rngs[row].integers(2**32)
+            self.vision.place(int(row), plan, car["image_degradation"], int(self.image_seeds[row]))
             self.noise.reset(int(row), rngs[row])
             self.extras.place(int(row), plan.tape)
             for name, value in car.items():
@@ -326,13 +329,15 @@ class Simulation:
     def _look(self, moving: Index) -> None:
         rows = self.sightings.due(moving, self.time_s)
         if len(rows):
-            degrees = np.stack(
-                [self.parameters[f"camera_{axis}_deg"][rows] for axis in ("roll", "pitch", "yaw")], axis=1
-            )
-            seen = self.vision.see(rows, self.pose[rows], self.qpos[rows], np.radians(degrees))
+            seen = self.vision.see(rows, self.pose[rows], self.qpos[rows], self.mounting(rows))
             self.sightings.expose(rows, self.time_s, seen)
             self.exposures[rows] += 1
         self.sightings.deliver(self.time_s)
+
+    def mounting(self, rows: Index) -> Array:
+        """(k, 3) roll, pitch, yaw of the cameras' mounting errors, rad."""
+        degrees = [self.parameters[f"camera_{axis}_deg"][rows] for axis in ("roll", "pitch", "yaw")]
+        return np.radians(np.stack(degrees, axis=1))
 
     def observation(self) -> NDArray[np.float32]:
         """What the policies are told now, (n, d)."""

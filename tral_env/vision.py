@@ -12,8 +12,8 @@ from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool
 from tral_env.noise import NoiseTape
 from tral_env.perception.aruco import Detector, marker_poses
-from tral_env.perception.camera import OnboardCamera
-from tral_env.perception.degrade import degrade
+from tral_env.perception.camera import Image, OnboardCamera
+from tral_env.perception.degrade import WebcamLaw, degrade
 from tral_env.perception.gate import Sighting, sight
 from tral_env.perception.projected import NOISE_PLACES, NORMALS, UNIFORMS, Scenery, project
 from tral_env.stage import Stage
@@ -88,23 +88,57 @@ class ProjectedVision:
         """Nothing to free."""
 
 
-class RenderedVision:
-    """The image of the camera, rendered and searched by OpenCV's detector."""
+class Webcam:
+    """The images that n cars' cameras take: through the lens, mounted askew, degraded as a webcam does."""
 
-    def __init__(self, n: int, pool: Pool, lens: CameraConfig, car: CarConfig) -> None:
+    def __init__(self, n: int, pool: Pool, lens: CameraConfig, law: WebcamLaw | None = None) -> None:
         """OpenGL is opened with the first image."""
         self._stage = Stage(pool)
         self._plans: list[Plan | None] = [None] * n
         self._rngs = [np.random.default_rng(0) for _ in range(n)]
         self._degradation = np.zeros(n)
         self._camera = OnboardCamera(lens)
-        self._detector = Detector()
-        self._lens, self._car = lens, car
+        self._law = law
 
     def place(self, row: int, plan: Plan, degradation: float, seed: int) -> None:
         """See `Vision`."""
         self._plans[row] = plan
         self._degradation[row], self._rngs[row] = degradation, np.random.default_rng(seed)
+
+    def image(self, row: int, qpos: Array, mounting: Array) -> Image:
+        """Image of one car now.
+
+        Args:
+            row: which car.
+            qpos: (nq,) its state.
+            mounting: (3,) roll, pitch, yaw of the mounting error, rad.
+
+        Raises:
+            RenderError: no OpenGL on this machine.
+        """
+        plan = self._plans[row]
+        assert plan is not None, "a car looks around after its course was placed"
+        roll, pitch, yaw = (float(angle) for angle in mounting)
+        image = self._camera.capture(*self._stage.show(plan, qpos), (roll, pitch, yaw))
+        return degrade(image, float(self._degradation[row]), self._rngs[row], self._law)
+
+    def close(self) -> None:
+        """Free the OpenGL context."""
+        self._camera.close()
+
+
+class RenderedVision:
+    """The image of the camera, rendered and searched by OpenCV's detector."""
+
+    def __init__(self, n: int, pool: Pool, lens: CameraConfig, car: CarConfig) -> None:
+        """OpenGL is opened with the first image."""
+        self._webcam = Webcam(n, pool, lens)
+        self._detector = Detector()
+        self._lens, self._car = lens, car
+
+    def place(self, row: int, plan: Plan, degradation: float, seed: int) -> None:
+        """See `Vision`."""
+        self._webcam.place(row, plan, degradation, seed)
 
     def see(self, rows: Index, pose: Array, qpos: Array, mounting: Array) -> Sighting:
         """See `Vision`.
@@ -116,15 +150,11 @@ class RenderedVision:
         return Sighting(*(np.concatenate([getattr(one, name) for one in found]) for name in Sighting.__annotations__))
 
     def _look(self, row: int, qpos: Array, mounting: Array) -> Sighting:
-        plan = self._plans[row]
-        assert plan is not None, "a car looks around after its course was placed"
-        roll, pitch, yaw = (float(angle) for angle in mounting)
-        image = self._camera.capture(*self._stage.show(plan, qpos), (roll, pitch, yaw))
-        image = degrade(image, float(self._degradation[row]), self._rngs[row])
+        image = self._webcam.image(row, qpos, mounting)
         poses = marker_poses(self._detector.detect(image), self._lens, self._car)
         valid = np.ones((1, len(poses.ids)), bool)
         return sight(poses.ids[None], poses.x[None], poses.y[None], poses.heading[None], valid)
 
     def close(self) -> None:
         """Free the OpenGL context."""
-        self._camera.close()
+        self._webcam.close()

@@ -119,6 +119,25 @@ def test_an_image_stays_until_the_next_exposure() -> None:
     env.close()
 
 
+@needs_opengl
+def test_the_pixels_are_those_of_the_car_s_own_camera() -> None:
+    env = gym.make("TralCorridorPixels-v0", course=GATE_AHEAD, randomization="none")
+    images = {}
+    for name, car in {
+        "plain": {},
+        "turned": {"camera_yaw_deg": 5.0},
+        "degraded": {"image_degradation": 3.0},
+        "again": {"image_degradation": 3.0},
+    }.items():
+        images[name] = env.reset(seed=1, options={"car": car})[0]["image"].astype(int)
+    assert np.abs(images["plain"] - env.unwrapped.render_view("onboard", 160, 120)).mean() < 0.5
+    # 5 degrees to the left move the picture right by 139 tan(5 deg) = 12 px.
+    assert np.abs(images["turned"][:, 12:] - images["plain"][:, :-12]).mean() < 3
+    assert np.abs(images["degraded"] - images["plain"]).mean() > 1
+    assert np.array_equal(images["degraded"], images["again"])
+    env.close()
+
+
 def test_unknown_views_are_answered_with_the_nearest() -> None:
     env = tral_env.env.TralCorridorEnv(scenario="straight")
     env.reset(seed=0)
