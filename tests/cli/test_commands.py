@@ -164,6 +164,14 @@ def test_figures_are_whole_in_a_narrow_terminal(tmp_path: Path, short: Path, mon
     assert "…" not in result.stdout
 
 
+def test_a_state_may_be_called_what_looks_like_markup_or_a_formula(tmp_path: Path, short: Path) -> None:
+    states = [{"id": "[/b] $\\x$", "type": "Motor", "speed": 0.5, "final": True}]
+    (tmp_path / "odd.json").write_text(json.dumps({"root": states[0]["id"], "states": states}))
+    arguments = ["--course", short, "--policy", tmp_path / "odd.json", "--camera", "projected", "--no-video"]
+    assert tral("drive", *arguments, "--out", tmp_path / "out").exit_code in (0, 1)
+    assert (tmp_path / "out" / "trajectory.png").exists()
+
+
 def test_physics_that_become_unstable_are_a_failed_episode_and_not_bad_usage(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -94,7 +94,7 @@ def _shared_cells(progress: float, time: float | None, row: Mapping[str, Any]) -
     return [
         f"{100 * progress:.0f} %",
         "-" if time is None else f"{time:.1f} s",
-        f"{row['mean_speed_mps']:.2f} m/s",
+        f"{round(row['mean_speed_mps'], 2) + 0.0:.2f} m/s",  # 0.00, not -0.00
         "-" if rmse is None else f"{100 * rmse:.1f} cm",
         f"{row['gates_passed']}/{row['gates_total']}" if row["gates_total"] else "-",
     ]

@@ -26,7 +26,7 @@ def sweep_figure(cells: Sequence[Cell], title: str) -> Figure:
     ax.set_yticks(range(len(p)), [f"{value:.3g}" for value in p])
     ax.set_xlabel("d [steering per m/s]")
     ax.set_ylabel("p [steering per m]")
-    ax.set_title(title, loc="left", fontsize=10)
+    ax.set_title(title, loc="left", fontsize=10, parse_math=False)
     middle = np.nanmean(error) if np.isfinite(error).any() else 0.0
     for cell in cells:
         row, column = p.index(cell.p), d.index(cell.d)

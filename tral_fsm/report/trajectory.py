@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -44,7 +45,7 @@ def trajectory_figure(episode: Episode, plan: Plan) -> Figure:
     _draw_path(above, trace, palette)
     _draw_events(above, episode)
     above.set_aspect("equal")
-    above.set_title(title(episode), loc="left")
+    above.set_title(title(episode), loc="left", parse_math=False)
     _legend_of_states(above, palette)
     _draw_bands(below, trace, palette)
     _draw_ranges(below, trace)
@@ -121,7 +122,10 @@ def _draw_events(ax: Axes, episode: Episode) -> None:
 def _legend_of_states(ax: Axes, palette: Palette) -> None:
     handles, _ = ax.get_legend_handles_labels()
     patches = [Patch(color=palette.unit(name), label=name) for name in palette.states[:_NAMES_AT_MOST] if name]
-    ax.legend(handles=[*patches, *handles], loc="upper left", bbox_to_anchor=(1.005, 1.0), fontsize=8, frameon=False)
+    place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.005, 1.0)}
+    legend = ax.legend(handles=[*patches, *handles], fontsize=8, frameon=False, **place)
+    for text in legend.get_texts():
+        text.set_parse_math(False)  # names of states are no formulas
 
 
 def _draw_bands(ax: Axes, trace: Trace, palette: Palette) -> None:
