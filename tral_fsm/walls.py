@@ -34,7 +34,11 @@ _JUMP = 0.02
 _AGREE = 3
 """So many readings must agree on a new place of the wall."""
 _HASTY = 10
-"""A wall that moves after fewer readings than this, and not far, only seems to move."""
+"""A wall that moves after fewer readings than this rather seems to move: the car slips."""
+_SLIP = 0.2
+"""Slips that add up to this on one side or both: the corridor's direction is wrong, m."""
+_MOST_TURN = (0.05, 0.008, 0.004)
+"""The direction is corrected by no more than this at a reading, rad. The last is 6 degrees for a metre."""
 _FAR = 0.45
 """A range that is so much larger than the wall's is an opening, no recess, m."""
 
@@ -47,7 +51,7 @@ _AHEAD_MISSES = 3
 class Wall:
     """The wall on one side."""
 
-    __slots__ = ("_agreed", "_candidate", "_readings", "_x", "_y", "drift", "hasty", "lost", "moved", "range", "sign")
+    __slots__ = ("_agreed", "_candidate", "_readings", "_x", "_y", "drift", "lost", "moved", "range", "sign", "slip")
 
     def __init__(self, sign: float) -> None:
         self.sign = sign
@@ -64,8 +68,8 @@ class Wall:
         """Readings in a row that found no wall while the car stood parallel enough to hear one."""
         self.drift = math.nan
         """How much farther left the car is than foretold, by the last reading, m; NaN: the reading told nothing."""
-        self.hasty = False
-        """The wall was found at another place so soon that rather the direction must be wrong."""
+        self.slip = 0.0
+        """How much farther left the car is by this reading, since the wall was found at another place so soon, m."""
         self._readings = 0
         self._agreed = 0
         self._candidate = math.nan
@@ -75,6 +79,11 @@ class Wall:
     def known(self) -> bool:
         """There is a wall, and where it is."""
         return self.range == self.range
+
+    @property
+    def steady(self) -> bool:
+        """It has been where it is for a while."""
+        return self._readings >= _HASTY
 
     @property
     def open(self) -> bool:
@@ -105,7 +114,7 @@ class Wall:
         """Take a reading [m] in a stage: the corridor's direction is 0 new, 1 known, 2 well known."""
         error = reading - self.range
         self.drift = math.nan
-        self.hasty = False
+        self.slip = 0.0
         if abs(error) <= (_JUMP if stage else 2.0 * _JUMP):
             self.lost = self._agreed = 0
             self._candidate = math.nan
@@ -130,7 +139,8 @@ class Wall:
         else:
             self._candidate, self._agreed = reading, 1
         if self._agreed >= _AGREE:
-            self.hasty = 0 < self._readings < _HASTY and abs(self._candidate - self.range) < _FAR / 3.0
+            if 0 < self._readings < _HASTY:
+                self.slip = self.sign * (self.range - self._candidate)
             self.range, self._readings, self.lost = self._candidate, self._agreed, 0
             self._candidate, self._agreed = math.nan, 0
             self.moved += 1
@@ -139,18 +149,20 @@ class Wall:
 class Walls:
     """Both walls and the direction of the corridor between them."""
 
-    __slots__ = ("_agreed", "left", "right")
+    __slots__ = ("_agreed", "_slip", "left", "right")
 
     def __init__(self) -> None:
         self.left = Wall(1.0)
         self.right = Wall(-1.0)
         self._agreed = 0
+        self._slip = 0.0
 
     def forget(self) -> None:
         """The car has turned out of the corridor: none of its walls is beside it any more."""
         self.left.forget()
         self.right.forget()
         self._agreed = 0
+        self._slip = 0.0
 
     def side(self, is_left: bool) -> Wall:
         """Wall on that side."""
@@ -180,14 +192,15 @@ class Walls:
         step = wall.foretell(x + SENSOR_X * math.cos(yaw), y + SENSOR_X * math.sin(yaw), corridor_yaw)
         stage = (self._agreed >= _SURE) + (self._agreed >= _SETTLED)
         wall.take(reading, stage)
-        if wall.hasty:
-            self._agreed = 0
+        self._slip = 0.0 if wall.steady else self._slip + wall.slip
+        if abs(self._slip) > _SLIP:
+            self._agreed, self._slip = 0, 0.0
         drift = self._common(wall, stage)
         if drift != drift:
             return 0.0, 0.0
         self._agreed += 1
         share = -drift * min(step / 0.04, 1.0)
-        return clip(_TURN_GAIN[stage] * share, 0.05), _TRIM_GAIN[stage] * share
+        return clip(_TURN_GAIN[stage] * share, _MOST_TURN[stage]), _TRIM_GAIN[stage] * share
 
     def _common(self, wall: Wall, stage: int) -> float:
         """Drift [m] that both walls agree on: an edge or a recess on one side looks like one, but not from the other.
