@@ -241,3 +241,9 @@ def test_the_gates_of_a_ring_come_in_the_order_in_which_a_lap_meets_them(start: 
     plan = plan_of(first, side, side, side, closed=True, start={"at": start})
     assert plan.gate_id.tolist() == order
     assert (np.diff(plan.gate_s) > 0).all()
+
+
+def test_a_ring_whose_start_touches_a_wall_is_refused():
+    side = {"length": 10, "width": 2, "then": "left"}
+    said = complaint(side, side, side, side, closed=True, start={"at": 5, "offset": 0.85, "heading_deg": 30})
+    assert "/start: the car stands within 0.000 m of a box" in said

@@ -5,7 +5,7 @@ In a segment the line is a chain of cubic Hermite pieces between knots (along, l
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -292,7 +292,8 @@ def check_drivable(plan: Plan, name: str, car: CarConfig | None = None) -> None:
     """Make sure that the car can follow the route.
 
     Raises:
-        CourseError: the route bends more than the car can, or the car would come nearer than `CLEARANCE` to a box.
+        CourseError: the route bends more than the car can, or the car would come nearer than `CLEARANCE` to a box, or
+            stands so near to one at the start.
     """
     car = car or CarConfig()
     bend = np.abs(bends(plan.route))
@@ -307,4 +308,11 @@ def check_drivable(plan: Plan, name: str, car: CarConfig | None = None) -> None:
     if gap < CLEARANCE:
         raise CourseError(
             f"course '{name}': on the route the car comes within {gap:.3f} m of a box. Allowed: {CLEARANCE:g} m or more"
+        )
+    # A ring's route does not begin at the start, but in the middle beside it.
+    x, y, yaw = plan.start
+    gap = clearance(replace(plan, route=np.array([[x, y], [x + 0.01 * np.cos(yaw), y + 0.01 * np.sin(yaw)]])), car)
+    if gap < CLEARANCE:
+        raise CourseError(
+            f"course '{name}': /start: the car stands within {gap:.3f} m of a box. Allowed: {CLEARANCE:g} m or more"
         )
