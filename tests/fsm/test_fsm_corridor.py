@@ -1,0 +1,196 @@
+"""The observer of the walls, and the states and conditions that drive by it."""
+
+import math
+
+import pytest
+import toy
+from readings import one_state, two_states
+
+from tral_fsm import load_policy
+from tral_fsm.machine_state import MachineState
+from tral_fsm.walls import Ahead, Wall, Walls
+
+CRUISE = {"type": "FollowCorridor", "throttle": 0.2}
+
+
+def settled(metres: float = 1.0) -> Walls:
+    """Walls after driving between walls at 0.8 m on the left and 1.0 m on the right, 4 cm a reading."""
+    walls = Walls()
+    for k in range(round(metres / 0.04)):
+        walls.take(walls.left, 0.8, 0.04 * k, 0.0, 0.0, 0.0)
+        walls.take(walls.right, 1.0, 0.04 * k, 0.0, 0.0, 0.0)
+    return walls
+
+
+class TestWalls:
+    def test_a_wall_is_known_after_three_readings_that_agree(self) -> None:
+        wall = Wall(1.0)
+        for reading in (0.80, 0.81):
+            wall.take(reading, 0)
+            assert not wall.known
+        wall.take(0.82, 0)
+        assert wall.known
+        assert wall.range == pytest.approx(0.81)
+
+    def test_a_wrong_reading_moves_nothing(self) -> None:
+        walls = settled()
+        assert walls.take(walls.left, 0.5, 1.04, 0.0, 0.0, 0.0) == (0.0, 0.0)
+        assert walls.left.range == pytest.approx(0.8)
+
+    def test_a_cupboard_becomes_the_wall(self) -> None:
+        walls = settled()
+        moved = walls.left.moved
+        for k in range(3):
+            walls.take(walls.left, 0.4, 1.04 + 0.04 * k, 0.0, 0.0, 0.0)
+        assert walls.left.range == pytest.approx(0.4)
+        assert walls.left.moved == moved + 1
+
+    def test_driving_to_the_left_is_foretold(self) -> None:
+        walls = settled()
+        walls.take(walls.left, 0.7, 1.04, 0.1, 0.0, 0.0)
+        assert walls.left.drift == pytest.approx(0.0)
+        assert walls.left.range == pytest.approx(0.7)
+
+    def test_two_readings_without_a_wall_make_an_opening(self) -> None:
+        walls = settled()
+        walls.take(walls.right, 6.0, 1.04, 0.0, 0.0, 0.0)
+        assert not walls.right.open
+        walls.take(walls.right, 6.0, 1.08, 0.0, 0.0, 0.0)
+        assert walls.right.open
+        assert not walls.right.known
+
+    def test_at_an_angle_no_echo_is_no_opening(self) -> None:
+        walls = settled()
+        for k in range(5):
+            walls.take(walls.right, 6.0, 1.04 + 0.04 * k, 0.0, math.radians(25.0), 0.0)
+        assert not walls.right.open
+        assert walls.right.known
+
+    def test_turning_out_of_the_corridor_forgets_its_walls(self) -> None:
+        walls = settled()
+        walls.take(walls.right, 6.0, 1.04, 0.0, math.radians(40.0), 0.0)
+        assert not walls.left.known
+        assert not walls.right.known
+
+    @pytest.mark.parametrize("degrees", [-4.0, 4.0])
+    def test_a_wrong_direction_is_put_right_within_a_metre(self, degrees: float) -> None:
+        walls, along = Walls(), 0.0
+        slope = math.tan(math.radians(degrees))
+        for k in range(25):
+            s = 0.04 * k
+            for wall, start in ((walls.left, 0.8), (walls.right, 1.0)):
+                turn, _ = walls.take(wall, start - wall.sign * slope * s, s, 0.0, -along, along)
+                along += turn
+        assert math.degrees(-along) == pytest.approx(degrees, abs=0.7)
+
+    def test_an_edge_on_one_side_does_not_turn_the_corridor(self) -> None:
+        walls = settled(4.0)
+        turned = 0.0
+        for k in range(10):
+            s = 4.0 + 0.04 * k
+            turned += abs(walls.take(walls.left, 0.8, s, 0.0, 0.0, 0.0)[0])
+            turned += abs(walls.take(walls.right, math.hypot(1.0, 0.04 * k), s, 0.0, 0.0, 0.0)[0])
+        assert turned < math.radians(1.0)
+
+
+class TestAhead:
+    @pytest.mark.parametrize("aside", [0.0, 0.2, 0.5])
+    def test_how_the_range_falls_tells_how_far_aside(self, aside: float) -> None:
+        ahead = Ahead()
+        for k in range(20):
+            ahead.take(math.hypot(2.0 - 0.04 * k, aside), 0.04 * k)
+        assert ahead.aside == pytest.approx(aside, abs=1e-6)
+        assert ahead.heard_from == pytest.approx(math.hypot(2.0, aside))
+
+    def test_one_wrong_reading_is_passed_over(self) -> None:
+        ahead = Ahead()
+        for k, reading in enumerate((3.0, 2.96, 0.4, 2.88)):
+            ahead.take(reading, 0.04 * k)
+        assert (ahead.range, ahead.heard_from) == (2.88, 3.0)
+
+    def test_something_else_is_heard_anew(self) -> None:
+        ahead = Ahead()
+        for k, reading in enumerate((3.0, 2.96, 1.5, 1.46, 1.42, 1.38, 1.34)):
+            ahead.take(reading, 0.04 * k)
+        assert ahead.heard_from == 1.38
+        assert ahead.range == 1.34
+
+
+def blackboard(**ranges: float) -> MachineState:
+    """Known ranges to the walls beside a car at the origin."""
+    m = MachineState()
+    for name, reading in ranges.items():
+        wall = getattr(m.walls, name)
+        wall.foretell(0.129, 0.0, 0.0)
+        wall.range = reading
+    return m
+
+
+class TestConditions:
+    def test_more_room_compares_the_walls(self) -> None:
+        bench = two_states({"type": "MoreRoom", "side": "left"})
+        condition = bench.machine._ways[0][0].condition
+        assert condition.triggered(blackboard(left=1.0, right=0.8))
+        assert not condition.triggered(blackboard(left=0.8, right=1.0))
+        assert condition.triggered(blackboard(right=0.8))
+
+    def test_something_ahead_asks_from_where_it_has_been_heard(self) -> None:
+        wall = two_states({"type": "SomethingAhead", "below": 1.0, "heard_above": 1.8})
+        box = two_states({"type": "SomethingAhead", "below": 1.0, "heard_below": 1.8})
+        for k in range(30):
+            for bench in (wall, box):
+                bench.tick(front=2.0 - 0.04 * k, distance=0.04 * k, speed=0.5)
+        assert (wall.active, box.active) == ("b", "a")
+
+    def test_an_opening_fires(self) -> None:
+        bench = two_states({"type": "Opening", "side": "right"})
+        for _ in range(4):
+            bench.tick(right=0.8)
+        assert bench.active == "a"
+        bench.tick(right=6.0)
+        bench.tick(right=6.0)
+        assert bench.active == "b"
+
+
+class TestStates:
+    def test_the_line_begins_where_the_car_is(self) -> None:
+        bench = one_state(**CRUISE, clearance=0.5)
+        for _ in range(3):
+            bench.tick(right=0.8)
+        assert bench.m.wanted_clearance == pytest.approx(0.8)
+        assert bench.m.wanted_side == -1.0
+
+    def test_the_line_shifts_by_its_slope(self) -> None:
+        bench = one_state(**CRUISE, clearance=0.5, slope=0.1)
+        for _ in range(4):
+            bench.tick(right=0.8)
+        before = bench.m.wanted_clearance
+        bench.tick(distance=0.05, speed=0.5)
+        bench.tick(distance=0.10, speed=0.5)
+        assert before - bench.m.wanted_clearance == pytest.approx(0.01)
+
+    def test_reversing_it_steers_the_other_way(self) -> None:
+        bench = one_state(type="BackUp", throttle=-0.2)
+        bench.tick()
+        bench.m.yaw = 0.2
+        assert bench.tick()[0] > 0.5
+
+    def test_brake_is_held_for_the_motor_controller(self) -> None:
+        bench = one_state(type="Stop", hold=0.1)
+        pushed = [bench.tick()[1] for _ in range(12)]
+        assert pushed[:8] == [-0.3] * 8
+        assert pushed[9:] == [0.0] * 3
+
+    @pytest.mark.parametrize(("side", "sign"), [("left", 1), ("right", -1)])
+    def test_a_turn_steers_to_its_side_with_the_lock_that_fits(self, side: str, sign: int) -> None:
+        far = one_state(type="Turn", side=side, throttle=0.2, lock=0.85)
+        assert far.tick()[0] == pytest.approx(sign * 0.85)
+
+
+@pytest.mark.parametrize("trim", [1 / 22, -1 / 22])
+def test_a_car_that_does_not_run_straight_is_found_out(trim: float) -> None:
+    world = toy.straight(2.0, y=0.1, trim=trim)
+    policy = load_policy("office")
+    world.drive(policy, 14)
+    assert policy._states[0].trim == pytest.approx(-trim, abs=0.02)
+    assert abs(world.path[-1][1]) < 0.15
