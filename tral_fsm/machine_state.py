@@ -308,7 +308,7 @@ class MachineState:
         """
         self._stalled = self._stalled + 1 if self.speed < 0.05 and throttle != 0.0 else 0
         if self._stalled > _STALL_TICKS:
-            self.throttle = 0.0
+            self.throttle = self._integral = 0.0
         if self._stalled >= _STALL_TICKS + _NEUTRAL_TICKS:
             self._stalled = 0
 
