@@ -17,7 +17,7 @@ SET_UP = ("python3 -m venv ", ".venv/bin/pip install ", "pip install ", ".venv/b
 """What begins so installs or runs these tests: .ci/run does it, with the command of the README."""
 
 CHEAPER = {
-    ".venv/bin/tral drive --scenario gates --seed 2 --out runs/first": "--camera projected --no-video",
+    ".venv/bin/tral drive --scenario office --seed 7 --out runs/first": "--camera projected --no-video",
     "tral tune --policy wall --scenario straight --grid 5 --episodes 3 --out runs/tune": "--grid 2 --episodes 1",
     "python benchmarks/compare.py --steps 20000 --scenario straight --seeds 1000:1010 --out runs/compare.json": (
         "--steps 512 --seeds 1000:1001"
