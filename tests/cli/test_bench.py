@@ -5,10 +5,12 @@ import json
 import pytest
 from typer.testing import CliRunner
 
+from tral_env.course.geometry import build_plan
 from tral_fsm.bench import speed
+from tral_fsm.bench.size import DOORS, corridor
 from tral_fsm.cli import app
 
-TINY = speed.Plan(rows=(2,), threads=(2,), rivals=2, landmarks=(), rounds=1, seconds=0.05, camera=False)
+TINY = speed.Plan(rows=(2,), threads=(2,), rivals=2, landmarks=(), rounds=1, seconds=0.05, camera=False, sizes=False)
 
 
 def test_every_contestant_is_measured() -> None:
@@ -40,3 +42,10 @@ def test_json_is_the_only_thing_on_stdout(monkeypatch: pytest.MonkeyPatch) -> No
     result = CliRunner().invoke(app, ["bench", "speed", "--quick", "--json", "--scenario", "straight"])
     assert result.exit_code == 0
     assert json.loads(result.stdout)["plan"]["scenario"] == "straight"
+
+
+def test_larger_courses_have_more_boxes() -> None:
+    sizes = [len(build_plan(corridor(doors)).box_kind) for doors in DOORS]
+    assert sizes[0] == 4
+    assert 30 <= sizes[1] <= 60
+    assert 300 <= sizes[2] <= 500

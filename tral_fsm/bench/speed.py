@@ -24,6 +24,7 @@ from tral_env.course.scene import Pool, build_model
 from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.vector_env import TralCorridorVectorEnv
 from tral_fsm.bench.host import host
+from tral_fsm.bench.size import size_cost
 
 ENV_ID = f"{tral_env.__name__}:TralCorridor-v0"
 _VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
@@ -47,9 +48,11 @@ class Plan:
     """Of one contestant in one round."""
     camera: bool = True
     """Whether the rendered camera is measured too."""
+    sizes: bool = True
+    """Whether the cost of larger courses is measured too."""
 
 
-QUICK = Plan(rows=(1, 256), threads=(2,), landmarks=("HalfCheetah-v5",), rounds=2, seconds=0.6)
+QUICK = Plan(rows=(1, 256), threads=(2,), landmarks=("HalfCheetah-v5",), rounds=2, seconds=0.6, sizes=False)
 """Under a minute."""
 
 
@@ -203,7 +206,7 @@ def measure(plan: Plan, on_round: Callable[[str], None] = lambda name: None) -> 
 
     Returns:
         ``host``, ``plan``; ``contestants``: records; ``ratios`` by name; ``reset_ms_per_row``, ``peak_memory_mb``,
-        ``camera``.
+        ``camera``, ``course_size``.
     """
     field_ = list(contestants(plan))
     for contestant in field_:
@@ -224,6 +227,7 @@ def measure(plan: Plan, on_round: Callable[[str], None] = lambda name: None) -> 
         "reset_ms_per_row": reset_cost(plan.scenario),
         "peak_memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
         "camera": camera_cost() if plan.camera else None,
+        "course_size": size_cost() if plan.sizes else None,
     }
 
 

@@ -78,5 +78,7 @@ def _show(result: dict[str, Any], out: Path | None) -> None:
         )
     elif result["camera"]:
         console.print(f"rendered camera: {result['camera']}")
+    for row in result["course_size"] or ():
+        console.print(f"{row['boxes']} boxes: {row['step_us']:.0f} us a step, bare {row['bare_us']:.0f} us")
     if out is not None:
         console.print(f"Files: {out}")
