@@ -273,7 +273,7 @@ class Corridor:
             "collision": sim.collision.copy(),
             "crash": crash,
             "missed_gate": no if missed is None else missed,
-            "progress": np.clip(self._s / length, 0.0, 1.0),
+            "progress": np.minimum(np.maximum(self._s / length, 0.0), 1.0),
             "gates_passed": self._passed.copy(),
             "gates_total": self.track.gates.copy(),
             "clearance_error_m": self._clearance_error(),

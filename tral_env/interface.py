@@ -224,7 +224,7 @@ class Layout:
         for name, value in values.items():
             packed[:, self.column(name)] = value
         low, high = self._bounds
-        return np.clip(packed.astype(np.float32), low, high)
+        return np.minimum(np.maximum(packed.astype(np.float32), low), high)
 
     def unpack(self, observation: NDArray[np.floating]) -> dict[str, NDArray[np.floating]]:
         """Views of the named readings of an observation.

@@ -234,10 +234,7 @@ class Simulation:
             SimulationError: the physics of a car became unstable; it has to be reset.
         """
         moving = self._everyone if rows is None else rows
-        if rows is None:
-            self.command[:] = np.clip(command, -1.0, 1.0)
-        else:
-            self.command[rows] = np.clip(command[rows], -1.0, 1.0)
+        self.command[moving] = np.minimum(np.maximum(command[moving], -1.0), 1.0)
         drive = self.actuation.apply(moving, self.command[moving], self._wheel_speed()[moving])
         self._actuate(moving, drive)
         self.batch.step(rows, nstep=self.substeps, stage=_VEL)
@@ -307,7 +304,7 @@ class Simulation:
         self.ranging.fire(rows, sonars, self._measure(rows, sonars, self.time_s[rows] - time_s), time_s)
 
     def _measure(self, rows: Index, sonars: Index, since_s: Array) -> Array:
-        """Ranges of the named sonars, from rays cast `since_s` ago; (k,)."""
+        """Ranges of the named sonars, from rays cast `since_s` ago; (k,). The rows ascend, some more than once."""
         fan = self._sensordata[rows[:, None], self.handles.fans[sonars]].reshape(len(rows), self.sonar.rays, 4)
         yaw_rate = self._qvel[rows, self.handles.root_dof + 5]
         angle = self.pose[rows, 2] - yaw_rate * since_s + BORESIGHT[sonars]
@@ -315,7 +312,8 @@ class Simulation:
         normal = np.empty((*fan.shape[:2], 2))
         normal[..., 0] = cos * fan[..., 1] + sin * fan[..., 2]
         normal[..., 1] = cos * fan[..., 2] - sin * fan[..., 1]
-        row, place = np.unique(rows, return_inverse=True)
+        first = np.append(True, rows[1:] != rows[:-1])
+        row, place = rows[first], first.cumsum() - 1
         # A row takes the numbers of all its sonars at once, whichever fired.
         uniform = self.noise.uniform(row, _SONAR_DRAWS * len(SONARS)).reshape(len(row), len(SONARS), _SONAR_DRAWS)
         mine = uniform[place, sonars]

@@ -119,14 +119,15 @@ def locate(track: Track, rows: Index, position: Array, index: Index) -> tuple[Ar
     Returns:
         (k,) arc length [m], (k,) signed distance to the route [m], left positive, (k,) segment.
     """
+    # minimum and maximum: for a single car np.clip costs five times as much.
     window = np.arange(-ROUTE_WINDOW[0], ROUTE_WINDOW[1])
-    segment = np.clip(index[:, None] + window, 0, track.last[rows, None] - 1)
+    segment = np.minimum(np.maximum(index[:, None] + window, 0), track.last[rows, None] - 1)
     start = track.route[rows[:, None], segment]
     along = track.route[rows[:, None], segment + 1] - start
     offset = position[:, None, :] - start
     length = np.maximum(np.sqrt(along[..., 0] ** 2 + along[..., 1] ** 2), 1e-9)
     unit = along / length[..., None]
-    t = np.clip(offset[..., 0] * unit[..., 0] + offset[..., 1] * unit[..., 1], 0.0, length)
+    t = np.minimum(np.maximum(offset[..., 0] * unit[..., 0] + offset[..., 1] * unit[..., 1], 0.0), length)
     miss = offset - unit * t[..., None]
     best = (miss[..., 0] ** 2 + miss[..., 1] ** 2).argmin(axis=1)
     pick = np.arange(len(rows)), best
