@@ -29,7 +29,8 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
 
     - `autoreset_mode`: "NextStep" (default), "SameStep" or "Disabled", as Gymnasium defines them. With "SameStep"
       `info["final_obs"]` is (n, d) and `info["final_info"]` a dict of arrays, both masked by their `_` twins. With
-      "Disabled" reset rows by ``reset(options={"reset_mask": mask})``.
+      "Disabled" a row that ended rests, earns nothing and says again how it ended, until it is reset by
+      ``reset(options={"reset_mask": mask})``: evaluate until all have ended.
     - `nthread`: threads that step the cars; the results do not depend on it.
 
     Every entry of `info` is an array of (n, ...), with a mask `_name`; `info["car"]` of a reset holds the parameters of
@@ -125,20 +126,35 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         actions = np.asarray(actions, np.float64)
         if actions.shape != (self.num_envs, 2) or not np.isfinite(actions).all():
             raise ConfigError(f"actions of shape {actions.shape}: expected ({self.num_envs}, 2) finite numbers")
-        again = self._done if self._mode is AutoresetMode.NEXT_STEP else np.zeros(self.num_envs, bool)
-        moving = None if not again.any() else np.flatnonzero(~again)
-        step = self.corridor.step(actions, moving)
-        if moving is not None:
-            return self._after_next_step_reset(step, again.copy())
+        ended = self._done.copy()
+        step = self.corridor.step(actions, np.flatnonzero(~ended) if ended.any() else None)
+        if ended.any():
+            if self._mode is AutoresetMode.NEXT_STEP:
+                return self._after_next_step_reset(step, ended)
+            step = self._resting(step, ended)
+        self._last = step
         self._done = step.terminated | step.truncated
         observation, info = step.observation, _masked(step.info)
         if self._mode is AutoresetMode.SAME_STEP and self._done.any():
             info["final_obs"], info["_final_obs"] = observation.copy(), self._done.copy()
-            info["final_info"], info["_final_info"] = _masked(step.info, self._done), self._done.copy()
+            final = step.info | {"is_success": step.info["success"]}
+            info["final_info"], info["_final_info"] = _masked(final, self._done), self._done.copy()
             self.corridor.reset(np.flatnonzero(self._done), self._rngs)
+            self._done = np.zeros(self.num_envs, bool)
             observation = self.corridor.observation()
             info |= _masked(self.corridor.info())
         return observation, step.reward, step.terminated, step.truncated, info
+
+    def _resting(self, step: Step, ended: NDArray[np.bool_]) -> Step:
+        """Rows that ended and were not reset: they stand, earn nothing and tell again how they ended."""
+        last = self._last
+        return Step(
+            step.observation,
+            np.where(ended, 0.0, step.reward),
+            np.where(ended, last.terminated, step.terminated),
+            np.where(ended, last.truncated, step.truncated),
+            {name: np.where(_like(ended, values), last.info[name], values) for name, values in step.info.items()},
+        )
 
     def _after_next_step_reset(
         self, step: Step, again: NDArray[np.bool_]

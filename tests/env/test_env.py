@@ -146,6 +146,27 @@ def test_without_autoreset_rows_are_reset_by_mask() -> None:
         env.reset(options={"reset_mask": [1, 0]})
 
 
+def test_without_autoreset_a_row_that_ended_rests_until_it_is_reset() -> None:
+    env = TralCorridorVectorEnv(2, autoreset_mode="Disabled", scenario="straight", randomization="none")
+    env.reset(seed=2)
+    ended = False
+    while not ended:  # row 0 drives into the wall, row 1 stands
+        _, _, terminated, _, info = env.step(np.array([[0.6, 0.6], [0.0, 0.0]]))
+        ended = bool(terminated[0])
+    pose, time_s = info["pose"].copy(), info["time_s"].copy()
+    for _ in range(20):
+        _, reward, terminated, _, info = env.step(np.array([[0.6, 0.6], [0.0, 0.5]]))
+    assert terminated.tolist() == [True, False]
+    assert info["collision"].tolist() == [True, False]
+    assert reward[0] == 0.0
+    assert np.array_equal(info["pose"][0], pose[0])
+    assert info["time_s"].tolist() == pytest.approx([time_s[0], time_s[1] + 20 / 80])
+    env.reset(options={"reset_mask": np.array([True, False])})
+    _, _, terminated, _, info = env.step(np.zeros((2, 2)))
+    assert not terminated[0]
+    assert info["time_s"][0] == pytest.approx(1 / 80)
+
+
 def test_a_straight_drive_succeeds_and_says_so() -> None:
     env = corridor(scenario="straight", randomization="none")
     observation, _ = env.reset(seed=1, options={"car": {"friction": 0.8}})
