@@ -134,3 +134,22 @@ def speed_control(wanted: float, speed: float, integral: float) -> tuple[float, 
     integral = clip(integral + SPEED_I * error * PID_S, SPEED_I_LIMIT)
     throttle = clip(feed_forward(wanted) + SPEED_P * error + integral)
     return (max(throttle, 0.0) if speed < 0.15 else throttle), integral
+
+
+def slowed(speed: float | None, slow_speed: float, slow_front: float | None, front: float) -> float | None:
+    """Speed before something ahead: falls linearly from `slow_front` on, to `slow_speed` at half of it.
+
+    Args:
+        speed: speed of the free road, m/s; None: the throttle is open loop.
+        slow_speed: m/s.
+        slow_front: front range at which to begin, m; None: never.
+        front: front range now, m.
+
+    Returns:
+        m/s; None where the speed stays as it is.
+    """
+    if slow_front is None or speed is None or front >= slow_front:
+        return None
+    share = max(2.0 * front / slow_front - 1.0, 0.0)
+    slow = min(slow_speed, speed)
+    return slow + (speed - slow) * share

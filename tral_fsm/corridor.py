@@ -12,7 +12,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from tral_fsm import states, transitions
-from tral_fsm.control import clip, steering_for
+from tral_fsm.control import clip, slowed, steering_for
 from tral_fsm.definition import ConditionSpec, DrivingSpec, Side, quantity
 from tral_fsm.machine_state import MachineState
 from tral_fsm.states import DrivingState, State
@@ -115,13 +115,9 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
         return -sign * slope
 
     def speed_now(self, m: MachineState) -> float | None:
-        """Speed [m/s]: falls linearly from `slow_front` on, to `slow_speed` at half of it."""
+        """Speed before something ahead, m/s; None: as it is."""
         spec = self.spec
-        if spec.slow_front is None or spec.speed is None or m.front.range >= spec.slow_front:
-            return None
-        share = max(2.0 * m.front.range / spec.slow_front - 1.0, 0.0)
-        slow = min(spec.slow_speed, spec.speed)
-        return slow + (spec.speed - slow) * share
+        return slowed(spec.speed, spec.slow_speed, spec.slow_front, m.front.range)
 
 
 class TurnSpec(DrivingSpec):

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from typing import Any, ClassVar, Generic, Protocol, TypeVar, runtime_checkable
 
-from tral_fsm.control import clip, line, pid, pid_rate, pursuit, ramp, steering_for
+from tral_fsm.control import clip, line, pid, pid_rate, pursuit, ramp, slowed, steering_for
 from tral_fsm.definition import (
     STATES,
     ApproachPointSpec,
@@ -201,13 +201,9 @@ class WallState(DrivingState[W]):
         return math.inf if mine is None or other > self.spec.reach else (mine + other) / 2.0
 
     def speed_now(self, m: MachineState) -> float | None:
-        """Speed [m/s]: falls linearly from `slow_front` on, to `slow_speed` at half of it."""
+        """Speed before something ahead, m/s; None: as it is."""
         spec = self.spec
-        if spec.slow_front is None or spec.speed is None or m.front.range >= spec.slow_front:
-            return None
-        share = max(2.0 * m.front.range / spec.slow_front - 1.0, 0.0)
-        slow = min(spec.slow_speed, spec.speed)
-        return slow + (spec.speed - slow) * share
+        return slowed(spec.speed, spec.slow_speed, spec.slow_front, m.front.range)
 
 
 def hold_course(m: MachineState) -> float:

@@ -109,3 +109,13 @@ def test_speed_control_stays_within_the_command(wanted: float, speed: float, int
     throttle, summed = control.speed_control(wanted, speed, integral)
     assert -1 <= throttle <= 1
     assert abs(summed) <= control.SPEED_I_LIMIT
+
+
+def test_a_car_slows_linearly_before_something_ahead() -> None:
+    assert control.slowed(0.8, 0.3, 2.0, 2.5) is None
+    assert control.slowed(0.8, 0.3, 2.0, 1.5) == pytest.approx(0.55)
+    assert control.slowed(0.8, 0.3, 2.0, 1.0) == pytest.approx(0.3)
+    assert control.slowed(0.8, 0.3, 2.0, 0.2) == pytest.approx(0.3)
+    assert control.slowed(0.2, 0.3, 2.0, 0.2) == pytest.approx(0.2)
+    assert control.slowed(None, 0.3, 2.0, 0.2) is None
+    assert control.slowed(0.8, 0.3, None, 0.2) is None
