@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+from by_hand import complaint, plan_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from probe import CELL, flat, flooded, hidden, leaks, overlaps
@@ -15,20 +16,9 @@ from tral_env.course.furniture import BOARD_WIDTH, WALL_THICKNESS
 from tral_env.course.generate import SCENARIOS, generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, example_names, example_path
-from tral_env.course.plan import BOX_KINDS, Plan
-from tral_env.errors import CourseError
+from tral_env.course.plan import BOX_KINDS
 
 families = pytest.mark.parametrize("family", list(SCENARIOS))
-
-
-def plan_of(*segments: dict[str, object], **members: object) -> Plan:
-    return build_plan(Course.model_validate({"name": "test", "segments": segments, **members}))
-
-
-def complaint(*segments: dict[str, object], **members: object) -> str:
-    with pytest.raises(CourseError) as caught:
-        plan_of(*segments, **members)
-    return str(caught.value)
 
 
 @families

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from by_hand import complaint, plan_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,20 +14,9 @@ from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, example_names, example_path
 from tral_env.course.plan import Plan
 from tral_env.course.route import CLEARANCE, CORNER_RADIUS, bends, clearance, headings
-from tral_env.errors import CourseError
 
 CAR = CarConfig()
 FULL_LOCK = np.tan(CAR.full_lock) / CAR.wheelbase
-
-
-def plan_of(*segments: dict[str, object], **members: object) -> Plan:
-    return build_plan(Course.model_validate({"name": "test", "segments": segments, **members}))
-
-
-def complaint(*segments: dict[str, object], **members: object) -> str:
-    with pytest.raises(CourseError) as caught:
-        plan_of(*segments, **members)
-    return str(caught.value)
 
 
 def swept_clearance(plan: Plan) -> float:

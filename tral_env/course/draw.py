@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.course.plan import BOX_KINDS, Array, Plan
+from tral_env.interface import TURN_MARKER_IDS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -15,7 +16,8 @@ if TYPE_CHECKING:
 
 COLOURS = {"wall": "#8c959d", "door": "#b5651d", "frame": "#3f4750", "obstacle": "#c9a227", "post": "#2a6bb0"}
 """Fill of each kind of box."""
-TURNS = {40: "left", 41: "right", 42: "straight on"}
+TURNS = {marker: "straight on" if turn == "straight" else turn for turn, marker in TURN_MARKER_IDS.items()}
+"""What a sign tells, by its marker."""
 
 
 def draw_figure(plan: Plan, title: str = "", width: float = 8.0) -> Figure:

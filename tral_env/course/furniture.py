@@ -9,6 +9,7 @@ import numpy as np
 
 from tral_env.course.frames import TURNS, Frame, Rect, branch_width, stubs
 from tral_env.course.layout import Door, Gate, Tape
+from tral_env.interface import TURN_MARKER_IDS
 
 WALL_THICKNESS = 0.15
 """m."""
@@ -137,8 +138,7 @@ def _add_sign(space: Space, frame: Frame, after: Frame) -> None:
         # A wider branch opposite makes a step in the wall ahead, in the middle.
         far, left = ways[side] / 2, TURNS[side] * (0.0 if max(ways.values()) == ways[side] else BOARD_WIDTH / 2 + 0.03)
     x, y = frame.point(segment.length + far - FACE_GAP, left)
-    marker = {"left": 40, "right": 41, "straight": 42}[segment.then]
-    space.markers.append((marker, x, y, SIGN_HEIGHT, frame.yaw + np.pi))
+    space.markers.append((TURN_MARKER_IDS[segment.then], x, y, SIGN_HEIGHT, frame.yaw + np.pi))
 
 
 def tape_line(frame: Frame, tape: Tape) -> Rect:

@@ -114,10 +114,6 @@ def _side(rng: np.random.Generator) -> str:
     return "left" if rng.random() < 0.5 else "right"
 
 
-def _other(side: str) -> str:
-    return "right" if side == "left" else "left"
-
-
 def _start(rng: np.random.Generator, draft: Draft) -> Draft:
     first = draft["segments"][0]
     sixth = first["width"] / 6

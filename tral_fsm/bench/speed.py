@@ -215,7 +215,9 @@ def contestants(plan: Plan) -> Iterator[Contestant]:
             landmark = gym.make(name)
         except ImportError:  # Gymnasium's MuJoCo environments want imageio
             continue
-        yield single(name, name, float(landmark.get_wrapper_attr("dt")))
+        step_s = float(landmark.get_wrapper_attr("dt"))
+        landmark.close()
+        yield single(name, name, step_s)
 
 
 def measure(plan: Plan, on_round: Callable[[str], None] = lambda name: None) -> dict[str, Any]:
