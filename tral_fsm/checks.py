@@ -19,6 +19,7 @@ from tral_fsm.definition import (
     NotSpec,
     StateSpec,
     TransitionSpec,
+    UnreachableSpec,
 )
 
 
@@ -30,9 +31,11 @@ class Problem:
     """JSON pointer to the place; empty: the whole file."""
     message: str
     """What was got and what is allowed."""
+    place: str = ""
+    """Where that is in a file that is no plain JSON, in words: an element of a diagram, a line."""
 
     def __str__(self) -> str:
-        return f"{self.pointer or '/'}: {self.message}"
+        return f"{self.place or self.pointer or '/'}: {self.message}"
 
 
 class FormatError(MachineError):
@@ -133,13 +136,18 @@ def _conditions(machine: MachineDefinition, states: dict[int | str, StateSpec]) 
         for condition, pointer in parts(transition.when, f"/transitions/{index}"):
             if isinstance(condition, FinishedSpec) and not owner.finishable:
                 yield Problem(f"{pointer}/type", _not_finishable(owner))
+            if isinstance(condition, UnreachableSpec) and not owner.targetable:
+                yield Problem(f"{pointer}/type", f"leaves state {owner.id!r} ({owner.type}), which has no target: {_targetable()}")
             if isinstance(condition, ArucoGateFoundSpec) and condition.hand_over and not target.targetable:
-                allowed = ", ".join(name for name, spec in STATES.items() if spec.targetable)
                 yield Problem(
                     f"{pointer}/type",
                     f"hands the gate to state {target.id!r} ({target.type}), which takes no target. "
-                    f'Allowed: {allowed}; or "hand_over": false',
+                    f'{_targetable()}; or "hand_over": false',
                 )
+
+
+def _targetable() -> str:
+    return f"Allowed: {', '.join(name for name, spec in STATES.items() if spec.targetable)}"
 
 
 def _not_finishable(owner: StateSpec) -> str:
