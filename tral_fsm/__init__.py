@@ -1,6 +1,6 @@
 """State machines that drive: definition, states, transitions, policy."""
 
-from tral_fsm import corridor  # registers its states and conditions
+from tral_fsm import corridor, scurve  # register their states and conditions
 from tral_fsm.checks import FormatError, Problem, check
 from tral_fsm.definition import MachineDefinition
 from tral_fsm.library import load as load_machine
@@ -22,4 +22,5 @@ __all__ = [
     "load_machine",
     "load_policy",
     "machine_names",
+    "scurve",
 ]

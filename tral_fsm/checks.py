@@ -137,7 +137,9 @@ def _conditions(machine: MachineDefinition, states: dict[int | str, StateSpec]) 
             if isinstance(condition, FinishedSpec) and not owner.finishable:
                 yield Problem(f"{pointer}/type", _not_finishable(owner))
             if isinstance(condition, UnreachableSpec) and not owner.targetable:
-                yield Problem(f"{pointer}/type", f"leaves state {owner.id!r} ({owner.type}), which has no target: {_targetable()}")
+                yield Problem(
+                    f"{pointer}/type", f"leaves state {owner.id!r} ({owner.type}), which has no target: {_targetable()}"
+                )
             if isinstance(condition, ArucoGateFoundSpec) and condition.hand_over and not target.targetable:
                 yield Problem(
                     f"{pointer}/type",

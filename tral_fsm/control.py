@@ -97,20 +97,22 @@ def pursuit(x: float, y: float) -> float:
     return steering_for(2.0 * y / max(x * x + y * y, 1e-6))
 
 
-def line(offset: float, heading: float, length: float, steepest: float = math.pi / 4.0) -> float:
-    """Steering onto a line without overshoot: curvature -(offset / length^2 + 2 sin(heading) / length).
+def bend_onto(offset: float, heading: float, length: float, steepest: float = math.pi / 4.0) -> float:
+    """Curvature [1/m] onto a line without overshoot: -(offset / length^2 + 2 sin(heading) / length).
 
     Args:
         offset: where the car is beside the line, + = left of it, m.
         heading: of the car against the line, rad.
         length: in which an offset dies away by the factor e, m.
         steepest: angle at which the line is approached at most, rad.
-
-    Returns:
-        Steering command in [-1, 1].
     """
     steep = clip(offset / (2.0 * length), math.sin(steepest))
-    return steering_for(-2.0 / length * (steep + math.sin(heading)))
+    return -2.0 / length * (steep + math.sin(heading))
+
+
+def line(offset: float, heading: float, length: float, steepest: float = math.pi / 4.0) -> float:
+    """Steering in [-1, 1] with the curvature of `bend_onto`."""
+    return steering_for(bend_onto(offset, heading, length, steepest))
 
 
 def feed_forward(speed: float) -> float:

@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from tral_env.interface import NO_ECHO_M
 from tral_fsm import states, transitions
 from tral_fsm.control import clip, slowed, steering_for
 from tral_fsm.definition import ConditionSpec, DrivingSpec, Side, quantity
@@ -212,14 +213,24 @@ class Opening(Condition[OpeningSpec]):
         return f"{m.walls.side(self.is_left).lost} readings without a wall on the {self.spec.side}"
 
 
-class SomethingAheadSpec(ConditionSpec):
-    """Fires when two readings of the front ultrasonic agree on something near, first heard between two ranges.
+class ObstacleAheadSpec(ConditionSpec):
+    """Fires when front readings agree on something ahead that is nearer than a range, or than the car needs to stop.
 
     A wall across the corridor is heard from 5 m on, the edges of a box from 2 m on.
     """
 
-    type: Literal["SomethingAhead"] = "SomethingAhead"
-    below: float = quantity(1.0, "m", "it is nearer than this", gt=0.0, le=5.0)
+    type: Literal["ObstacleAhead"] = "ObstacleAhead"
+    below: float | None = quantity(
+        None,
+        "m",
+        "it is nearer than this; null: than the way to stop, room + v reaction + v^2 / (2 braking)",
+        gt=0.0,
+        le=5.0,
+    )
+    room: float = quantity(0.3, "m", "left before it when the car has stopped", ge=0.0, le=5.0)
+    reaction: float = quantity(0.3, "s", "readings, command and brake are late", ge=0.0, le=5.0)
+    braking: float = quantity(1.5, "m/s^2", "deceleration of the braking car", gt=0.0, le=20.0)
+    readings: int = Field(2, description="so many readings must agree on it", ge=2, le=100)
     heard_above: float = quantity(0.0, "m", "it has been heard from farther away than this", ge=0.0, le=6.0)
     heard_below: float = quantity(6.0, "m", "it has not been heard from farther away than this", gt=0.0, le=6.0)
     aside_below: float | None = quantity(
@@ -227,21 +238,40 @@ class SomethingAheadSpec(ConditionSpec):
     )
 
 
-@transitions.runs(SomethingAheadSpec)
-class SomethingAhead(Condition[SomethingAheadSpec]):
-    """Asks what the blackboard knows of what is ahead."""
+@transitions.runs(ObstacleAheadSpec)
+class ObstacleAhead(Condition[ObstacleAheadSpec]):
+    """Asks what the blackboard knows of what is ahead.
+
+    What has only just come up counts too, unless it is asked what it is: then something else may be followed still.
+    """
+
+    def __init__(self, spec: ObstacleAheadSpec, owner: State[Any]) -> None:
+        super().__init__(spec, owner)
+        self.anything = spec.heard_above == 0.0 and spec.heard_below >= NO_ECHO_M and spec.aside_below is None
+
+    def level(self, m: MachineState) -> float:
+        """Range below which it fires, m."""
+        spec, v = self.spec, m.speed
+        return spec.room + v * (spec.reaction + v / (2.0 * spec.braking)) if spec.below is None else spec.below
 
     def triggered(self, m: MachineState) -> bool:
         """Near, and first heard where it should be."""
-        spec, ahead = self.spec, m.ahead
-        if ahead.range >= spec.below or not spec.heard_above < ahead.heard_from <= spec.heard_below:
+        spec, ahead, level = self.spec, m.ahead, self.level(m)
+        if self.anything and ahead.last < level and ahead.run >= spec.readings:
+            return True
+        if ahead.agreed < spec.readings or ahead.range >= level:
+            return False
+        if not spec.heard_above < ahead.heard_from <= spec.heard_below:
             return False
         return spec.aside_below is None or ahead.aside < spec.aside_below
 
     def why(self, m: MachineState) -> str:
         """How near, and from where on."""
         ahead = m.ahead
-        return f"{ahead.range:.2f} m ahead, {ahead.aside:.2f} m aside, heard from {ahead.heard_from:.2f} m on"
+        return (
+            f"{min(ahead.range, ahead.last):.2f} < {self.level(m):.2f} m ahead, {ahead.aside:.2f} m aside, "
+            f"heard from {ahead.heard_from:.2f} m on"
+        )
 
 
 class MoreRoomSpec(ConditionSpec):

@@ -163,6 +163,7 @@ class ApproachPointSpec(DrivingSpec):
     tolerance: float = quantity(0.05, "m", "arrived within this distance along the way", gt=0.0, le=2.0)
     length: float = quantity(0.35, "m", "an offset from the axis dies away by e in it", gt=0.0, le=5.0)
     max_angle_deg: float = quantity(45.0, "deg", "the axis is approached no steeper", gt=0.0, le=90.0)
+    aside: float = quantity(0.1, "m", "out of reach if the point would be missed by more", gt=0.0, le=2.0)
     track: bool = Field(True, description="take each new sighting of the gate that was handed over")
 
     @property
@@ -278,6 +279,12 @@ class FinishedSpec(ConditionSpec):
     type: Literal["Finished"] = "Finished"
 
 
+class UnreachableSpec(ConditionSpec):
+    """Fires when the state cannot come to its target any more: it lies behind, or needs too tight a turn."""
+
+    type: Literal["Unreachable"] = "Unreachable"
+
+
 class SensorLevelSpec(ConditionSpec):
     """Fires when an ultrasonic reads above or below a level. No echo counts as above."""
 
@@ -371,7 +378,7 @@ _STATES = (
     StopSpec, IdleSpec, FSMStateSpec,
 )  # fmt: skip
 _CONDITIONS = (
-    AlwaysSpec, DistanceSpec, FinishedSpec, SensorLevelSpec, ArucoGateFoundSpec, TimerSpec, TurnedSpec,
+    AlwaysSpec, DistanceSpec, FinishedSpec, UnreachableSpec, SensorLevelSpec, ArucoGateFoundSpec, TimerSpec, TurnedSpec,
     AlignedSpec, MarkerFoundSpec, AllSpec, AnySpec, NotSpec,
 )  # fmt: skip
 

@@ -9,7 +9,8 @@ import math
 from collections.abc import Callable
 from typing import Any, ClassVar, Generic, Protocol, TypeVar, runtime_checkable
 
-from tral_fsm.control import clip, line, pid, pid_rate, pursuit, ramp, slowed, steering_for
+from tral_fsm.arcs import out_of_reach
+from tral_fsm.control import clip, curvature, line, pid, pid_rate, pursuit, ramp, slowed, steering_for
 from tral_fsm.definition import (
     STATES,
     ApproachPointSpec,
@@ -35,7 +36,8 @@ _HOLD_LENGTH = 0.4
 """Length in which the car turns back to the corridor's direction when its wall is lost, m. Source: choice."""
 _TRIM_ERROR, _TRIM_HEADING = 0.12, math.radians(6.0)
 """The trim is learnt within this deviation [m] and heading [rad] alone: elsewhere e is not the car's fault."""
-_GATE_ANY = -1
+NO_GATE = -1
+"""Id of a target that is no gate."""
 
 
 @runtime_checkable
@@ -52,7 +54,7 @@ class Finishable(Protocol):
 class Targetable(Protocol):
     """A state that can be handed a target point at run time."""
 
-    def set_target(self, m: MachineState, x: float, y: float, heading: float, gate: int = _GATE_ANY) -> None:
+    def set_target(self, m: MachineState, x: float, y: float, heading: float, gate: int = NO_GATE) -> None:
         """Take a target, right after entry.
 
         Args:
@@ -79,6 +81,10 @@ class State(Generic[S]):
 
     def on_exit(self, m: MachineState) -> None:
         """Called when the state is left."""
+
+    def unreachable(self, m: MachineState) -> str:
+        """Why a targetable state cannot come to its target any more; empty: it can."""
+        return ""
 
 
 RUNTIMES: dict[str, type[State[Any]]] = {}
@@ -252,10 +258,16 @@ class FollowWallRamp(WallState[FollowWallRampSpec]):
         self.target = spec.target
         self.length = spec.distance
 
-    def set_target(self, m: MachineState, x: float, y: float, heading: float, gate: int = _GATE_ANY) -> None:
+    def set_target(self, m: MachineState, x: float, y: float, heading: float, gate: int = NO_GATE) -> None:
         """Ramp to a point: its clearance is start - x_camera at a right wall, + at a left one; x_camera = -y."""
         self.target = max(self.start - self.sign * y, 0.05)
         self.length = max(x, 0.05)
+
+    def unreachable(self, m: MachineState) -> str:
+        """Why the clearance cannot change so fast."""
+        slope = abs(self.target - self.start) / self.length
+        steepest = math.tan(math.radians(self.spec.max_angle_deg or 90.0))
+        return f"a slope of {slope:.2f} is needed, {steepest:.2f} at most" if slope > steepest else ""
 
     def wanted(self, m: MachineState) -> float:
         """Clearance wanted now, m."""
@@ -272,11 +284,11 @@ class ApproachPoint(DrivingState[ApproachPointSpec]):
         """Aim at the spec's point, seen from the car now."""
         spec = self.spec
         self.finished = False
-        self.gate = _GATE_ANY
+        self.gate = NO_GATE
         self.free = spec.heading_deg is None
         self.target: Pose = m.to_reckoning(spec.x, spec.y, math.radians(spec.heading_deg or 0.0))
 
-    def set_target(self, m: MachineState, x: float, y: float, heading: float, gate: int = _GATE_ANY) -> None:
+    def set_target(self, m: MachineState, x: float, y: float, heading: float, gate: int = NO_GATE) -> None:
         """Aim at the point `before` the one that is handed over, on its axis."""
         self.free = False
         self.gate = gate
@@ -303,6 +315,13 @@ class ApproachPoint(DrivingState[ApproachPointSpec]):
         self.finished = ahead <= spec.tolerance
         self.steer(m, steering)
         self.drive(m)
+
+    def unreachable(self, m: MachineState) -> str:
+        """Why no way leads there."""
+        x, y, heading = m.from_here(*self.target)
+        if self.free:
+            heading = 2.0 * math.atan2(y, x)  # the circle through the point comes there with this heading
+        return out_of_reach((x, y, heading), 1.0 / curvature(1.0), self.spec.aside)
 
 
 @runs(ArucoGateCenterSpec)

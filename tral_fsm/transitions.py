@@ -26,6 +26,7 @@ from tral_fsm.definition import (
     SightingSpec,
     TimerSpec,
     TurnedSpec,
+    UnreachableSpec,
     type_name,
 )
 from tral_fsm.machine_state import MachineState, Sighting
@@ -169,6 +170,19 @@ class Finished(Condition[FinishedSpec]):
     def triggered(self, m: MachineState) -> bool:
         """Ask the owner."""
         return bool(self.owner.finished)  # type: ignore[attr-defined]
+
+
+@runs(UnreachableSpec)
+class Unreachable(Condition[UnreachableSpec]):
+    """Fires when its owner says why it cannot come to its target."""
+
+    def triggered(self, m: MachineState) -> bool:
+        """There is a reason."""
+        return self.owner.unreachable(m) != ""
+
+    def why(self, m: MachineState) -> str:
+        """The reason."""
+        return self.owner.unreachable(m) or "the target is within reach"
 
 
 @runs(SensorLevelSpec)

@@ -223,13 +223,29 @@ class Ahead:
     alone, from 2 m on.
     """
 
-    __slots__ = ("_begin", "_driven", "_missed", "_range", "_sums", "heard_from", "range")
+    __slots__ = (
+        "_begin",
+        "_driven",
+        "_last_driven",
+        "_missed",
+        "_range",
+        "_sums",
+        "heard_from",
+        "last",
+        "range",
+        "run",
+    )
 
     def __init__(self) -> None:
         self.range = math.inf
         """Last reading that was foretold by the one before, m; inf: none."""
         self.heard_from = math.inf
         """Range at which it was first heard, m."""
+        self.last = math.inf
+        """The last reading, whatever it was of, m."""
+        self.run = 0
+        """Readings in a row, the last one included, of which each was foretold by the one before."""
+        self._last_driven = 0.0
         self._range = math.inf
         self._driven = 0.0
         self._missed = 0
@@ -238,6 +254,9 @@ class Ahead:
 
     def take(self, reading: float, driven: float) -> None:
         """Take a reading [m] after so many metres `driven`."""
+        foretold = self.last - (driven - self._last_driven)
+        self.run = self.run + 1 if -_AHEAD_JUMP <= reading - foretold <= _AHEAD_JUMP else 1
+        self.last, self._last_driven = reading, driven
         foretold = self._range - (driven - self._driven)
         if -_AHEAD_JUMP <= reading - foretold <= _AHEAD_JUMP:
             self._missed = 0
@@ -260,6 +279,11 @@ class Ahead:
         z = reading * reading - s * s
         n, ss, s2, sz, zs = self._sums
         self._sums = n + 1.0, ss + s, s2 + s * s, sz + z, zs + z * s
+
+    @property
+    def agreed(self) -> int:
+        """Readings that agree on it so far."""
+        return int(self._sums[0])
 
     @property
     def aside(self) -> float:

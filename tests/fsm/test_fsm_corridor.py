@@ -135,12 +135,39 @@ class TestConditions:
         assert condition.triggered(blackboard(right=0.8))
 
     def test_something_ahead_asks_from_where_it_has_been_heard(self) -> None:
-        wall = two_states({"type": "SomethingAhead", "below": 1.0, "heard_above": 1.8})
-        box = two_states({"type": "SomethingAhead", "below": 1.0, "heard_below": 1.8})
+        wall = two_states({"type": "ObstacleAhead", "below": 1.0, "heard_above": 1.8})
+        box = two_states({"type": "ObstacleAhead", "below": 1.0, "heard_below": 1.8})
         for k in range(30):
             for bench in (wall, box):
                 bench.tick(front=2.0 - 0.04 * k, distance=0.04 * k, speed=0.5)
         assert (wall.active, box.active) == ("b", "a")
+
+    def test_an_obstacle_is_nearer_than_the_car_needs_to_stop(self) -> None:
+        # 0.3 m room + 0.6 m/s 0.3 s + 0.6^2 / (2 1.5) = 0.6 m
+        fast, slow = two_states({"type": "ObstacleAhead"}), two_states({"type": "ObstacleAhead"})
+        for bench, speed in ((fast, 0.6), (slow, 0.1)):
+            bench.tick(front=0.61, speed=speed)
+            bench.tick(front=0.605)
+            assert bench.active == "a"
+            bench.tick(front=0.59)
+        assert (fast.active, slow.active) == ("b", "a")
+        assert fast.fired[0].why.startswith("0.59 < 0.60 m ahead")
+
+    def test_an_obstacle_that_comes_up_suddenly_is_heard_by_two_readings_that_agree(self) -> None:
+        bench = two_states({"type": "ObstacleAhead", "below": 0.6})
+        for front in (3.0, 2.96, 2.92, 0.5):
+            bench.tick(front=front)
+        assert bench.active == "a"
+        bench.tick(front=0.49)
+        assert bench.active == "b"
+
+    def test_as_many_readings_must_agree_as_asked_for(self) -> None:
+        bench = two_states({"type": "ObstacleAhead", "below": 0.6, "readings": 3})
+        seen = []
+        for front in (0.5, 0.5, 2.0, 0.5, 0.5, 0.5):
+            bench.tick(front=front)
+            seen.append(bench.active)
+        assert seen == ["a"] * 3 + ["b"] * 3
 
     def test_an_opening_fires(self) -> None:
         bench = two_states({"type": "Opening", "side": "right"})

@@ -335,6 +335,7 @@ SAMPLES = {
     "FollowWall": {"throttle": 0.1},
     "FollowWallRamp": {"throttle": 0.1},
     "ApproachPoint": {"throttle": 0.1},
+    "SCurve": {"throttle": 0.1},
     "ArucoGateCenter": {"throttle": 0.1},
     "Motor": {"throttle": 0.1, "distance": 1.0},
     "FollowCorridor": {"throttle": 0.1},
