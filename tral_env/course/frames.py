@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from tral_env.course.layout import Branch, Course, Segment
-from tral_env.course.plan import Array
 
 TURNS = {"left": 1, "right": -1, "straight": 0, "end": 0}
 """Quarter turns, counter-clockwise."""
@@ -47,18 +47,19 @@ class Frame:
         c, s = _COS[self.quarter], _SIN[self.quarter]
         return self.x + c * along - s * left, self.y + s * along + c * left
 
-    def points(self, local: Array) -> Array:
-        """Course coordinates of local points, (n, 2) -> (n, 2)."""
-        c, s = _COS[self.quarter], _SIN[self.quarter]
-        return np.column_stack([self.x + c * local[:, 0] - s * local[:, 1], self.y + s * local[:, 0] + c * local[:, 1]])
+    @property
+    def axes(self) -> tuple[float, float, int, int]:
+        """Start x, y and cosine, sine of the heading."""
+        return self.x, self.y, _COS[self.quarter], _SIN[self.quarter]
 
     def rect(self, along0: float, along1: float, left0: float, left1: float) -> Rect:
         """Axis-aligned rectangle in course coordinates."""
-        x0, y0 = self.point(along0, left0)
-        x1, y1 = self.point(along1, left1)
-        return min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)
+        x, y, c, s = self.axes
+        x0, y0 = x + c * along0 - s * left0, y + s * along0 + c * left0
+        x1, y1 = x + c * along1 - s * left1, y + s * along1 + c * left1
+        return x0 if x0 < x1 else x1, y0 if y0 < y1 else y1, x1 if x0 < x1 else x0, y1 if y0 < y1 else y0
 
-    @property
+    @cached_property
     def corridor(self) -> Rect:
         """Floor of the corridor with the corner squares at its ends."""
         half = self.segment.width / 2
@@ -70,24 +71,35 @@ def place(course: Course) -> list[Frame]:
     frames: list[Frame] = []
     x = y = 0.0
     quarter = 0
-    for i, segment in enumerate(course.segments):
-        before, after = _neighbour(course, i - 1), _neighbour(course, i + 1)
-        back = node_half(before, segment) if before else 0.0
-        on = node_half(segment, after) if after else 0.0
+    nodes = [_node(course, i) for i in range(len(course.segments))]
+    before = nodes[-1] if course.closed else (0.0, 0.0, 0.0)
+    for segment, node in zip(course.segments, nodes, strict=True):
         frame = Frame(
             segment,
             x,
             y,
             quarter,
-            clear_from=back,
-            clear_to=segment.length - on,
-            reach_back=before.width / 2 if before and TURNS[before.then] else 0.0,
-            reach_on=after.width / 2 if after and TURNS[segment.then] else 0.0,
+            clear_from=before[0],
+            clear_to=segment.length - node[0],
+            reach_back=before[1],
+            reach_on=node[2],
         )
         frames.append(frame)
         x, y = frame.point(segment.length, 0.0)
         quarter = (quarter + TURNS[segment.then]) % 4
+        before = node
     return frames
+
+
+def _node(course: Course, i: int) -> tuple[float, float, float]:
+    """Half the extent of the node at the end of segment i, and how far the next corridor reaches back into it and this
+    one on, m."""
+    segments = course.segments
+    if i + 1 == len(segments) and not course.closed:
+        return 0.0, 0.0, 0.0
+    segment, after = segments[i], segments[(i + 1) % len(segments)]
+    turns = TURNS[segment.then] != 0
+    return node_half(segment, after), segment.width / 2 if turns else 0.0, after.width / 2 if turns else 0.0
 
 
 def node_half(segment: Segment, after: Segment) -> float:
@@ -131,9 +143,3 @@ def stubs(frame: Frame, after: Frame) -> Iterator[Stub]:
                 frame.rect(end - half, end + half, sign * edge / 2, sign * (edge / 2 + branch.length)),
                 frame.rect(end - half, end + half, 0.0, sign * edge / 2),
             )
-
-
-def _neighbour(course: Course, i: int) -> Segment | None:
-    if course.closed:
-        return course.segments[i % len(course.segments)]
-    return course.segments[i] if 0 <= i < len(course.segments) else None

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from tral_env.course.frames import place
+from tral_env.course.frames import Frame, place
 from tral_env.course.furniture import FRAME_WIDTH
 from tral_env.course.geometry import build_plan, overlap_problems
 from tral_env.course.layout import Course
@@ -103,7 +104,8 @@ def generate_plan(scenario: str, rng: np.random.Generator, *, hard: bool = False
 
 def _uniform(rng: np.random.Generator, low: float, high: float) -> float:
     """A number in [low, high), in whole millimetres so that course files stay readable."""
-    return round(float(rng.uniform(low, max(low, high))), 3)
+    # As rng.uniform, at a third of its cost.
+    return round(low + (max(low, high) - low) * rng.random(), 3)
 
 
 def _width(rng: np.random.Generator) -> float:
@@ -203,8 +205,8 @@ def _places(rng: np.random.Generator, begin: float, end: float, count: int, apar
     """As many as `count` places between begin and end, at least `apart` from each other, uniform among all such."""
     count = min(count, int((end - begin) // apart) + 1) if end > begin else 0
     spare = end - begin - apart * (count - 1)
-    slack = np.sort(rng.uniform(0.0, max(spare, 0.0), count))
-    return [round(float(begin + apart * k + extra), 3) for k, extra in enumerate(slack)]
+    slack = sorted(max(spare, 0.0) * rng.random() for _ in range(count))
+    return [round(begin + apart * k + extra, 3) for k, extra in enumerate(slack)]
 
 
 def _draw_obstacles(rng: np.random.Generator, begin: float, end: float, width: float, count: int) -> Iterator[Draft]:
@@ -212,12 +214,12 @@ def _draw_obstacles(rng: np.random.Generator, begin: float, end: float, width: f
     for at in _places(rng, begin, end, count, 3.4):
         length, across = _uniform(rng, 0.2, 0.4), _uniform(rng, 0.2, 0.4)
         yaw = round(float(rng.uniform(-45, 45)), 1)
-        c, s = np.cos(np.radians(yaw)), abs(np.sin(np.radians(yaw)))
+        c, s = math.cos(math.radians(yaw)), abs(math.sin(math.radians(yaw)))
         half = (length * s + across * c) / 2
         room = width / 2 - half
         offset = _uniform(rng, -room, room)
         if width / 2 + abs(offset) - half < 0.7:
-            offset = round(float(np.copysign(0.7 + half - width / 2 + 0.001, offset)), 3)
+            offset = round(math.copysign(0.7 + half - width / 2 + 0.001, offset), 3)
         yield {"at": at, "offset": offset, "length": length, "width": across, "yaw_deg": yaw}
 
 
@@ -280,8 +282,8 @@ def _open_crossing(rng: np.random.Generator, segment: Draft, after: Draft) -> No
     """Make the end of a segment a T or an X crossing, and draw the way on."""
     ways = ["left", "right", "straight"]
     if rng.random() < 0.5:
-        ways.remove(str(rng.choice(ways)))
-    segment["then"] = str(rng.choice(ways))
+        ways.pop(rng.integers(len(ways)))
+    segment["then"] = ways[rng.integers(len(ways))]
     if segment["then"] == "straight":
         after["width"] = segment["width"]
     across = after["width"] if segment["then"] != "straight" else _width(rng)
@@ -299,18 +301,17 @@ def _open_crossing(rng: np.random.Generator, segment: Draft, after: Draft) -> No
 def _office(rng: np.random.Generator, hard: bool) -> Draft:
     target = _uniform(rng, 25, 60)
     segments: list[Draft] = []
-    while sum(s["length"] for s in segments) < target - 4.0:
-        left = target - sum(s["length"] for s in segments)
+    while (length := sum(s["length"] for s in segments)) < target - 4.0:
+        left = target - length
         length = _uniform(rng, 5, 11)
         segments.append({"length": round(left, 3) if left - length < 4.0 else length, "width": _width(rng)})
-    _wind(rng, segments)
     gates = 0
-    for i, (frame, segment) in enumerate(zip(place(_bare(segments)), segments, strict=True)):
+    for i, (frame, segment) in enumerate(zip(_wind(rng, segments), segments, strict=True)):
         begin = START_AT + RUN_IN if i == 0 else frame.clear_from
         end = frame.clear_to - (GOAL_BEFORE_END if i == len(segments) - 1 else 0.0)
         if i % len(_FURNITURE) == 0:
-            order = rng.permutation(_FURNITURE)
-        what = str(order[i % len(_FURNITURE)])
+            order = rng.permutation(len(_FURNITURE))
+        what = _FURNITURE[order[i % len(_FURNITURE)]]
         if what != "cupboards" and rng.random() < 0.6:
             segment["doors"] = [*_draw_doors(rng, begin, end)]
         gates += _furnish(rng, segment, what, begin + (1.0 if i == 0 else CORNER_ROOM), end - CORNER_ROOM, gates)
@@ -321,12 +322,8 @@ _FURNITURE = ("cupboards", "obstacles", "gate", "nothing")
 """What may stand in a segment of an office."""
 
 
-def _bare(segments: list[Draft]) -> Course:
-    return Course.model_validate({"name": "bare", "segments": segments})
-
-
-def _wind(rng: np.random.Generator, segments: list[Draft]) -> None:
-    """Join segments by corners and crossings so that no part comes too near to another."""
+def _wind(rng: np.random.Generator, segments: list[Draft]) -> list[Frame]:
+    """Join segments by corners and crossings so that no part comes too near to another; gives their frames."""
     while True:
         for segment, after in pairwise(segments):
             segment.pop("branches", None)
@@ -334,9 +331,10 @@ def _wind(rng: np.random.Generator, segments: list[Draft]) -> None:
                 _open_crossing(rng, segment, after)
             else:
                 segment["then"] = _side(rng)
-        bare = _bare(segments)
-        if not any(overlap_problems(bare, place(bare))):
-            return
+        bare = Course.model_validate({"name": "bare", "segments": segments})
+        frames = place(bare)
+        if not any(overlap_problems(bare, frames)):
+            return frames
 
 
 def _furnish(rng: np.random.Generator, segment: Draft, what: str, begin: float, end: float, gates: int) -> int:

@@ -51,7 +51,7 @@ def build_plan(course: Course) -> Plan:
         [(*frame.point(gate.at, gate.offset), frame.yaw + np.radians(gate.yaw_deg)) for frame, gate in gates]
     ).reshape(-1, 3)
     # Not simply segment by segment: a ring begins at the start, amid its first segment.
-    order = np.argsort(place_on(route, gate_pose[:, :2]), kind="stable")
+    order = [0] if len(gates) == 1 else np.argsort(place_on(route, gate_pose[:, :2]), kind="stable")
     start = course.start
     plan = Plan(
         **arrays,
@@ -163,13 +163,17 @@ def overlap_problems(course: Course, frames: list[Frame]) -> Iterator[str]:
                 names.append(f"/segments/{i}/doors/{k}")
                 rects.append(frame.rect(door.at - ROOM / 2, door.at + ROOM / 2, wall, wall + TURNS[door.side] * ROOM))
                 nodes.append((-1 - i, -1 - i))
-    table, ends = np.array(rects), np.array(nodes)
-    low, high = table[:, None, :2] - 2 * WALL_THICKNESS, table[:, None, 2:] + 2 * WALL_THICKNESS
-    near = ((table[None, :, 2:] > low + 1e-6) & (table[None, :, :2] < high - 1e-6)).all(axis=2)
-    joined = (ends[:, None, :, None] == ends[None, :, None, :]).any(axis=(2, 3))
-    for i, j in np.argwhere(np.triu(near & ~joined, 1)):
-        if not _is_own_room(names[i], names[j]):
-            yield f"{names[i]}: too near to {names[j]}. Allowed: {2 * WALL_THICKNESS:g} m for two walls between them"
+    walls = 2 * WALL_THICKNESS
+    apart = walls - 1e-6
+    for i, (x0, y0, x1, y1) in enumerate(rects):
+        x0, y0, x1, y1 = x0 - apart, y0 - apart, x1 + apart, y1 + apart
+        for j in range(i + 1, len(rects)):
+            other = rects[j]
+            if other[0] >= x1 or other[2] <= x0 or other[1] >= y1 or other[3] <= y0:
+                continue
+            joined = nodes[i][0] in nodes[j] or nodes[i][1] in nodes[j]
+            if not joined and not _is_own_room(names[i], names[j]):
+                yield f"{names[i]}: too near to {names[j]}. Allowed: {walls:g} m for two walls between them"
 
 
 def _is_own_room(part: str, other: str) -> bool:

@@ -25,11 +25,17 @@ def overlapping(position: Array, yaw: Array, half: Array, first: int = 0) -> NDA
     Returns:
         (K, 2) indices i > j, i >= first.
     """
-    reach = np.hypot(half[:, 0], half[:, 1])
-    offset = position[first:, None] - position[None]
-    near = offset[..., 0] ** 2 + offset[..., 1] ** 2 < (reach[first:, None] + reach[None]) ** 2
-    i, j = np.nonzero(near & (np.arange(first, len(yaw))[:, None] > np.arange(len(yaw))[None]))
+    # Depth of an overlap is least along the normal of an edge: upright rectangles around the boxes overlap by as much.
+    c, s = np.abs(np.cos(yaw)), np.abs(np.sin(yaw))
+    x, y = half[:, 0] * c + half[:, 1] * s, half[:, 0] * s + half[:, 1] * c
+    near = np.abs(position[first:, None, 0] - position[:, 0]) < x[first:, None] + x - TOUCH / 2
+    near &= np.abs(position[first:, None, 1] - position[:, 1]) < y[first:, None] + y - TOUCH / 2
+    i, j = np.nonzero(near)
     i += first
+    later = i > j
+    i, j = i[later], j[later]
+    if not len(i):
+        return np.zeros((0, 2), np.int64)
     line = position[i] - position[j]
     apart = np.zeros(len(i), bool)
     for axis in (yaw[i], yaw[i] + np.pi / 2, yaw[j], yaw[j] + np.pi / 2):

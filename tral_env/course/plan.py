@@ -90,6 +90,8 @@ def place_on(route: Array, points: Array) -> Array:
         (P,) m; the last such place where the route comes by twice, so that what stands at the start of a ring is passed
         at its end.
     """
+    if not len(points):
+        return np.zeros(0)
     start, along = route[:-1], np.diff(route, axis=0)
     length = np.hypot(along[:, 0], along[:, 1])
     unit = along / length[:, None]

@@ -91,12 +91,14 @@ class Scenery:
         self.footprints[:, row] = self.boxes[row, :, [0, 1, 3, 4, 5, 6]]
 
     def _grow(self, markers: int, boxes: int) -> None:
-        more = max(0, markers - self.ids.shape[1])
-        self.markers = np.pad(self.markers, ((0, 0), (0, more), (0, 0)))
-        self.ids = np.pad(self.ids, ((0, 0), (0, more)), constant_values=-1)
-        more = max(0, boxes - self.boxes.shape[1])
-        self.boxes = np.pad(self.boxes, ((0, 0), (0, more), (0, 0)))
-        self.footprints = np.pad(self.footprints, ((0, 0), (0, 0), (0, more)))
+        more = markers - self.ids.shape[1]
+        if more > 0:
+            self.markers = np.pad(self.markers, ((0, 0), (0, more), (0, 0)))
+            self.ids = np.pad(self.ids, ((0, 0), (0, more)), constant_values=-1)
+        more = boxes - self.boxes.shape[1]
+        if more > 0:
+            self.boxes = np.pad(self.boxes, ((0, 0), (0, more), (0, 0)))
+            self.footprints = np.pad(self.footprints, ((0, 0), (0, 0), (0, more)))
 
 
 @dataclass(frozen=True)

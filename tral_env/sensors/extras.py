@@ -30,8 +30,9 @@ class Extras:
 
     def place(self, row: int, tape: Array) -> None:
         """A new course: its tape (T, 4), and a new bias of the inertial sensor. Call after the noise was reset."""
-        more = max(0, len(tape) - self._tape.shape[1])
-        self._tape = np.pad(self._tape, ((0, 0), (0, more), (0, 0)))
+        more = len(tape) - self._tape.shape[1]
+        if more > 0:
+            self._tape = np.pad(self._tape, ((0, 0), (0, more), (0, 0)))
         self._tape[row] = 0.0
         self._tape[row, : len(tape)] = tape
         if "imu" in self._groups:
