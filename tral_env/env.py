@@ -17,6 +17,7 @@ from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space
+from tral_env.perception.camera_info import load_lens
 from tral_env.perception.degrade import WebcamLaw
 from tral_env.randomization import Randomization
 from tral_env.sim import Simulation
@@ -75,7 +76,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         width: int = 640,
         height: int = 480,
         car: CarConfig | None = None,
-        lens: CameraConfig | None = None,
+        lens: CameraConfig | str | None = None,
         task: TaskConfig | None = None,
     ) -> None:
         """See the class."""
@@ -93,7 +94,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
             course=course,
             groups=tuple(groups),
             car=as_config(CarConfig, car),
-            lens=as_config(CameraConfig, lens),
+            lens=load_lens(lens),
             task=as_config(TaskConfig, task),
         )
         self.corridor = Corridor(1, config)

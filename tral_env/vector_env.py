@@ -16,6 +16,7 @@ from tral_env.corridor import Corridor, CorridorConfig, Step
 from tral_env.course.layout import Course
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, action_space
+from tral_env.perception.camera_info import load_lens
 from tral_env.randomization import Randomization
 
 Array = NDArray[np.floating]
@@ -50,7 +51,7 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         course: Course | str | None = None,
         groups: tuple[str, ...] = (),
         car: CarConfig | None = None,
-        lens: CameraConfig | None = None,
+        lens: CameraConfig | str | None = None,
         task: TaskConfig | None = None,
     ) -> None:
         """See the class."""
@@ -66,7 +67,7 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
             course=course,
             groups=tuple(groups),
             car=as_config(CarConfig, car),
-            lens=as_config(CameraConfig, lens),
+            lens=load_lens(lens),
             task=as_config(TaskConfig, task),
         )
         self.num_envs = num_envs

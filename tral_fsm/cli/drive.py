@@ -40,6 +40,7 @@ class DriveArguments:
     randomization: Randomization
     course: str | None
     video: bool
+    lens: str = "default"
 
     @property
     def name(self) -> str:
@@ -68,6 +69,9 @@ def command(
         Path | None, typer.Option(exists=True, dir_okay=False, help="Drive this course file instead of a family.")
     ] = None,
     video: Annotated[bool, typer.Option(help="Write drive.mp4, which needs OpenGL.")] = True,
+    lens: Annotated[
+        str, typer.Option(help="Of the camera: default, wide, or a camera_info file as `tral calibrate` writes it.")
+    ] = "default",
     as_json: Annotated[
         bool, typer.Option("--json", help="Write summary.json to stdout too, and nothing else.")
     ] = False,
@@ -86,6 +90,7 @@ def command(
         randomization=randomization,
         course=str(course) if course else None,
         video=video,
+        lens=lens,
     )
     report = run(arguments, out)
     if as_json:
@@ -154,6 +159,7 @@ def make_env(arguments: DriveArguments) -> gym.Env[Any, Any]:
         camera=arguments.camera,
         randomization=arguments.randomization,
         course=arguments.course,
+        lens=arguments.lens,
         render_mode="rgb_array" if arguments.video else None,
     )
 

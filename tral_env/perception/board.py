@@ -1,0 +1,180 @@
+"""Calibration boards: what is printed on them, and their corners in an image."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from functools import cached_property, lru_cache
+from typing import Any, Literal, get_args
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.errors import ConfigError, nearest
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+Kind = Literal["charuco", "chessboard"]
+
+DICTIONARY = cv2.aruco.DICT_5X5_50
+"""Of the board's markers. Not the gates' own, so that a board left in view is never taken for a gate."""
+MODULES = 7
+"""Cells along the edge of such a marker: five of code between two of border."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Board:
+    """A flat board of squares; its frame: origin in the upper left corner, x right, y down, z into the board."""
+
+    kind: Kind = "charuco"
+    """"charuco": markers in the white squares tell the corners apart, so a part of the board is enough; "chessboard":
+    squares only, seen as a whole or not at all."""
+    columns: int = 7
+    """Squares in a row."""
+    rows: int = 5
+    """Squares in a column."""
+    square: float = 0.036
+    """Edge of a square, m."""
+    marker: float = 0.028
+    """Edge of a marker's black square, m; only on a "charuco" board."""
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(Kind):
+            raise ConfigError(f"unknown board {self.kind!r}: {nearest(self.kind, get_args(Kind))}")
+        for name in ("columns", "rows"):
+            if getattr(self, name) < 3:
+                raise ConfigError(f"Board.{name} = {getattr(self, name)}: expected 3 or more squares")
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, float) and not (math.isfinite(value) and value > 0):
+                raise ConfigError(f"Board.{field.name} = {value!r}: expected a length above 0, in m")
+        if self.kind == "charuco":
+            self._check_markers()
+
+    def _check_markers(self) -> None:
+        if not self.marker < self.square:
+            raise ConfigError(f"Board.marker = {self.marker:g}: expected less than the square's {self.square:g} m")
+        if self.columns * self.rows // 2 > 50:
+            raise ConfigError(
+                f"a charuco board of {self.columns} x {self.rows} squares needs {self.columns * self.rows // 2} "
+                "markers, and there are 50: at most 101 squares"
+            )
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of all squares, m."""
+        return self.columns * self.square, self.rows * self.square
+
+    @cached_property
+    def corners(self) -> Array:
+        """(k, 3) m: the inner corners, row by row; a corner's index is its id."""
+        y, x = np.mgrid[1 : self.rows, 1 : self.columns] * self.square
+        return np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+
+    @cached_property
+    def black(self) -> Array:
+        """(r, 4) m: what is black, as rectangles x, y, width, height that do not overlap."""
+        y, x = np.mgrid[: self.rows, : self.columns]
+        dark = (x + y) % 2 == 0
+        squares = [
+            (i * self.square, j * self.square, self.square, self.square) for i, j in zip(x[dark], y[dark], strict=True)
+        ]
+        if self.kind == "chessboard":
+            return np.array(squares)
+        inset = (self.square - self.marker) / 2
+        inked = [np.array(squares)]
+        for marker, (i, j) in enumerate(zip(x[~dark], y[~dark], strict=True)):
+            place = np.array([i * self.square + inset, j * self.square + inset, 0.0, 0.0])
+            inked.append(place + marker_ink(DICTIONARY, marker, MODULES) * self.marker)
+        return np.concatenate(inked)
+
+    def image(self, pixels_per_metre: float, margin: float = 0.0) -> Image:
+        """The board seen straight on, (h, w) grey; pixels that are partly black are grey by that share.
+
+        Args:
+            pixels_per_metre: px for a metre.
+            margin: white around it, m.
+        """
+        width, height = (round((length + 2 * margin) * pixels_per_metre) for length in self.size)
+        ink = np.zeros((height, width))
+        for x, y, w, h in (self.black + np.array([margin, margin, 0.0, 0.0])) * pixels_per_metre:
+            (rows, down), (columns, across) = _share(y, y + h, height), _share(x, x + w, width)
+            ink[rows, columns] += np.outer(down, across)
+        return np.rint(255 * (1 - np.clip(ink, 0, 1))).astype(np.uint8)
+
+    def find(self, image: Image) -> tuple[NDArray[np.int64], Array]:
+        """Corners in an image.
+
+        Args:
+            image: (h, w) grey, uint8.
+
+        Returns:
+            ids (k,) and pixels (k, 2); nothing found: k = 0.
+        """
+        found, ids = self._find_charuco(image) if self.kind == "charuco" else self._find_chessboard(image)
+        if found is None or ids is None or not len(ids):
+            return np.zeros(0, np.int64), np.zeros((0, 2))
+        return np.ravel(ids).astype(np.int64), np.asarray(found, np.float64).reshape(-1, 2)
+
+    def _find_charuco(self, image: Image) -> tuple[Any, Any]:
+        found, ids, _, _ = _charuco_detector(self).detectBoard(image)
+        return found, ids
+
+    def _find_chessboard(self, image: Image) -> tuple[Any, Any]:
+        flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
+        whole, found = cv2.findChessboardCornersSB(image, (self.columns - 1, self.rows - 1), flags=flags)
+        if not whole:
+            return None, None
+        found = self._refined(image, np.asarray(found, np.float32).reshape(-1, 2))
+        ids = np.arange(len(self.corners))
+        return found, ids if self._starts_black(image, found) else ids[::-1]
+
+    def _refined(self, image: Image, found: NDArray[Any]) -> Array:
+        """Corners moved to where the edges cross.
+
+        As found they make focal lengths 0.2 % too long, which is six times their standard deviation.
+        """
+        side = float(np.linalg.norm(np.diff(found.reshape(self.rows - 1, -1, 2), axis=1), axis=2).min())
+        reach = max(2, min(int(side / 3), 8))
+        until = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 40, 0.001)
+        return np.asarray(cv2.cornerSubPix(image, found, (reach, reach), (-1, -1), until), np.float64)
+
+    def _starts_black(self, image: Image, found: Array) -> bool:
+        """Whether the first corner found is the one beside the black square, or the board was read from its end."""
+        across, down = (found[1] - found[0]) / 2, (found[self.columns - 1] - found[0]) / 2
+        height, width = image.shape
+        middles = np.rint([found[0] - across - down, found[0] + across - down]).astype(int)
+        black, white = np.clip(middles, 0, [width - 1, height - 1])
+        return bool(image[black[1], black[0]] < image[white[1], white[0]])
+
+
+def marker_ink(dictionary: int, marker: int, modules: int) -> Array:
+    """What is black of a marker, (r, 4): x, y, width, height of bars in units of its edge, that do not overlap.
+
+    Args:
+        dictionary: one of OpenCV's.
+        marker: id.
+        modules: cells along the edge, border included.
+    """
+    code = cv2.aruco.generateImageMarker(cv2.aruco.getPredefinedDictionary(dictionary), marker, modules)
+    bars = []
+    for row, dark in enumerate(np.pad(code == 0, ((0, 0), (1, 1)))):
+        change = np.flatnonzero(np.diff(dark.astype(np.int8)))
+        bars += [(start, row, end - start, 1) for start, end in zip(change[::2], change[1::2], strict=True)]
+    return np.array(bars, np.float64) / modules
+
+
+@lru_cache(maxsize=4)
+def _charuco_detector(board: Board) -> Any:
+    layout = cv2.aruco.CharucoBoard(
+        (board.columns, board.rows), board.square, board.marker, cv2.aruco.getPredefinedDictionary(DICTIONARY)
+    )
+    return cv2.aruco.CharucoDetector(layout)
+
+
+def _share(start: float, end: float, count: int) -> tuple[slice, Array]:
+    """Which of `count` pixels lie between two places, and how much of each."""
+    first, last = max(math.floor(start), 0), min(math.ceil(end), count)
+    edges = np.arange(first, last)
+    return slice(first, last), np.clip(np.minimum(edges + 1, end) - np.maximum(edges, start), 0, 1)
