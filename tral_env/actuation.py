@@ -216,11 +216,21 @@ class Actuation:
         car: CarConfig | None = None,
         servo: ServoConfig | None = None,
         esc: EscConfig | None = None,
+        lead_s: float = 0.0,
     ) -> None:
-        """Nominal cars at rest, servo at command 0."""
+        """Nominal cars at rest, servo at command 0.
+
+        Args:
+            n: number of cars.
+            car: their geometry.
+            servo: their servos.
+            esc: their motor controllers.
+            lead_s: the horn's angle is handed on so much late, at most a tick: what steers is as much ahead of time.
+        """
         self._car, self._servo, self._esc = car or CarConfig(), servo or ServoConfig(), esc or EscConfig()
         self._dead_zone = math.radians(self._servo.dead_zone_deg)
         self._switch_ticks = math.ceil(self._esc.switch_s * CONTROL_RATE_HZ - 1e-9)
+        self._lead = lead_s * CONTROL_RATE_HZ
         self._depth = math.ceil(self._esc.max_latency_s * CONTROL_RATE_HZ) + 2
         self.parameters = ActuationParameters.nominal(n, self._esc)
         self._row = np.arange(n)
@@ -289,13 +299,13 @@ class Actuation:
             self._low[rows],
             self._high[rows],
         )
-        angle, moving = servo_step(
-            self._position[rows], self._moving[rows], target, self._max_step[rows], self._dead_zone
-        )
+        before = self._position[rows]
+        angle, moving = servo_step(before, self._moving[rows], target, self._max_step[rows], self._dead_zone)
         self._position[rows], self._moving[rows] = angle, moving
         voltage, battery_v = self._motor(rows, delayed[:, THROTTLE], speed)
         scrub = scrub_torque(speed, self._scrub[rows], self._servo.scrub_speed)
-        return Drive(steering_angle=angle, voltage=voltage, scrub_torque=scrub, battery_v=battery_v)
+        held = angle + self._lead * (before - angle)
+        return Drive(steering_angle=held, voltage=voltage, scrub_torque=scrub, battery_v=battery_v)
 
     def _delayed(self, rows: Rows, command: Array) -> Array:
         """Command of `latency_s` ago; between two ticks the two neighbours are mixed linearly."""

@@ -11,6 +11,7 @@ from tral_env.actuation import Actuation, Drive
 from tral_env.assets import asset_path
 from tral_env.config import CarConfig
 from tral_env.interface import CONTROL_PERIOD_S
+from tral_env.sim import STEERING_LEAD_STEPS
 
 CAR = CarConfig()
 ROW = np.array([0])
@@ -36,7 +37,7 @@ class DrivenCar:
         self.model = model
         model.dof_frictionloss[model.joint("car/steer").dofadr[0]] = 0.075
         self.data = mujoco.MjData(model)
-        self.actuation = Actuation(1)
+        self.actuation = Actuation(1, lead_s=STEERING_LEAD_STEPS * model.opt.timestep)
         self.substeps = round(CONTROL_PERIOD_S / model.opt.timestep)
         self.steering_deg: list[float] = []
         self.speeds: list[float] = []
@@ -44,6 +45,11 @@ class DrivenCar:
     @property
     def position(self) -> np.ndarray:
         return self.data.joint("car/root").qpos[:3].copy()
+
+    @property
+    def yaw(self) -> float:
+        w, x, y, z = self.data.joint("car/root").qpos[3:]
+        return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
     @property
     def yaw_rate(self) -> float:

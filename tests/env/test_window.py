@@ -1,0 +1,74 @@
+"""Only the boxes around a car stand in its physics, and no reading shows it."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from tral_env import window
+from tral_env.corridor import Corridor, CorridorConfig
+from tral_env.course.scene import Placement
+from tral_env.window import REACH_M, Window
+from tral_fsm import load_policy
+
+
+def line_of_boxes(count: int) -> Placement:
+    """Boxes of 0.2 x 0.2 m, one a metre along x, the first at 0."""
+    pos = np.zeros((count, 3))
+    pos[:, 0], pos[:, 2] = np.arange(count), 0.25
+    return Placement(pos, np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)), np.full((count, 3), 0.1))
+
+
+def surrounded(count: int, x: float) -> tuple[Window, np.ndarray]:
+    all_around = Window(1, count)
+    all_around.place(0, line_of_boxes(count))
+    pos, _, _ = all_around.look(np.array([0]), np.array([[x, 0.0]]))
+    return all_around, pos[0, :, 0]
+
+
+def test_the_nearest_boxes_stand_in_the_order_of_the_course():
+    _, x = surrounded(100, 30.0)
+    assert len(x) == window.WINDOW_BOXES == 48
+    assert_array_equal(x, np.arange(6, 54))
+
+
+def test_it_looks_again_before_a_box_left_out_comes_within_reach():
+    around, _ = surrounded(100, 30.0)
+    free = 23.9 - REACH_M  # the box at 54 m begins at 53.9 m
+    assert len(around.due(np.array([[30.0 + free - 0.01, 0.0]]))) == 0
+    assert_array_equal(around.due(np.array([[30.0 + free + 0.01, 0.0]])), [0])
+
+
+def test_a_course_of_few_boxes_is_there_as_a_whole():
+    around, x = surrounded(5, 0.0)
+    assert_array_equal(x, np.arange(5))
+    assert len(around.due(np.array([[1e6, 0.0]]))) == 0
+
+
+def test_a_box_is_as_near_as_its_nearest_side():
+    around = Window(1, 60)
+    placed = line_of_boxes(60)
+    placed.geom_pos[:, 0] = 100.0 + np.arange(60)
+    placed.geom_pos[59, :2] = 0.0, 20.0
+    placed.geom_size[59, :2] = 0.1, 15.0
+    placed.geom_quat[59] = np.cos(np.pi / 4), 0.0, 0.0, np.sin(np.pi / 4)  # long along x: its side is 19.9 m away
+    around.place(0, placed)
+    _, _, half = around.look(np.array([0]), np.zeros((1, 2)))
+    assert half[0, -1, 1] == 15.0
+
+
+@pytest.mark.parametrize("scenario", ["office", "doors"])
+def test_no_reading_shows_which_boxes_are_left_out(scenario: str, monkeypatch: pytest.MonkeyPatch):
+    rows, ticks = 6, 1500
+
+    def drive() -> list[np.ndarray]:
+        world, policy = Corridor(rows, CorridorConfig(scenario=scenario)), load_policy("office")
+        world.reset(np.arange(rows), [np.random.default_rng(seed) for seed in range(rows)])
+        policy.reset(rows)
+        seen = [world.observation()]
+        for _ in range(ticks):
+            seen.append(world.step(policy.act(seen[-1])).observation)
+        return seen
+
+    near = drive()
+    monkeypatch.setattr(window, "WINDOW_BOXES", 1000)
+    assert_array_equal(np.stack(near), np.stack(drive()))

@@ -1,0 +1,87 @@
+"""Which boxes of its course a car has around it: only those that it can range or touch stand in its physics.
+
+Every geom costs time in every step, wherever it stands. So a model holds no more boxes than fit around one car, and as
+the car moves on the nearest ones take the places of those left behind. Nothing within reach is ever missing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.config import UltrasonicConfig
+from tral_env.course.scene import Placement
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+WINDOW_BOXES = 48
+"""Boxes around a car. The families of courses have at most 46 within 5.5 m of a place on their routes."""
+REACH_M = UltrasonicConfig().max_range + 0.35
+"""From the rear axle as far as a sonar hears: its range, and how far ahead of the axle it sits."""
+_FEWEST_M = 0.25
+"""In a place with more boxes within reach than the window holds, the farthest are left out; look again this often."""
+
+
+class Window:
+    """The boxes of n courses, and those of them that stand around the n cars."""
+
+    def __init__(self, n: int, boxes: int) -> None:
+        """No boxes yet.
+
+        Args:
+            n: number of cars.
+            boxes: how many a course may have at the most.
+        """
+        self.size = min(boxes, WINDOW_BOXES)
+        """Boxes around a car, W."""
+        self._pos, self._quat, self._half = np.zeros((n, boxes, 3)), np.zeros((n, boxes, 4)), np.zeros((n, boxes, 3))
+        self._centre = np.zeros((n, 2))
+        self._free = np.full(n, np.inf)
+
+    def place(self, row: int, placed: Placement) -> None:
+        """Take over the boxes of a course, the first of a placement."""
+        boxes = self._pos.shape[1]
+        self._pos[row], self._quat[row] = placed.geom_pos[:boxes], placed.geom_quat[:boxes]
+        self._half[row] = placed.geom_size[:boxes]
+
+    def due(self, position: Array) -> Index:
+        """Rows whose cars may soon have something within reach that their window leaves out.
+
+        Args:
+            position: (n, 2) of the cars, m.
+        """
+        moved = position - self._centre
+        return np.flatnonzero(moved[:, 0] ** 2 + moved[:, 1] ** 2 > self._free**2)
+
+    def look(self, rows: Index, position: Array) -> tuple[Array, Array, Array]:
+        """The boxes nearest to cars, in the order of their courses.
+
+        Args:
+            rows: (k,) which cars.
+            position: (k, 2) where they are, m.
+
+        Returns:
+            Positions (k, W, 3), quaternions (k, W, 4) and half sizes (k, W, 3).
+        """
+        self._centre[rows] = position
+        everything = self._pos[rows], self._quat[rows], self._half[rows]
+        if self.size == self._pos.shape[1]:
+            return everything
+        distance = self._distance(rows, position)
+        order = np.argsort(distance, axis=1, kind="stable")
+        left_out = distance[np.arange(len(rows)), order[:, self.size]]
+        self._free[rows] = np.maximum(left_out - REACH_M, _FEWEST_M)
+        near = np.sort(order[:, : self.size], axis=1)[..., None]
+        pos, quat, half = (np.take_along_axis(values, near, axis=1) for values in everything)
+        return pos, quat, half
+
+    def _distance(self, rows: Index, position: Array) -> Array:
+        """(k, B) from cars to the floor plans of their boxes; those parked below the floor are far away."""
+        pos, quat, half = self._pos[rows], self._quat[rows], self._half[rows]
+        w, z = quat[..., 0], quat[..., 3]
+        cos, sin = w * w - z * z, 2 * w * z
+        dx, dy = position[:, None, 0] - pos[..., 0], position[:, None, 1] - pos[..., 1]
+        along = np.maximum(np.abs(cos * dx + sin * dy) - half[..., 0], 0.0)
+        across = np.maximum(np.abs(cos * dy - sin * dx) - half[..., 1], 0.0)
+        return np.where(pos[..., 2] < 0.0, np.inf, np.sqrt(along * along + across * across))
