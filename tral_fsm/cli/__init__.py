@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from tral_fsm.cli.bench import app as bench_app
+from tral_fsm.cli.calibrate import command as calibrate_command
 from tral_fsm.cli.console import Guarded
 from tral_fsm.cli.courses import command as courses_command
 from tral_fsm.cli.doctor import command as doctor_command
@@ -27,6 +28,7 @@ app = typer.Typer(
 app.command("drive")(drive_command)
 app.command("courses")(courses_command)
 app.command("tune")(tune_command)
+app.command("calibrate")(calibrate_command)
 app.command("doctor")(doctor_command)
 app.add_typer(bench_app, name="bench")
 

@@ -1,0 +1,95 @@
+"""Images from files, folders, patterns, videos and cameras, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from glob import glob
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.errors import ConfigError, HardwareError
+
+Image = NDArray[np.uint8]
+
+IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp")
+VIDEOS = (".mp4", ".avi", ".mkv", ".mov", ".webm", ".m4v")
+DEVICE = "/dev/video"
+"""A source that begins so is a camera; it ends only when nobody asks for more."""
+
+
+def find_sources(sources: Sequence[str]) -> list[str]:
+    """Files and cameras that are meant: folders and patterns are replaced by what is in them, sorted by name.
+
+    Args:
+        sources: images, videos, folders, patterns such as "shots/*.png", or a camera such as "/dev/video0".
+
+    Raises:
+        ConfigError: one of them is not there, or holds or is nothing that can be read.
+    """
+    return [found for source in sources for found in _expand(source)]
+
+
+def _expand(source: str) -> list[str]:
+    path = Path(source)
+    if source.startswith(DEVICE):
+        return [source]
+    if path.is_dir():
+        found = sorted(str(file) for file in path.iterdir() if file.suffix.lower() in IMAGES + VIDEOS)
+        if not found:
+            raise ConfigError(f"{source}: no image or video in this folder. Allowed: {', '.join(IMAGES + VIDEOS)}")
+        return found
+    found = [source] if path.is_file() else sorted(glob(source))  # noqa: PTH207 (the pattern may be absolute)
+    if not found:
+        raise ConfigError(f"{source}: no such file or folder, and no pattern that fits a file")
+    for name in found:
+        if Path(name).suffix.lower() not in IMAGES + VIDEOS:
+            raise ConfigError(f"{name}: neither image nor video. Allowed: {', '.join(IMAGES + VIDEOS)}")
+    return found
+
+
+def frames(sources: Sequence[str], every: int = 1) -> Iterator[tuple[str, Image]]:
+    """Name and image of each frame, (h, w, 3) BGR.
+
+    Args:
+        sources: what `find_sources` gave.
+        every: of a video or a camera, one in so many frames.
+
+    Raises:
+        ConfigError: an image or video cannot be read.
+        HardwareError: a camera cannot be opened, or stops.
+    """
+    for source in sources:
+        if Path(source).suffix.lower() in IMAGES:
+            image: Any = cv2.imread(source, cv2.IMREAD_COLOR)
+            if image is None:
+                raise ConfigError(f"{source}: not a readable image")
+            yield source, image
+        else:
+            yield from _moving(source, every)
+
+
+def _moving(source: str, every: int) -> Iterator[tuple[str, Image]]:
+    device = source.startswith(DEVICE)
+    capture = cv2.VideoCapture(source)
+    try:
+        if not capture.isOpened():
+            if device:
+                raise HardwareError(f"{source}: no camera, or another program uses it")
+            raise ConfigError(f"{source}: not a readable video")
+        index = 0
+        while capture.grab():
+            if index % every == 0:
+                whole, image = capture.retrieve()
+                if whole:
+                    yield f"{source}:{index}", np.asarray(image, np.uint8)
+            index += 1
+        if device:
+            raise HardwareError(f"{source}: the camera stopped after {index} frames")
+        if index == 0:
+            raise ConfigError(f"{source}: a video without frames")
+    finally:
+        capture.release()

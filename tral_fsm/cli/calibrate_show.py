@@ -1,0 +1,127 @@
+"""What the terminal shows of a calibration: the coverage while it grows, on stderr; the result, on stdout."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich import box
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from tral_env.perception.calibration import uncovered
+from tral_env.perception.calibration_views import Collection, Rejected, View
+from tral_fsm.cli.console import print_figures
+from tral_fsm.report.calibration import parameters
+
+if TYPE_CHECKING:
+    from tral_env.config import CameraConfig
+    from tral_env.perception.calibration import Calibration
+
+_WORST = 5
+"""Views that are listed; calibration.json has them all."""
+_NAMED = 3
+"""Images that are named for each reason of rejection."""
+
+
+class LiveCoverage:
+    """The coverage map of a collection, drawn anew with each image."""
+
+    def __init__(self, collection: Collection, total: int | None, *, live: bool = False, quiet: bool = False) -> None:
+        """Not yet on the screen.
+
+        Args:
+            collection: what grows.
+            total: images to come, if that is known.
+            live: they come from a camera, until somebody stops it.
+            quiet: show nothing.
+        """
+        self._collection, self._total, self._live = collection, total, live
+        self._screen = Live(console=Console(stderr=True, quiet=quiet), refresh_per_second=8)
+        self._last = ""
+
+    def __call__(self, seen: View | Rejected) -> None:
+        """Show what became of an image."""
+        self._last = f"{seen.name}: "
+        self._last += f"{len(seen.ids)} corners" if isinstance(seen, View) else f"{seen.reason}, {seen.detail}"
+        self._screen.update(self._picture())
+
+    def _picture(self) -> Group:
+        used, turned_down = len(self._collection.views), len(self._collection.rejected)
+        of = f" of {self._total}" if self._total else ""
+        reasons = ", ".join(f"{count} {reason}" for reason, count in self._collection.reasons().items())
+        lines = [f"{used + turned_down}{of} images, {used} of use" + (f"; {reasons}" if reasons else ""), self._last]
+        bare = uncovered(self._collection.coverage())
+        lines.append(f"bring the board to: {', '.join(bare)}" if bare else "the board was everywhere")
+        if self._live:
+            lines.append("Ctrl-C: enough")
+        return Group(coverage_table(self._collection.coverage()), *(Text(line, no_wrap=True) for line in lines))
+
+    def __enter__(self) -> LiveCoverage:
+        """Put it on the screen."""
+        self._screen.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, tb: TracebackType | None) -> None:
+        """Leave the last one there."""
+        self._screen.stop()
+
+
+def coverage_table(counts: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -> Table:
+    """Corners in each cell of the image, as the camera sees it."""
+    table = Table(box=box.SQUARE, show_header=False, show_lines=True, padding=(0, 0), title_justify="left")
+    for _ in range(counts.shape[1]):
+        table.add_column(justify="center", width=5)
+    for row in counts:
+        table.add_row(*(Text(str(int(count)) if count else "-", style=_style(int(count))) for count in row))
+    return table
+
+
+def _style(count: int) -> str:
+    if count == 0:
+        return "bold red"
+    return "yellow" if count < 3 else "green"
+
+
+def print_calibration(result: Calibration, truth: CameraConfig | None = None) -> None:
+    """Print parameters, errors, rejections and the verdict.
+
+    Args:
+        result: the calibration.
+        truth: the lens that it should have found, if that is known.
+    """
+    print_figures(_parameter_table(result, truth))
+    console = Console(highlight=False, soft_wrap=True)
+    worst = np.argsort(-result.errors_px, kind="stable")[:_WORST]
+    named = ", ".join(f"{result.views[i].name} {result.errors_px[i]:.2f}" for i in worst)
+    console.print(
+        f"RMS {result.rms_px:.3f} px over {len(result.views)} views; held out {result.held_out_px:.3f} px", markup=False
+    )
+    console.print(f"Worst views [px]: {named}", markup=False)
+    for reason in dict.fromkeys(one.reason for one in result.rejected):
+        ones = [one for one in result.rejected if one.reason == reason]
+        listed = "; ".join(f"{one.name}: {one.detail}" for one in ones[:_NAMED]) + ("; ..." * (len(ones) > _NAMED))
+        console.print(f"Rejected, {reason}: {len(ones)} ({listed})", markup=False)
+    console.print(Text("good", style="bold green") if result.good else Text("poor", style="bold red"))
+    for line in result.advice:
+        console.print(f"- {line}", markup=False)
+
+
+def _parameter_table(result: Calibration, truth: CameraConfig | None) -> Table:
+    title = Text(f"Lens of {result.camera.width} x {result.camera.height} px")
+    table = Table("", title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for heading in ("value", "std. dev.", *(("true", "error") if truth else ())):
+        table.add_column(heading, justify="right", no_wrap=True)
+    true = parameters(truth) if truth else {}
+    for name, value in parameters(result.camera).items():
+        pixels = name in ("fx", "fy", "cx", "cy")
+        digits = 2 if pixels else 5
+        cells = [f"{value:.{digits}f}", f"{result.deviation[name]:.{digits}f}"]
+        if truth:
+            error = f"{100 * (value / true[name] - 1):+.3f} %" if pixels else f"{value - true[name]:+.5f}"
+            cells += [f"{true[name]:.{digits}f}", error]
+        table.add_row(name, *cells)
+    return table
