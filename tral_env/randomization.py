@@ -11,9 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tral_env.config import as_config
 from tral_env.errors import ConfigError, nearest
@@ -79,7 +81,15 @@ class Randomization:
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
         """Draw one car: parameter -> value. Each parameter takes one number of the generator, whatever its range."""
-        return {field.name: float(rng.uniform(*getattr(self, field.name))) for field in fields(self)}
+        names, low, span = self._table
+        return dict(zip(names, (low + span * rng.random(len(names))).tolist(), strict=True))
+
+    @cached_property
+    def _table(self) -> tuple[list[str], NDArray[np.float64], NDArray[np.float64]]:
+        """Names, lower ends and widths of the ranges."""
+        names = [field.name for field in fields(self)]
+        low, high = np.array([getattr(self, name) for name in names], float).T
+        return names, low, high - low
 
     def fixed(self, **values: float) -> Randomization:
         """The same with some parameters fixed.

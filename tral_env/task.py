@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.config import CarConfig, TaskConfig
-from tral_env.course.plan import Plan
+from tral_env.course.plan import Plan, arc_length
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -72,10 +72,7 @@ def lay(track: Track, row: int, plan: Plan) -> None:
 
     Several laps become one long route with the gates of each lap.
     """
-    route = np.concatenate([np.tile(plan.route[:-1], (plan.laps, 1)), plan.route[-1:]])
-    route_s = _arc_length(route)
-    lap = np.repeat(np.arange(plan.laps), len(plan.gate_pose))
-    gate_s = np.tile(plan.gate_s, plan.laps) + lap * route_s[len(plan.route) - 1]
+    route, route_s, gate_s, gate_pose, gate_width = _laps(plan)
     points, gates, straights = len(route), len(gate_s), len(plan.straights)
     track.route = _grown(track.route, points, edge=True)
     track.route_s = _grown(track.route_s, points, edge=True)
@@ -86,16 +83,22 @@ def lay(track: Track, row: int, plan: Plan) -> None:
     track.route[row, :points], track.route[row, points:] = route, route[-1]
     track.route_s[row, :points], track.route_s[row, points:] = route_s, route_s[-1]
     track.last[row] = points - 1
-    track.gate_pose[row], track.gate_pose[row, :gates] = np.nan, np.tile(plan.gate_pose, (plan.laps, 1))
-    track.gate_width[row, :gates] = np.tile(plan.gate_width, plan.laps)
+    track.gate_pose[row], track.gate_pose[row, :gates] = np.nan, gate_pose
+    track.gate_width[row, :gates] = gate_width
     track.gate_s[row], track.gate_s[row, :gates] = np.inf, gate_s
     track.gates[row] = gates
     track.straights[row], track.straights[row, :straights] = 0.0, plan.straights
 
 
-def _arc_length(route: Array) -> Array:
-    steps = np.linalg.norm(np.diff(route, axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(steps)])
+def _laps(plan: Plan) -> tuple[Array, Array, Array, Array, Array]:
+    """Points of all laps and their arc length; of the gates place on the route, pose, width."""
+    if plan.laps == 1:
+        return plan.route, plan.route_s, plan.gate_s, plan.gate_pose, plan.gate_width
+    route = np.concatenate([np.tile(plan.route[:-1], (plan.laps, 1)), plan.route[-1:]])
+    route_s = arc_length(route)
+    lap = np.repeat(np.arange(plan.laps), len(plan.gate_pose))
+    gate_s = np.tile(plan.gate_s, plan.laps) + lap * route_s[len(plan.route) - 1]
+    return route, route_s, gate_s, np.tile(plan.gate_pose, (plan.laps, 1)), np.tile(plan.gate_width, plan.laps)
 
 
 def _grown(array: Array, size: int, *, fill: float = 0.0, edge: bool = False) -> Array:

@@ -32,6 +32,9 @@ from tral_env.course.walls import cut_walls
 from tral_env.errors import CourseError
 
 
+_KIND = {kind: i for i, kind in enumerate(BOX_KINDS)}
+
+
 def build_plan(course: Course) -> Plan:
     """Work out the geometry of a course.
 
@@ -91,7 +94,7 @@ def _box_arrays(boxes: list[Box]) -> dict[str, Any]:
     table = np.array([box[2:] for box in boxes])
     half_height = table[:, 5] / 2
     return {
-        "box_kind": np.array([BOX_KINDS.index(box.kind) for box in boxes], np.int64),
+        "box_kind": np.array([_KIND[box.kind] for box in boxes], np.int64),
         "box_position": np.column_stack([table[:, :2], half_height]),
         "box_yaw": table[:, 2],
         "box_size": np.column_stack([table[:, 3:5], half_height]),

@@ -6,6 +6,7 @@ The course frame is the start of the first segment: x along it, y left, z up.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,13 +59,12 @@ class Plan:
     laps: int = 1
     """How often the route is driven."""
 
-    @property
+    @cached_property
     def route_s(self) -> Array:
         """(R,) arc length at the points of the route."""
-        steps = np.linalg.norm(np.diff(self.route, axis=0), axis=1)
-        return np.concatenate([[0.0], np.cumsum(steps)])
+        return arc_length(self.route)
 
-    @property
+    @cached_property
     def gate_s(self) -> Array:
         """(G,) places of the gates on the route, m."""
         return place_on(self.route, self.gate_pose[:, :2])
@@ -73,6 +73,14 @@ class Plan:
     def length(self) -> float:
         """Length of the route, m."""
         return float(self.route_s[-1])
+
+
+def arc_length(route: Array) -> Array:
+    """Distance along a line at its points, (R, 2) -> (R,) m."""
+    x, y = route[1:, 0] - route[:-1, 0], route[1:, 1] - route[:-1, 1]
+    place = np.zeros(len(route))
+    np.cumsum(np.sqrt(x * x + y * y), out=place[1:])
+    return place
 
 
 _SAME_M = 1e-6
@@ -92,14 +100,14 @@ def place_on(route: Array, points: Array) -> Array:
     """
     if not len(points):
         return np.zeros(0)
-    start, along = route[:-1], np.diff(route, axis=0)
-    length = np.hypot(along[:, 0], along[:, 1])
-    unit = along / length[:, None]
-    offset = points[:, None] - start
-    t = np.clip((offset * unit).sum(axis=2), 0.0, length)
-    miss = offset - unit * t[..., None]
-    distance = np.hypot(miss[..., 0], miss[..., 1])
+    x, y = route[:-1, 0], route[:-1, 1]
+    along_x, along_y = route[1:, 0] - x, route[1:, 1] - y
+    length = np.hypot(along_x, along_y)
+    unit_x, unit_y = along_x / length, along_y / length
+    offset_x, offset_y = points[:, :1] - x, points[:, 1:] - y
+    t = np.minimum(np.maximum(offset_x * unit_x + offset_y * unit_y, 0.0), length)
+    distance = np.hypot(offset_x - unit_x * t, offset_y - unit_y * t)
     near = distance <= distance.min(axis=1, keepdims=True) + _SAME_M
-    place = np.concatenate([[0.0], np.cumsum(length)])[:-1] + t
+    place = np.concatenate([[0.0], length.cumsum()[:-1]]) + t
     nearest: Array = np.where(near, place, -np.inf).max(axis=1)
     return nearest

@@ -318,7 +318,7 @@ def _gap(plan: Plan, route: Array, yaw: Array, car: CarConfig, reach: float) -> 
     return float(min(reach, to_box.min(), to_car.min()))
 
 
-_STRETCH = 16
+_STRETCH = 8
 """Points of a route that are looked at together, first."""
 
 
@@ -372,7 +372,7 @@ def check_drivable(plan: Plan, name: str, car: CarConfig | None = None) -> None:
     # A ring's route does not begin at the start, but in the middle beside it.
     x, y, yaw = plan.start
     start = np.array([[x, y], [x + 0.01 * np.cos(yaw), y + 0.01 * np.sin(yaw)]])
-    route, heading = np.concatenate([plan.route, start]), np.append(headings(plan.route), [yaw, yaw])
+    route, heading = np.concatenate([start, plan.route]), np.concatenate([[yaw, yaw], headings(plan.route)])
     if _gap(plan, route, heading, car, CLEARANCE) == CLEARANCE:
         return
     gap = clearance(plan, car, CLEARANCE)

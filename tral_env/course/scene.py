@@ -6,7 +6,7 @@ needs; those that a course does not need are parked under the floor.
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -61,10 +61,10 @@ class Pool:
 
     def union(self, other: Pool) -> Pool:
         """Enough for either."""
-        return Pool(*map(max, astuple(self), astuple(other)))
+        return Pool(max(self.boxes, other.boxes), max(self.markers, other.markers), max(self.tapes, other.tapes))
 
     def __ge__(self, other: Pool) -> bool:
-        return self.union(other) == self
+        return self.boxes >= other.boxes and self.markers >= other.markers and self.tapes >= other.tapes
 
     @property
     def names(self) -> list[str]:
@@ -165,23 +165,25 @@ def place(plan: Plan, pool: Pool) -> Placement:
     if not pool >= Pool.of(plan):
         raise ConfigError(f"a plan of {Pool.of(plan)} does not fit into a {pool}")
     count = pool.boxes + pool.markers + pool.tapes
-    pos, size = np.tile(_PARKED, (count, 1)), np.full((count, 3), _PARKED_HALF)
-    quat = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
+    pos, size, quat = np.empty((count, 3)), np.full((count, 3), _PARKED_HALF), np.zeros((count, 4))
+    pos[:], quat[:, 0] = _PARKED, 1.0
     boxes = slice(0, len(plan.box_kind))
     pos[boxes], size[boxes] = plan.box_position, plan.box_size
     quat[boxes, 0], quat[boxes, 3] = np.cos(plan.box_yaw / 2), np.sin(plan.box_yaw / 2)
-    markers = slice(pool.boxes, pool.boxes + len(plan.marker_id))
-    normal = np.column_stack([np.cos(plan.marker_yaw), np.sin(plan.marker_yaw), np.zeros(len(plan.marker_id))])
-    pos[markers] = plan.marker_position - _PLATE_HALF_DEPTH * normal
-    size[markers] = [_QUIET_ZONE * plan.marker_size / 2] * 2 + [_PLATE_HALF_DEPTH]
-    quat[markers] = _upright(plan.marker_yaw)
-    tapes = slice(pool.boxes + pool.markers, pool.boxes + pool.markers + len(plan.tape))
-    along = plan.tape[:, 2:] - plan.tape[:, :2]
-    yaw = np.arctan2(along[:, 1], along[:, 0])
-    pos[tapes, :2], pos[tapes, 2] = (plan.tape[:, 2:] + plan.tape[:, :2]) / 2, _TAPE_HALF_HEIGHT
-    size[tapes, 0] = np.linalg.norm(along, axis=1) / 2
-    size[tapes, 1:] = LineConfig().tape_width / 2, _TAPE_HALF_HEIGHT
-    quat[tapes, 0], quat[tapes, 3] = np.cos(yaw / 2), np.sin(yaw / 2)
+    if len(plan.marker_id):
+        markers = slice(pool.boxes, pool.boxes + len(plan.marker_id))
+        normal = np.column_stack([np.cos(plan.marker_yaw), np.sin(plan.marker_yaw), np.zeros(len(plan.marker_id))])
+        pos[markers] = plan.marker_position - _PLATE_HALF_DEPTH * normal
+        size[markers] = [_QUIET_ZONE * plan.marker_size / 2] * 2 + [_PLATE_HALF_DEPTH]
+        quat[markers] = _upright(plan.marker_yaw)
+    if len(plan.tape):
+        tapes = slice(pool.boxes + pool.markers, pool.boxes + pool.markers + len(plan.tape))
+        along = plan.tape[:, 2:] - plan.tape[:, :2]
+        yaw = np.arctan2(along[:, 1], along[:, 0])
+        pos[tapes, :2], pos[tapes, 2] = (plan.tape[:, 2:] + plan.tape[:, :2]) / 2, _TAPE_HALF_HEIGHT
+        size[tapes, 0] = np.linalg.norm(along, axis=1) / 2
+        size[tapes, 1:] = LineConfig().tape_width / 2, _TAPE_HALF_HEIGHT
+        quat[tapes, 0], quat[tapes, 3] = np.cos(yaw / 2), np.sin(yaw / 2)
     return Placement(pos, quat, size)
 
 
