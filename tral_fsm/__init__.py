@@ -1,6 +1,6 @@
 """State machines that drive: definition, states, transitions, policy."""
 
-from tral_fsm import corridor, scurve  # register their states and conditions
+from tral_fsm import corridor, following, scurve  # register their states and conditions
 from tral_fsm.checks import FormatError, Problem, check
 from tral_fsm.definition import MachineDefinition
 from tral_fsm.library import load as load_machine
@@ -19,6 +19,7 @@ __all__ = [
     "Transit",
     "check",
     "corridor",
+    "following",
     "load_machine",
     "load_policy",
     "machine_names",

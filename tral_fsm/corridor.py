@@ -7,7 +7,8 @@ the observer in `walls`, so that jitter, recesses and openings do not reach the 
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -32,6 +33,8 @@ _FADE = 0.6
 
 class FollowCorridorSpec(DrivingSpec):
     """Keeps a place in the corridor: a clearance to the wall on `side`, at most half of what both sides have."""
+
+    needs: ClassVar[Mapping[str, str]] = {"slow_front": "speed"}
 
     type: Literal["FollowCorridor"] = "FollowCorridor"
     side: Side = Field("right", description="the wall that the clearance is to")

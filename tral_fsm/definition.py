@@ -6,32 +6,19 @@ Every class here is one "type" of a machine file. Parameters are in physical uni
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, StrictInt, StrictStr, model_validator
+from pydantic import Field, SerializeAsAny
 
 from tral_env.interface import NO_ECHO_M
-
-Id = StrictInt | Annotated[StrictStr, Field(min_length=1)]
-"""Name of a state or transition: a number or a word."""
-Side = Literal["left", "right"]
-SonarName = Literal["left", "front", "right"]
-
-
-def quantity(default: float | None, unit: str, description: str, **limits: Any) -> Any:
-    """A parameter with unit, meaning and limits (`ge`, `gt`, `le`, `lt`)."""
-    return Field(default, description=description, json_schema_extra={"unit": unit}, **limits)
-
-
-def required(unit: str, description: str, **limits: Any) -> Any:
-    """A parameter that has no default."""
-    return Field(description=description, json_schema_extra={"unit": unit}, **limits)
-
-
-class Spec(BaseModel):
-    """Base of all parts of a machine: frozen, nothing unknown, nothing converted in silence, no NaN."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, populate_by_name=True)
+from tral_fsm.spec import Id as Id
+from tral_fsm.spec import MarkerId, SonarName
+from tral_fsm.spec import Side as Side
+from tral_fsm.spec import Spec as Spec
+from tral_fsm.spec import quantity as quantity
+from tral_fsm.spec import required as required
+from tral_fsm.spec import unit_of as unit_of
 
 
 class StateSpec(Spec):
@@ -59,20 +46,17 @@ class StateSpec(Spec):
 class DrivingSpec(StateSpec):
     """A state that moves the car: with a speed (regulated on the hall sensor) or a throttle (open loop)."""
 
+    exactly_one: ClassVar[tuple[str, ...]] = ("speed", "throttle")
+
     speed: float | None = quantity(None, "m/s", "regulated on the hall sensor", ge=0.0, le=5.0)
     throttle: float | None = quantity(None, "", "open loop, as in 2016", ge=-1.0, le=1.0)
     steering_trim: float = quantity(0.0, "", "added to the steering: a car that does not run straight", ge=-1.0, le=1.0)
 
-    @model_validator(mode="after")
-    def _one_drive(self) -> DrivingSpec:
-        if (self.speed is None) == (self.throttle is None):
-            got = "neither" if self.speed is None else "both"
-            raise ValueError(f"got {got} of speed [m/s] and throttle: give exactly one")
-        return self
-
 
 class WallSpec(DrivingSpec):
     """Base of the states that keep a clearance to a wall."""
+
+    needs: ClassVar[Mapping[str, str]] = {"slow_front": "speed"}
 
     side: Side = Field("right", description="the wall that is followed")
     p: float = quantity(1.2, "1/m", "steering for a metre of deviation", ge=0.0, le=1000.0)
@@ -103,12 +87,6 @@ class WallSpec(DrivingSpec):
     )
     slow_front: float | None = quantity(None, "m", "front range from which on the car slows down", gt=0.0, le=5.0)
     slow_speed: float = quantity(0.3, "m/s", "speed at half of slow_front and nearer", ge=0.0, le=5.0)
-
-    @model_validator(mode="after")
-    def _slow_needs_speed(self) -> WallSpec:
-        if self.slow_front is not None and self.speed is None:
-            raise ValueError("slow_front needs speed: an open-loop throttle is not slowed down")
-        return self
 
 
 def _clearance() -> Any:
@@ -204,7 +182,9 @@ class StopSpec(StateSpec):
 
     type: Literal["Stop"] = "Stop"
     brake: float = quantity(0.3, "", "throttle against the direction in which the car rolls", ge=0.0, le=1.0)
-    hold: float = quantity(0.0, "s", "brakes at least so long: a motor controller wants to see it before it reverses")
+    hold: float = quantity(
+        0.0, "s", "brakes at least so long: a motor controller wants to see it before it reverses", ge=0.0, le=60.0
+    )
 
     @property
     def may_end(self) -> bool:
@@ -288,24 +268,19 @@ class UnreachableSpec(ConditionSpec):
 class SensorLevelSpec(ConditionSpec):
     """Fires when an ultrasonic reads above or below a level. No echo counts as above."""
 
+    exactly_one: ClassVar[tuple[str, ...]] = ("above", "below")
+
     type: Literal["SensorLevel"] = "SensorLevel"
     sensor: SonarName = Field("front", description="which ultrasonic")
     above: float | None = quantity(None, "m", "fires when the range is above", ge=0.0, lt=NO_ECHO_M)
     below: float | None = quantity(None, "m", "fires when the range is below", gt=0.0, le=NO_ECHO_M)
     readings: int = Field(1, description="so many readings must agree, one after the other", ge=1, le=100)
 
-    @model_validator(mode="after")
-    def _one_level(self) -> SensorLevelSpec:
-        if (self.above is None) == (self.below is None):
-            got = "neither" if self.above is None else "both"
-            raise ValueError(f"got {got} of above [m] and below [m]: give exactly one")
-        return self
-
 
 class SightingSpec(ConditionSpec):
     """Base of what fires when something is seen."""
 
-    ids: tuple[int, ...] = Field((), description="only these ids; empty: any", strict=False)
+    ids: tuple[MarkerId, ...] = Field((), description="only these ids; empty: any", strict=False)
     max_age: float = quantity(0.25, "s", "the sighting is not older", gt=0.0, le=10.0)
     max_distance: float = quantity(6.0, "m", "it is not farther away", gt=0.0, le=20.0)
     max_ahead: float = quantity(20.0, "m", "it is not farther ahead, by dead reckoning", gt=0.0, le=20.0)
