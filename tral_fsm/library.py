@@ -6,11 +6,11 @@ from importlib.resources import files
 from pathlib import Path
 
 from tral_env.errors import MachineError, nearest
-from tral_fsm.checks import FormatError, Problem
-from tral_fsm.definition import FSMStateSpec, MachineDefinition
-from tral_fsm.formats import tral_json
+from tral_fsm.checks import FormatError, check_inner
+from tral_fsm.definition import MachineDefinition
+from tral_fsm.formats import FORMATS, read_file, tral_json
 
-SUFFIXES = (".json",)
+SUFFIXES = tuple(dict.fromkeys(suffix for entry in FORMATS.values() if entry.reads for suffix in entry.suffixes))
 """Files that can be read."""
 
 
@@ -25,17 +25,20 @@ def load(name_or_path: str | Path) -> MachineDefinition:
     """Read a machine.
 
     Args:
-        name_or_path: name of a packaged machine, or path of a file.
+        name_or_path: name of a packaged machine, or path of a file in any format that is read: TRAL JSON, a UMLet
+            diagram (.uxf) or its xml2json form, SCXML. Its content decides, its suffix where that does not.
 
     Returns:
         The checked definition.
 
     Raises:
-        MachineError: no such machine or file, or a kind of file that cannot be read.
+        MachineError: no such machine, or a file that cannot be opened.
         FormatError: the file is not a machine that can run; all its problems.
     """
     definition = _read(name_or_path)
-    _refuse_cycles(definition, (str(name_or_path),))
+    problems = check_inner(definition, names(), _read, (str(name_or_path),))
+    if problems:
+        raise FormatError(str(name_or_path), problems)
     return definition
 
 
@@ -46,29 +49,7 @@ def _read(name_or_path: str | Path) -> MachineDefinition:
             files("tral_fsm").joinpath("machines", f"{text}.json").read_text("utf-8"), f"{text}.json"
         )
     path = Path(name_or_path)
-    if path.suffix not in SUFFIXES:
-        raise MachineError(f"'{text}' is no packaged machine and no {SUFFIXES[0]} file: {nearest(text, names())}")
-    try:
-        content = path.read_text("utf-8")
-    except OSError as error:
-        raise MachineError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise MachineError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from error
-    return tral_json.loads(content, str(path))
-
-
-def _refuse_cycles(definition: MachineDefinition, around: tuple[str, ...]) -> None:
-    """A packaged machine must not hold itself, however deep."""
-    for index, state in enumerate(definition.states):
-        if not isinstance(state, FSMStateSpec):
-            continue
-        inner = state.machine
-        if isinstance(inner, MachineDefinition):
-            _refuse_cycles(inner, around)
-            continue
-        at = f"/states/{index}/machine"
-        if inner not in names():
-            raise FormatError(around[-1], [Problem(at, f"got {inner!r}: {nearest(inner, names())}")])
-        if inner in around:
-            raise FormatError(around[-1], [Problem(at, f"holds itself: {' > '.join((*around, inner))}")])
-        _refuse_cycles(_read(inner), (*around, inner))
+    if path.suffix.lower() not in SUFFIXES and not path.is_file():
+        kinds = ", ".join(SUFFIXES)
+        raise MachineError(f"'{text}' is no packaged machine and no file ({kinds}): {nearest(text, names())}")
+    return read_file(path)

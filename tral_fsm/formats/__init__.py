@@ -1,1 +1,158 @@
-"""Text to definition and back, one module a format."""
+"""Text to definition and back, one module a format.
+
+Every format becomes the same plain values and a map of places, and one reader validates those. So all formats report
+alike, and all give the same definition.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tral_env.errors import MachineError, nearest
+from tral_fsm.checks import FormatError, Problem
+from tral_fsm.definition import MachineDefinition
+from tral_fsm.formats import diagram, scxml, scxml_writer, tral_json, uxf, xml2json, xml_tree
+from tral_fsm.formats.plain import EnoughProblemsError, Plain, Problems
+from tral_fsm.formats.reader import definition, told
+
+LARGEST = 2 * 1024 * 1024
+"""Bytes of a file that is read. The largest reference machine has 13,000. Source: choice."""
+
+
+@dataclass(frozen=True)
+class Format:
+    """A way to write a machine down."""
+
+    name: str
+    suffixes: tuple[str, ...]
+    """Of its files; the first is the usual one."""
+    description: str
+    reads: bool = True
+    writes: Callable[[MachineDefinition], str] | None = None
+    """Definition -> text; None: it is read alone."""
+
+
+FORMATS = {
+    entry.name: entry
+    for entry in (
+        Format("json", (".json",), "TRAL JSON, also of 2016", writes=tral_json.dumps),
+        Format("uxf", (".uxf",), "UMLet diagram", writes=uxf.dumps),
+        Format("xml2json", (".json",), "UMLet diagram put through xml2json"),
+        Format("scxml", (".scxml", ".xml"), "state chart of the W3C", writes=scxml_writer.dumps),
+        Format("mermaid", (".mmd", ".mermaid"), "picture for Markdown pages", False, diagram.mermaid),
+        Format("plantuml", (".puml", ".plantuml"), "picture for PlantUML", False, diagram.plantuml),
+    )
+}
+"""Every format, by name."""
+
+_ENCODING = re.compile(rb"<\?xml[^>]{0,200}?encoding\s*=\s*[\"']([A-Za-z0-9._-]{1,40})[\"']")
+_BYTE_ORDER_MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
+_ENCODINGS = ("utf-8", "us-ascii", "iso-8859-1", "iso-8859-15", "windows-1252", "utf-16")
+"""What an XML file may say that it is written in."""
+
+
+def read(content: str | bytes, source: str, suffix: str = "") -> MachineDefinition:
+    """Read a machine in any format that can be read.
+
+    Args:
+        content: the whole file; bytes are UTF-8, unless a byte order mark or an XML declaration says otherwise.
+        source: name of the file, for messages.
+        suffix: of the file; tells what was meant where the content does not.
+
+    Returns:
+        The definition.
+
+    Raises:
+        FormatError: the content is no machine that can run; all its problems.
+    """
+    problems = Problems()
+    plain = Plain()
+    try:
+        text = content if isinstance(content, str) else _decoded(content)
+        if len(content) > LARGEST:
+            raise xml_tree.XMLError(f"got {len(content)} bytes, at most {LARGEST} are read")
+        plain = _plain(text, suffix, problems)
+    except MachineError as error:
+        raise FormatError(source, [Problem("", str(error))]) from error
+    except EnoughProblemsError:
+        raise FormatError(source, told(problems.found, plain.places)) from None
+    return definition(plain, source, problems)
+
+
+def write(machine: MachineDefinition, name: str) -> str:
+    """Write a machine.
+
+    Args:
+        machine: the definition.
+        name: a format that is written, of `FORMATS`.
+
+    Raises:
+        MachineError: there is no such format, or it is read alone.
+    """
+    entry = FORMATS.get(name)
+    if entry is None or entry.writes is None:
+        written = [known.name for known in FORMATS.values() if known.writes is not None]
+        raise MachineError(f"got format {name!r}: {nearest(name, written)}")
+    return entry.writes(machine)
+
+
+def by_suffix(suffix: str) -> str:
+    """Name of the format that is written to files of a suffix such as ".uxf".
+
+    Raises:
+        MachineError: no format is.
+    """
+    known = {suffix: entry.name for entry in FORMATS.values() if entry.writes for suffix in entry.suffixes}
+    if suffix.lower() not in known:
+        raise MachineError(f"got suffix {suffix!r}: {nearest(suffix, known)}")
+    return known[suffix.lower()]
+
+
+def _decoded(content: bytes) -> str:
+    """Text of a file."""
+    declared = _ENCODING.match(content.lstrip()[:300])
+    encoding = declared[1].decode("ascii").lower() if declared else "utf-8"
+    encoding = next((name for mark, name in _BYTE_ORDER_MARKS.items() if content.startswith(mark)), encoding)
+    if encoding not in (*_ENCODINGS, "utf-8-sig"):
+        raise xml_tree.XMLError(f"got encoding {encoding!r}: {nearest(encoding, _ENCODINGS)}")
+    try:
+        return content.decode(encoding)
+    except UnicodeDecodeError as error:
+        raise xml_tree.XMLError(f"not {encoding.upper()} text: {error.reason} at byte {error.start}") from error
+
+
+def _plain(text: str, suffix: str, problems: Problems) -> Plain:
+    """By what the text begins with; where that tells nothing, by suffix."""
+    start = text.lstrip("\ufeff \t\r\n")
+    is_json = start[:1] in ("{", "[") or (start[:1] != "<" and suffix.lower() not in (".uxf", ".scxml", ".xml"))
+    if start.startswith(("stateDiagram", "@startuml", "---\ntitle")):
+        raise xml_tree.XMLError("Mermaid and PlantUML are written, not read: parameters do not stand in them")
+    if is_json:
+        value: Any = tral_json.parse(text.removeprefix("\ufeff"), problems)
+        return xml2json.plain(value, problems) if xml2json.is_one(value) else tral_json.plain(value, problems)
+    root = xml_tree.parse(start)
+    if root.tag in uxf.ROOTS:
+        return uxf.plain(root, problems)
+    if root.tag == f"{{{scxml.W3C}}}scxml":
+        return scxml.plain(root, problems)
+    expected = f'expected <diagram> of UMLet, or <scxml xmlns="{scxml.W3C}">'
+    raise xml_tree.XMLError(f"got <{root.tag[:60]}> as the outermost element: {expected}")
+
+
+def read_file(path: Path) -> MachineDefinition:
+    """Read a file in any format that can be read.
+
+    Raises:
+        MachineError: it cannot be opened.
+        FormatError: it is no machine that can run.
+    """
+    try:
+        with path.open("rb") as file:
+            content = file.read(LARGEST + 1)
+    except OSError as error:
+        raise MachineError(f"{path}: cannot be read: {error.strerror}") from error
+    return read(content, str(path), path.suffix)

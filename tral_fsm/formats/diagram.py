@@ -1,0 +1,91 @@
+"""Mermaid and PlantUML: pictures of a machine for pages that draw them. Written, not read: parameters are prose."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from tral_fsm.definition import ConditionSpec, FSMStateSpec, MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.formats.tral_json import members
+
+_COMBINED = {"All": " and ", "Any": " or "}
+
+
+def mermaid(machine: MachineDefinition) -> str:
+    """A machine as a Mermaid `stateDiagram-v2`."""
+    lines = _lines(machine, "s", _mermaid_text)
+    title = f"---\ntitle: {json.dumps(machine.name)}\n---\n" if machine.name else ""
+    return title + "stateDiagram-v2\n" + "".join(f"  {line}\n" for line in lines)
+
+
+def plantuml(machine: MachineDefinition) -> str:
+    """A machine as a PlantUML state diagram."""
+    lines = _lines(machine, "s", _plantuml_text)
+    title = f"title {_plantuml_text(machine.name)}\n" if machine.name else ""
+    return f"@startuml\n{title}hide empty description\n" + "".join(f"{line}\n" for line in lines) + "@enduml\n"
+
+
+def words(condition: ConditionSpec) -> str:
+    """A condition in words: its type and what differs from the defaults, with units."""
+    parts = getattr(condition, "of", ())
+    inner = [words(part) for part in parts]
+    if condition.type in _COMBINED:
+        return f"({_COMBINED[condition.type].join(inner)})" if len(inner) > 1 else inner[0]
+    if condition.type == "Not":
+        return f"not {inner[0]}"
+    fields = type(condition).model_fields
+    values = members(condition)
+    if hasattr(condition, "sensor"):
+        values = {"sensor": condition.sensor, **values}
+    said = [_said(name, value, fields[name].json_schema_extra) for name, value in values.items()]
+    return " ".join([condition.type, *said])
+
+
+def _said(name: str, value: Any, extra: Any) -> str:
+    """Name, value, unit."""
+    unit = extra.get("unit", "") if isinstance(extra, dict) else ""
+    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    return " ".join(part for part in (name.removesuffix("_deg"), text, unit) if part)
+
+
+def _lines(machine: MachineDefinition, prefix: str, text: Callable[[str], str]) -> Iterator[str]:
+    """What both languages share: states under names of our own, arrows between them."""
+    names = {state.id: f"{prefix}{index}" for index, state in enumerate(machine.states)}
+    for state in machine.states:
+        yield from _state(state, names[state.id], text)
+    yield f"[*] --> {names[machine.root]}"
+    for transition in machine.transitions:
+        yield f"{names[transition.source]} --> {names[transition.target]} : {text(_label(transition))}"
+    left = {transition.source for transition in machine.transitions}
+    yield from (f"{names[state.id]} --> [*]" for state in machine.states if state.may_end and state.id not in left)
+
+
+def _state(state: StateSpec, name: str, text: Callable[[str], str]) -> Iterator[str]:
+    title = state.label or str(state.id)
+    yield f'state "{text(title)}" as {name}'
+    if isinstance(state, FSMStateSpec) and isinstance(state.machine, MachineDefinition):
+        yield f"state {name} {{"
+        yield from (f"  {line}" for line in _lines(state.machine, f"{name}_", text))
+        yield "}"
+    else:
+        yield f"{name} : {text(state.type)}"
+
+
+def _label(transition: TransitionSpec) -> str:
+    return f"{transition.id}: {words(transition.when)}"
+
+
+def _mermaid_text(text: str) -> str:
+    """Letters as they are, all that Mermaid could take for its own as character codes."""
+    return re.sub(r"[^\w .,()\[\]/+*=-]", lambda found: f"#{ord(found[0])};", _one_line(text)) or "#32;"
+
+
+def _plantuml_text(text: str) -> str:
+    """Letters as they are, all that PlantUML could take for its own as character codes."""
+    return re.sub(r"[^\w .,()\[\]+=:-]", lambda found: f"&#{ord(found[0])};", _one_line(text)) or "&#32;"
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

@@ -1,0 +1,233 @@
+"""Plain JSON values -> a checked definition. The one place that validates, whatever file the values come from."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from tral_env.errors import nearest
+from tral_fsm.checks import FormatError, Problem, check_level
+from tral_fsm.definition import (
+    CONDITIONS,
+    STATES,
+    ConditionSpec,
+    Id,
+    MachineDefinition,
+    Spec,
+    StateSpec,
+    TransitionSpec,
+)
+from tral_fsm.formats.plain import MOST_PROBLEMS, EnoughProblemsError, Plain, Problems, located
+
+M = TypeVar("M", bound=Spec)
+
+_ENDS = ("id", "from", "to")
+_MAX_DEPTH = 32
+_MOST_PARTS = 2000
+"""States or transitions of one machine. Source: choice."""
+
+
+def definition(plain: Plain, source: str, problems: Problems | None = None) -> MachineDefinition:
+    """Validate what a format has read.
+
+    Args:
+        plain: the values and their places.
+        source: name of the file, for messages.
+        problems: those that the format has found already; what could be read is still looked at.
+
+    Returns:
+        The definition.
+
+    Raises:
+        FormatError: with all problems that were found.
+    """
+    found = problems or Problems()
+    machine = None
+    with contextlib.suppress(EnoughProblemsError):
+        machine = Reader(found).machine(plain.value, "", 0)
+    if found.found or machine is None:
+        raise FormatError(source, told(found.found, plain.places))
+    return machine
+
+
+def told(problems: Iterable[Problem], places: Mapping[str, str]) -> list[Problem]:
+    """Problems with their places, none twice, no more than can be read."""
+    found = list(dict.fromkeys(located(problem, places) for problem in problems))
+    if len(found) < MOST_PROBLEMS:
+        return found
+    return [*found[:MOST_PROBLEMS], Problem("", f"there may be more than these {MOST_PROBLEMS} problems")]
+
+
+class Reader:
+    """Turns plain JSON values into a definition and collects what is wrong with them."""
+
+    def __init__(self, problems: Problems) -> None:
+        self.problems = problems
+        self.complain = problems.complain
+
+    def machine(self, raw: Any, pointer: str, depth: int) -> MachineDefinition | None:
+        """A whole machine."""
+        if self.problems.found and raw is None:
+            return None
+        if not self._object(raw, pointer, depth):
+            return None
+        before = len(self.problems.found)
+        schema = ("$schema",) if depth == 0 else ()
+        self._keys(raw, MachineDefinition, pointer, required=("root", "states"), also=schema)
+        listed = self._array(raw, "states", pointer)
+        states = [self.state(item, at, depth) for at, item in listed]
+        transitions = [self.transition(item, at, depth) for at, item in self._array(raw, "transitions", pointer)]
+        head = {key: raw[key] for key in ("root", "name", "description") if key in raw}
+        if len(self.problems.found) > before:
+            self._build(MachineDefinition, {**head, "states": ()}, pointer)
+        known = [state or _with_id(item) for state, (_, item) in zip(states, listed, strict=True)]
+        for problem in check_level(_id(raw.get("root")), known, transitions):
+            self.complain(pointer + problem.pointer, problem.message)
+        if len(self.problems.found) > before:
+            return None
+        return self._build(
+            MachineDefinition, {**head, "states": tuple(states), "transitions": tuple(transitions)}, pointer
+        )
+
+    def state(self, raw: Any, pointer: str, depth: int) -> StateSpec | None:
+        """One state."""
+        spec = self._spec(raw, STATES, "state", pointer, depth)
+        if spec is None:
+            return None
+        members = dict(raw)
+        if isinstance(members.get("machine"), Mapping):
+            members["machine"] = self.machine(members["machine"], f"{pointer}/machine", depth + 1)
+            if members["machine"] is None:
+                return None
+        return self._build(spec, members, pointer)
+
+    def transition(self, raw: Any, pointer: str, depth: int) -> TransitionSpec | None:
+        """One transition, its condition flat beside its ends."""
+        if not self._object(raw, pointer, depth):
+            return None
+        ends = {key: raw[key] for key in _ENDS if key in raw}
+        inner = {key: value for key, value in raw.items() if key not in _ENDS}
+        when = self.condition(inner, pointer, depth, also=_ENDS)
+        return self._build(TransitionSpec, {**ends, "when": when or ConditionSpec(type="")}, pointer)
+
+    def condition(self, raw: Any, pointer: str, depth: int, also: tuple[str, ...] = ()) -> ConditionSpec | None:
+        """One condition, with those that it combines."""
+        spec = self._spec(raw, CONDITIONS, "transition", pointer, depth, also)
+        if spec is None:
+            return None
+        members = dict(raw)
+        if "of" in spec.model_fields and isinstance(raw.get("of"), list):
+            found = [self.condition(part, at, depth + 1) for at, part in self._array(raw, "of", pointer)]
+            if None in found:
+                return None
+            members["of"] = tuple(found)
+        return self._build(spec, members, pointer)
+
+    def _object(self, raw: Any, pointer: str, depth: int) -> bool:
+        if depth > _MAX_DEPTH:
+            self.complain(pointer, f"nested more than {_MAX_DEPTH} deep")
+        elif not isinstance(raw, dict):
+            self.complain(pointer, f"got {_show(raw)}, expected an object")
+        return isinstance(raw, dict) and depth <= _MAX_DEPTH
+
+    def _array(self, raw: dict[str, Any], key: str, pointer: str) -> list[tuple[str, Any]]:
+        items = raw.get(key, [])
+        if not isinstance(items, list):
+            self.complain(f"{pointer}/{key}", f"got {_show(items)}, expected an array")
+            return []
+        if len(items) > _MOST_PARTS:
+            self.complain(f"{pointer}/{key}", f"got {len(items)} {key}, at most {_MOST_PARTS} are allowed")
+            return []
+        return [(f"{pointer}/{key}/{index}", item) for index, item in enumerate(items)]
+
+    def _spec(
+        self, raw: Any, known: Mapping[str, type[M]], what: str, pointer: str, depth: int, also: tuple[str, ...] = ()
+    ) -> type[M] | None:
+        """The class that a "type" names, once its keys are known to fit."""
+        if not self._object(raw, pointer, depth):
+            return None
+        name = raw.get("type")
+        if not isinstance(name, str) or name not in known:
+            got = f"got no type of {what}" if "type" not in raw else f"got {_show(name)}, which is no type of {what}"
+            self.complain(f"{pointer}/type", f"{got}: {nearest(name, known)}")
+            return None
+        fit = self._keys(raw, known[name], pointer, also=also)
+        return known[name] if fit else None
+
+    def _keys(
+        self,
+        raw: dict[str, Any],
+        spec: type[Spec],
+        pointer: str,
+        required: Iterable[str] = (),
+        also: tuple[str, ...] = (),
+    ) -> bool:
+        """Every key is one of the class, and none of the required is missing."""
+        allowed = [*also, *(field.alias or name for name, field in spec.model_fields.items())]
+        unknown = [key for key in raw if key not in allowed]
+        for key in unknown:
+            self.complain(f"{pointer}/{_escape(key)}", f"unknown key {key!r}: {nearest(key, allowed)}")
+        missing = [key for key in required if key not in raw]
+        for key in missing:
+            self.complain(pointer, f"the key {key!r} is missing")
+        return not unknown and not missing
+
+    def _build(self, spec: type[M], members: dict[str, Any], pointer: str) -> M | None:
+        """An object of a class, or None and the problems why not."""
+        try:
+            return spec.model_validate(members)
+        except ValidationError as error:
+            for fault in error.errors(include_url=False):
+                self._fault(fault, spec, pointer)
+            return None
+
+    def _fault(self, fault: Mapping[str, Any], spec: type[Spec], pointer: str) -> None:
+        place = [part for part in fault["loc"] if not (isinstance(part, str) and "[" in part) and part not in _UNIONS]
+        at = pointer + "".join(f"/{_escape(str(part))}" for part in place)
+        got = fault["input"]
+        if fault["type"] == "missing":
+            self.complain(pointer, f"the key {place[-1]!r} is missing")
+        elif fault["type"] == "value_error":
+            self.complain(at, str(fault["ctx"]["error"]))
+        elif fault["type"] == "literal_error":
+            allowed = fault["ctx"]["expected"].replace("'", "").replace(" or ", ", ").split(", ")
+            self.complain(at, f"got {_show(got)}: {nearest(got, allowed)}")
+        elif not any(p.pointer == at for p in self.problems.found):
+            self.complain(at, f"got {_show(got)}: {fault['msg']}{_hint_2016(got)}")
+
+
+def _id(value: Any) -> Id | None:
+    """An id, if a value may be one."""
+    return value if isinstance(value, int | str) and not isinstance(value, bool) and value != "" else None
+
+
+def _with_id(raw: Any) -> StateSpec | None:
+    """A state of which the id alone could be read; None: not even that."""
+    got = _id(raw.get("id")) if isinstance(raw, dict) else None
+    return None if got is None else StateSpec(type="", id=got)
+
+
+_UNIONS = ("int", "str", "MachineDefinition")
+"""What pydantic adds to a place to say which member of a union it tried."""
+
+
+def _hint_2016(got: Any) -> str:
+    """Where a number stands in quotes: how a file of 2016 says that it is one."""
+    try:
+        float(got if isinstance(got, str) else "x")
+    except ValueError:
+        return ""
+    return '. Numbers stand without quotes, but in files that say "units": "2016"'
+
+
+def _escape(key: str) -> str:
+    return key.replace("~", "~0").replace("/", "~1")
+
+
+def _show(value: Any) -> str:
+    text = json.dumps(value, default=str)
+    return text if len(text) <= 60 else text[:57] + "..."

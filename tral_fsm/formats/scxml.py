@@ -1,0 +1,141 @@
+"""SCXML, the W3C's state charts: structure in its own words, parameters in a namespace of ours.
+
+An attribute of the namespace holds JSON, or, if it is none, the word itself. Combined conditions stand as elements
+within their transition, an inline machine as states within its state.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+from tral_fsm.formats.members import word
+from tral_fsm.formats.plain import Plain, Problems
+from tral_fsm.formats.xml_tree import Node
+
+W3C = "http://www.w3.org/2005/07/scxml"
+OURS = "urn:tral:machine"
+"""Namespace of parameters."""
+
+_STATE, _FINAL, _TRANSITION, _INITIAL = (f"{{{W3C}}}{tag}" for tag in ("state", "final", "transition", "initial"))
+_MACHINE, _CONDITION = f"{{{OURS}}}machine", f"{{{OURS}}}condition"
+_XML_NAME = re.compile(r"\s*(\S+)\s*")
+
+
+def plain(root: Node, problems: Problems) -> Plain:
+    """The machine of an SCXML file.
+
+    Args:
+        root: the file.
+        problems: takes what cannot be understood.
+    """
+    reading = _Reading(problems)
+    return Plain(reading.machine(root, ""), reading.places)
+
+
+class _Reading:
+    """Turns elements into states and transitions."""
+
+    def __init__(self, problems: Problems) -> None:
+        self.problems = problems
+        self.places: dict[str, str] = {}
+
+    def complain(self, pointer: str, message: str, node: Node) -> None:
+        self.problems.complain(pointer, message, _place(node))
+
+    def machine(self, node: Node, pointer: str) -> dict[str, Any]:
+        """A whole machine: the document, or a state that holds states."""
+        self.places[pointer] = _place(node)
+        nodes = [child for child in node.children if child.tag in (_STATE, _FINAL)]
+        ids = {child.attributes.get("id", ""): _id(child) for child in nodes}
+        states = [self.state(child, f"{pointer}/states/{index}") for index, child in enumerate(nodes)]
+        arrows = [(child, arrow) for child in nodes for arrow in child.children if arrow.tag == _TRANSITION]
+        arrows.sort(key=lambda pair: self.order(pair[1]))
+        transitions = [
+            self.transition(arrow, owner, ids, f"{pointer}/transitions/{index}")
+            for index, (owner, arrow) in enumerate(arrows)
+        ]
+        self.strangers(node, pointer, (_STATE, _FINAL, _INITIAL, _MACHINE, _TRANSITION))
+        value: dict[str, Any] = {"root": self.root(node, ids), "states": states, "transitions": transitions}
+        head = next(node.all(_MACHINE), None)
+        value |= self.members(head) if head is not None else {}
+        if node.tag.endswith("}scxml") and "name" in node.attributes:
+            value.setdefault("name", node.attributes["name"])
+        return value
+
+    def root(self, node: Node, ids: dict[str, Any]) -> Any:
+        """Id of the state that "initial" names; without it, as the W3C has it: the first."""
+        name = node.attributes.get("initial")
+        for initial in node.all(_INITIAL):
+            name = next((arrow.attributes.get("target") for arrow in initial.all(_TRANSITION)), name)
+        if name is None:
+            return next(iter(ids.values()), None)
+        return ids.get(name.strip(), name)
+
+    def state(self, node: Node, pointer: str) -> dict[str, Any]:
+        """A state; one that holds states holds a machine."""
+        self.places[pointer] = _place(node)
+        found: dict[str, Any] = {} if node.attributes.get("id") is None else {"id": _id(node)}
+        if node.tag == _FINAL:
+            found["final"] = True
+        found |= self.members(node)
+        if any(child.tag in (_STATE, _FINAL) for child in node.children):
+            found["machine"] = self.machine(node, f"{pointer}/machine")
+        else:
+            self.strangers(node, pointer, (_TRANSITION,))
+        return found
+
+    def transition(self, node: Node, owner: Node, ids: dict[str, Any], pointer: str) -> dict[str, Any]:
+        """A transition; its source is the state that it stands in."""
+        self.places[pointer] = _place(node)
+        if "cond" in node.attributes:
+            self.complain(pointer, "got cond, which is not read: tral:type and its parameters say when it fires", node)
+        found = self.condition(node, pointer, ("order",))
+        target = _XML_NAME.fullmatch(node.attributes.get("target", ""))
+        if target is not None:
+            found["to"] = ids.get(target[1], target[1])
+        return {**found, "from": _id(owner)}
+
+    def condition(self, node: Node, pointer: str, without: tuple[str, ...] = ()) -> dict[str, Any]:
+        """A condition with those that it combines."""
+        found = {key: value for key, value in self.members(node).items() if key not in without}
+        parts = list(node.all(_CONDITION))
+        if parts:
+            found["of"] = [self.condition(part, f"{pointer}/of/{index}") for index, part in enumerate(parts)]
+        self.strangers(node, pointer, (_CONDITION,))
+        return found
+
+    def members(self, node: Node) -> dict[str, Any]:
+        """Attributes of our namespace."""
+        start = f"{{{OURS}}}"
+        return {name[len(start) :]: word(text) for name, text in node.attributes.items() if name.startswith(start)}
+
+    def order(self, node: Node) -> float:
+        """Place of a transition among those of its machine; without it, behind the others."""
+        value = word(node.attributes.get(f"{{{OURS}}}order", "null"))
+        if value is None:
+            return math.inf
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            self.complain("", f"got order {value!r}, expected a number", node)
+            return math.inf
+        return value
+
+    def strangers(self, node: Node, pointer: str, known: tuple[str, ...]) -> None:
+        """What SCXML has and a machine here has not must not get lost in silence."""
+        for child in node.children:
+            if child.tag not in known:
+                allowed = ", ".join(tag.rpartition("}")[2] for tag in known)
+                self.complain(pointer, f"got <{child.tag.rpartition('}')[2]}> in it. Allowed: {allowed}", child)
+
+
+def _place(node: Node) -> str:
+    name = node.attributes.get("id") or node.attributes.get(f"{{{OURS}}}id")
+    tag = node.tag.rpartition("}")[2]
+    return f"{tag} '{name}' (line {node.line})" if name else f"{tag} (line {node.line})"
+
+
+def _id(node: Node) -> Any:
+    """Our id of a state: an XML id may not be a number or hold blanks."""
+    ours = node.attributes.get(f"{{{OURS}}}id")
+    return node.attributes.get("id") if ours is None else word(ours)

@@ -1,0 +1,289 @@
+"""A UMLet diagram, however it was written down, as a machine: states by their text, ends of arrows by text or place."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from tral_fsm.formats import members, units2016
+from tral_fsm.formats.plain import Plain, Problems
+
+STICKS = 9.0
+"""An end belongs to a state whose outline is no farther away, in pixels at 100 %. Source: UMLet."""
+GRID = 10.0
+"""The zoom_level that is 100 %."""
+
+_STATE = ("UMLState", "State", "StateSubDiagram")
+_ARROW = ("Relation",)
+_INITIAL, _FINAL, _SPECIAL = "InitialState", "FinalState", "UMLSpecialState"
+_COMMENT = ("UMLNote", "Note", "Text", "UMLFrame", "Frame")
+"""What may stand in a diagram and says nothing."""
+_SETTING = re.compile(
+    r"\s*(?:lt|m1|m2|r1|r2|q1|q2|bg|fg|lw|layer|group|halign|valign|fontsize|fontfamily|style|elementstyle"
+    r"|transparency|symbol|type|template|autoresize|customelement)\s*=.*"
+)
+"""A line of text with which UMLet draws. Source: UMLet."""
+_HEAD = ("name", "description", "units")
+"""What the text of the diagram itself may say of the machine."""
+
+
+@dataclass(frozen=True)
+class Element:
+    """One element of a diagram, as it stands in the file."""
+
+    kind: str
+    """UMLState, Relation, ...; of a legacy file without the package."""
+    text: str
+    """Its panel attributes."""
+    box: tuple[float, float, float, float] | None
+    """x, y, width, height in pixels at the file's zoom; None: not readable."""
+    points: tuple[tuple[float, float], ...]
+    """Of a Relation, relative to x, y."""
+    legacy: bool
+    """Its points are in pixels at the file's zoom, not at 100 %."""
+
+
+@dataclass(frozen=True)
+class Diagram:
+    """A whole file."""
+
+    elements: Sequence[Element]
+    zoom: float = GRID
+    text: str = ""
+    """The text of the diagram itself."""
+
+
+@dataclass(frozen=True)
+class _Outline:
+    """Something that an arrow can end at, in pixels at 100 %."""
+
+    kind: str
+    number: int
+    box: tuple[float, float, float, float]
+
+    def distance(self, point: tuple[float, float]) -> float:
+        """From its outline, in pixels."""
+        x, y, width, height = self.box
+        across = max(x - point[0], 0.0, point[0] - x - width)
+        down = max(y - point[1], 0.0, point[1] - y - height)
+        if across or down:
+            return math.hypot(across, down)
+        return min(point[0] - x, x + width - point[0], point[1] - y, y + height - point[1])
+
+
+def plain(diagram: Diagram, problems: Problems) -> Plain:
+    """The machine that a diagram shows.
+
+    Args:
+        diagram: its elements.
+        problems: takes what cannot be understood.
+
+    Returns:
+        Values as in TRAL JSON, and the element from which each comes.
+    """
+    return _Reading(diagram, problems).machine()
+
+
+class _Reading:
+    """Turns the elements of one diagram into states and transitions."""
+
+    def __init__(self, diagram: Diagram, problems: Problems) -> None:
+        self.diagram = diagram
+        self.problems = problems
+        self.places: dict[str, str] = {"": "diagram"}
+        self.states: list[dict[str, Any]] = []
+        self.transitions: list[dict[str, Any]] = []
+        self.orders: list[Any] = []
+        self.roots: dict[int, Any] = {}
+        """Element that says so -> id of the root."""
+        self.at: dict[int, int] = {}
+        """Number of an element -> index of its state."""
+        self.outlines: list[_Outline] = []
+
+    def machine(self) -> Plain:
+        """States first: arrows point at them."""
+        kinds = {number: _special(element) for number, element in enumerate(self.diagram.elements, 1)}
+        for number, element in enumerate(self.diagram.elements, 1):
+            kind = kinds[number]
+            if kind in _STATE:
+                self.state(number, element)
+            elif kind not in (*_ARROW, *_COMMENT, _INITIAL, _FINAL):
+                allowed = "UMLState, Relation, UMLSpecialState type=initial or type=final, UMLNote, Text"
+                self.problems.complain("", f"got {kind[:60]!r}. Allowed: {allowed}", f"element {number}")
+            if kind not in _ARROW and element.box is not None:
+                self.outlines.append(_Outline(kind, number, self.scaled(element.box)))
+        for number, element in enumerate(self.diagram.elements, 1):
+            if kinds[number] in _ARROW:
+                self.arrow(number, element)
+        self.in_order()
+        value = {**self.head(), "states": self.states, "transitions": self.transitions}
+        value["root"] = self.root()
+        return Plain(units2016.modern(value, self.problems), self.places)
+
+    def complain(self, pointer: str, message: str) -> None:
+        """Of an element; said before transitions change places."""
+        self.problems.complain(pointer, message, self.places.get(pointer, ""))
+
+    def scaled(self, box: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+        """A box in pixels at 100 %."""
+        x, y, width, height = (length * GRID / self.diagram.zoom for length in box)
+        return x, y, width, height
+
+    def head(self) -> dict[str, Any]:
+        """What the diagram's own text says of the machine; all else in it is for UMLet."""
+        lines = [line.strip().removeprefix("//").strip() for line in self.diagram.text.split("\n")]
+        said = [line for line in lines if re.match(r'"?(?:name|description|units)"?[ \t]*:', line)]
+        return members.parse("\n".join(said), lambda fault: self.complain("", fault))
+
+    def state(self, number: int, element: Element) -> None:
+        """A state: title, rule, parameters, rule."""
+        title, body = _sections(element.text)
+        pointer = f"/states/{len(self.states)}"
+        self.places[pointer] = f"UMLState '{title}' (element {number})" if title else f"UMLState (element {number})"
+        found = members.parse(body, lambda fault: self.complain(pointer, fault))
+        if not found:
+            self.complain(pointer, "got no parameters: they stand between two lines --")
+        if "id" not in found and title:
+            found["id"] = members.word(title)
+        if "root" in found:
+            is_root = found.pop("root")
+            if is_root is True:
+                self.roots[number] = found.get("id")
+            elif is_root is not False:
+                self.complain(pointer, f"got root: {is_root!r}, expected true or false")
+        self.at[number] = len(self.states)
+        self.states.append(found)
+
+    def arrow(self, number: int, element: Element) -> None:
+        """A transition, or what an initial or final node says."""
+        body = "\n".join("" if _is_drawing(line) else line for line in element.text.split("\n"))
+        pointer = f"/transitions/{len(self.transitions)}"
+        self.places[pointer] = f"Relation (element {number})"
+        found = members.parse(body, lambda fault: self.complain(pointer, fault))
+        if "id" in found:
+            self.places[pointer] = f"Relation '{found['id']}' (element {number})"
+        tail, head = self.ends(element)
+        kinds = [end.kind if end else "" for end in (tail, head)]
+        if not found and any(kind in _COMMENT for kind in kinds):
+            return  # ties a comment to what it is about
+        if _INITIAL in kinds or _FINAL in kinds:
+            self.node(pointer, found, tail, head)
+            return
+        directed = _direction(element.text)
+        for key, end in (("from", tail), ("to", head)):
+            self.end(pointer, found, key, end if directed else None)
+        if not directed and not {"from", "to"} <= set(found):
+            self.complain(pointer, "got a line without an arrow head: lt=-> or lt=<- tells its direction")
+        self.orders.append(found.pop("order", None))
+        self.transitions.append(found)
+
+    def node(self, pointer: str, found: dict[str, Any], tail: _Outline | None, head: _Outline | None) -> None:
+        """An arrow from the initial node names the root, an arrow to a final node a state that may end."""
+        if found:
+            self.complain(pointer, f"got parameters at an initial or final node: {', '.join(found)[:60]}")
+        if tail and head and tail.kind == _INITIAL and head.number in self.at:
+            self.roots[tail.number] = self.states[self.at[head.number]].get("id")
+        elif tail and head and head.kind == _FINAL and tail.number in self.at:
+            self.states[self.at[tail.number]].setdefault("final", True)
+        else:
+            self.complain(pointer, "expected an arrow from an initial node to a state, or from a state to a final node")
+
+    def ends(self, element: Element) -> tuple[_Outline | None, _Outline | None]:
+        """What an arrow's tail and head stick to."""
+        if element.box is None or not element.points:
+            return None, None
+        x, y = element.box[:2]
+        scale = GRID / self.diagram.zoom
+        points = [
+            ((x + a) * scale, (y + b) * scale) if element.legacy else (x * scale + a, y * scale + b)
+            for a, b in (element.points[0], element.points[-1])
+        ]
+        first, last = (self.near(point) for point in points)
+        return (last, first) if _direction(element.text) == "first" else (first, last)
+
+    def near(self, point: tuple[float, float]) -> _Outline | None:
+        """The outline that a point sticks to: the nearest, a state's before a comment's; None: none, or two as near."""
+        found = [(outline.distance(point), outline) for outline in self.outlines]
+        near = [(outline.kind in _COMMENT, distance, outline) for distance, outline in found if distance <= STICKS]
+        near.sort(key=lambda one: one[:2])
+        if not near or (len(near) > 1 and near[0][:2] == near[1][:2]):
+            return None
+        return near[0][2]
+
+    def end(self, pointer: str, found: dict[str, Any], key: str, drawn: _Outline | None) -> None:
+        """One end: as the text says, checked against where it is drawn; as drawn, where the text says nothing."""
+        state = self.states[self.at[drawn.number]] if drawn and drawn.number in self.at else None
+        if state is None or "id" not in state:
+            if key not in found:
+                self.missing(pointer, key, "and that end touches no outline of a state")
+                found[key] = None
+            return
+        if key not in found:
+            found[key] = state["id"]
+        elif str(found[key]) != str(state["id"]):
+            place = self.places[f"/states/{self.at[drawn.number]}"] if drawn else ""
+            self.complain(pointer, f"says {key!r}: {found[key]!r}, but that end is drawn at {place}")
+
+    def missing(self, pointer: str, key: str, why: str) -> None:
+        """Told here, and not again by who validates."""
+        self.problems.complain(f"{pointer}/{key}", f"{key!r} is missing, {why}", self.places[pointer])
+
+    def in_order(self) -> None:
+        """Transitions that leave one state stand in the order that they give, in the places that they have."""
+        groups: dict[str, list[int]] = {}
+        for index, (order, transition) in enumerate(zip(self.orders, self.transitions, strict=True)):
+            if order is not None and (isinstance(order, bool) or not isinstance(order, int | float)):
+                self.complain(f"/transitions/{index}", f"got order: {order!r}, expected a number")
+                return
+            groups.setdefault(str(transition.get("from")), []).append(index)
+        sorted_to: dict[int, int] = {}
+        for group in groups.values():
+            wanted = sorted(group, key=lambda index: math.inf if self.orders[index] is None else self.orders[index])
+            sorted_to |= dict(zip(group, wanted, strict=True))
+        places = {index: self.places[f"/transitions/{index}"] for index in sorted_to}
+        self.transitions = [self.transitions[sorted_to[index]] for index in range(len(self.transitions))]
+        self.places |= {f"/transitions/{index}": places[sorted_to[index]] for index in sorted_to}
+
+    def root(self) -> Any:
+        """Id of the root."""
+        ids = list(dict.fromkeys(map(str, self.roots.values())))
+        if len(ids) > 1:
+            self.complain("", f"got {len(ids)} roots: {', '.join(ids)[:60]}; exactly one is allowed")
+        elif not ids:
+            self.missing("", "root", 'let an initial node point to it, or give one state "root": true')
+        return next(iter(self.roots.values()), None)
+
+
+def _special(element: Element) -> str:
+    """Kind of an element, that of a UMLSpecialState with its type."""
+    if element.kind != _SPECIAL:
+        return element.kind
+    found = re.search(r"^\s*type\s*=\s*(\w+)", element.text, re.MULTILINE)
+    kind = found[1] if found else "decision"
+    return {"initial": _INITIAL, "final": _FINAL}.get(kind, f"{_SPECIAL} type={kind}")
+
+
+def _sections(text: str) -> tuple[str, str]:
+    """Title and parameters of a state's text; blank lines before the parameters keep the numbers of their lines."""
+    lines = ["" if _is_drawing(line) else line for line in text.replace("\r\n", "\n").split("\n")]
+    rules = [index for index, line in enumerate(lines) if line.strip() == "--"]
+    first = rules[0] if rules else len(lines)
+    last = rules[1] if len(rules) > 1 else len(lines)
+    title = " ".join(" ".join(lines[:first]).split())
+    return title, "\n" * (first + 1) + "\n".join(lines[first + 1 : last])
+
+
+def _is_drawing(line: str) -> bool:
+    """A comment, or a line that tells UMLet how to draw."""
+    return line.lstrip().startswith("//") or _SETTING.fullmatch(line) is not None
+
+
+def _direction(text: str) -> str:
+    """Which point has the head of an arrow: "first" or "last"; empty: none, or both."""
+    found = re.search(r"^\s*lt\s*=\s*(\S+)", text, re.MULTILINE)
+    line = found[1] if found else ""
+    first, last = line.startswith("<"), line.endswith(">")
+    return "" if first == last else "first" if first else "last"

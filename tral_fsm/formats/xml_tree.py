@@ -1,0 +1,136 @@
+"""XML text -> a small tree that knows its lines, by the expat that comes with Python.
+
+Entities are what XML files attack with; they are declared in a document type, and a machine needs none. So a document
+type is refused before anything is read, and nothing is ever fetched.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from xml.parsers import expat
+
+from tral_env.errors import MachineError
+
+MOST_ELEMENTS = 50_000
+"""A machine of a hundred states has some thousand elements. Source: choice."""
+DEEPEST = 100
+"""Elements within elements. Source: choice."""
+
+_BEFORE_ROOT = re.compile(r"\s*(?:(?:<\?.*?\?>|<!--.*?-->)\s*)*", re.DOTALL)
+"""What may stand before a document type or the root: declaration, comments, processing instructions."""
+_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+class XMLError(MachineError):
+    """A text is no XML, or XML that is not read here."""
+
+
+@dataclass
+class Node:
+    """An element."""
+
+    tag: str
+    """Name; with a namespace: `{namespace}name`."""
+    attributes: dict[str, str]
+    line: int
+    """Line of the file in which it begins."""
+    text: str = ""
+    """All text directly in it."""
+    children: list[Node] = field(default_factory=list)
+
+    def all(self, tag: str) -> Iterator[Node]:
+        """Its children of a name."""
+        return (child for child in self.children if child.tag == tag)
+
+    def child_text(self, tag: str) -> str:
+        """Text of its first child of a name; empty if there is none."""
+        return next((child.text for child in self.all(tag)), "")
+
+
+class _Builder:
+    """Takes what expat finds."""
+
+    def __init__(self) -> None:
+        self.parser = expat.ParserCreate("utf-8", namespace_separator="}")
+        self.parser.buffer_text = True
+        self.parser.StartElementHandler = self.start
+        self.parser.EndElementHandler = self.end
+        self.parser.CharacterDataHandler = self.data
+        self.parser.StartDoctypeDeclHandler = self.doctype
+        self.open: list[Node] = []
+        self.count = 0
+        self.root: Node | None = None
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        self.count += 1
+        if self.count > MOST_ELEMENTS:
+            raise XMLError(f"more than {MOST_ELEMENTS} XML elements")
+        if len(self.open) >= DEEPEST:
+            raise XMLError(f"XML elements nested more than {DEEPEST} deep")
+        named = {_clark(name): value for name, value in attributes.items()}
+        node = Node(_clark(tag), named, self.parser.CurrentLineNumber)
+        if self.open:
+            self.open[-1].children.append(node)
+        else:
+            self.root = node
+        self.open.append(node)
+
+    def end(self, tag: str) -> None:
+        self.open.pop()
+
+    def data(self, text: str) -> None:
+        self.open[-1].text += text
+
+    def doctype(self, *_: object) -> None:
+        raise XMLError(_NO_DOCTYPE)
+
+
+_NO_DOCTYPE = "got a document type (<!DOCTYPE ...>), which may hold entities: a machine needs none, delete it"
+
+
+def parse(text: str) -> Node:
+    """Read XML.
+
+    Args:
+        text: the whole file, decoded.
+
+    Returns:
+        Its root.
+
+    Raises:
+        XMLError: no XML, a document type, too deep or too much.
+    """
+    before = _BEFORE_ROOT.match(text)
+    if text.startswith("<!DOCTYPE", before.end() if before else 0):
+        raise XMLError(_NO_DOCTYPE)
+    builder = _Builder()
+    try:
+        builder.parser.Parse(text.encode("utf-8"), True)
+    except expat.ExpatError as error:
+        raise XMLError(f"not XML: {error}") from error
+    except UnicodeEncodeError as error:
+        raise XMLError("not XML: a lone surrogate is no character") from error
+    if builder.root is None:
+        raise XMLError("not XML: no element")
+    return builder.root
+
+
+def legal(text: str, instead: str = "") -> str:
+    """A text without the characters that XML cannot hold."""
+    return _NOT_XML.sub(instead, text)
+
+
+def is_legal(text: str) -> bool:
+    """XML can hold each of its characters."""
+    return _NOT_XML.search(text) is None
+
+
+def json_text(text: str) -> str:
+    """A JSON text in which the characters that XML cannot hold are written as JSON escapes."""
+    return _NOT_XML.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def _clark(name: str) -> str:
+    return "{" + name if "}" in name else name
