@@ -7,7 +7,6 @@ which an environment only resets are not counted.
 
 from __future__ import annotations
 
-import resource
 import statistics
 import time
 from collections.abc import Callable, Iterator
@@ -24,8 +23,10 @@ import tral_env
 from tral_env.course.scene import Pool, build_model
 from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.vector_env import TralCorridorVectorEnv
+from tral_env.window import WINDOW_BOXES
 from tral_fsm.bench.host import host
 from tral_fsm.bench.size import size_cost
+from tral_fsm.bench.startup import startup_cost
 
 ENV_ID = f"{tral_env.__name__}:TralCorridor-v0"
 _VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
@@ -150,7 +151,7 @@ def bare_batch(scenario: str, rows: int, threads: int) -> Contestant:
 
 def bare_loop(scenario: str) -> Contestant:
     """`mj_step` of the same model in a loop."""
-    model = build_model(Pool(Pool.for_scenario(scenario).boxes), looks=False)
+    model = build_model(Pool(min(Pool.for_scenario(scenario).boxes, WINDOW_BOXES)), looks=False)
     data = mujoco.MjData(model)
     substeps = round(CONTROL_PERIOD_S / model.opt.timestep)
     ctrl = np.array([0.05, 2.5])
@@ -228,8 +229,8 @@ def measure(plan: Plan, on_round: Callable[[str], None] = lambda name: None) -> 
         on_round: told the name of each contestant when its turn comes.
 
     Returns:
-        ``host``, ``plan``; ``contestants``: records; ``ratios`` by name; ``reset_ms_per_row``, ``peak_memory_mb``,
-        ``camera``, ``course_size``.
+        ``host``, ``plan``; ``contestants``: records; ``ratios`` by name; ``reset_ms_per_row``, ``startup``, ``camera``,
+        ``course_size``.
     """
     field_ = list(contestants(plan))
     for contestant in field_:
@@ -248,7 +249,7 @@ def measure(plan: Plan, on_round: Callable[[str], None] = lambda name: None) -> 
         "contestants": [contestant.record() for contestant in field_],
         "ratios": ratios(field_),
         "reset_ms_per_row": reset_cost(plan.scenario),
-        "peak_memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "startup": startup_cost(plan.scenario),
         "camera": camera_cost() if plan.camera else None,
         "course_size": size_cost() if plan.sizes else None,
     }

@@ -71,7 +71,12 @@ def _show(result: dict[str, Any], out: Path | None) -> None:
     console = Console()
     for name, value in result["ratios"].items():
         console.print(f"{name.replace('_', ' ')}: {value:.2f}")
-    console.print(f"reset of a row: {result['reset_ms_per_row']:.2f} ms; peak memory {result['peak_memory_mb']:.0f} MB")
+    console.print(f"reset of a row: {result['reset_ms_per_row']:.2f} ms")
+    startup = result["startup"]
+    console.print(
+        f"import {startup['import_s']:.2f} s, make and first reset {startup['make_and_reset_s']:.2f} s, "
+        f"memory {startup['memory_mb_per_row']:.2f} MB a row"
+    )
     if isinstance(result["camera"], dict):
         console.print(
             "rendered camera: " + ", ".join(f"{k.replace('_', ' ')} {v:.1f}" for k, v in result["camera"].items())

@@ -1,0 +1,46 @@
+"""What it costs to begin, measured in fresh interpreters: seconds to import and to make, memory of a row."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+_BEGIN = """
+import json, sys, time
+start = time.perf_counter()
+import tral_env
+imported = time.perf_counter()
+import gymnasium as gym
+env = gym.make("TralCorridor-v0", scenario=sys.argv[1])
+env.reset(seed=0)
+print(json.dumps({"import_s": imported - start, "make_and_reset_s": time.perf_counter() - imported}))
+"""
+_MEMORY = """
+import json, resource, sys
+import numpy as np
+from tral_env.vector_env import TralCorridorVectorEnv
+rows = int(sys.argv[2])
+env = TralCorridorVectorEnv(rows, scenario=sys.argv[1])
+env.reset(seed=0)
+env.step(np.zeros((rows, 2)))
+print(json.dumps({"mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}))
+"""
+_FEW, _MANY = 16, 272
+
+
+def startup_cost(scenario: str) -> dict[str, float]:
+    """Measure it.
+
+    Returns:
+        ``import_s``: importing tral_env; ``make_and_reset_s``: `gym.make` and the first reset, imports included;
+        ``memory_mb_per_row`` of the native vector environment.
+    """
+    few, many = (_run(_MEMORY, scenario, str(rows))["mb"] for rows in (_FEW, _MANY))
+    return {**_run(_BEGIN, scenario), "memory_mb_per_row": (many - few) / (_MANY - _FEW)}
+
+
+def _run(script: str, *arguments: str) -> dict[str, float]:
+    done = subprocess.run([sys.executable, "-c", script, *arguments], capture_output=True, text=True, check=True)
+    figures: dict[str, float] = json.loads(done.stdout)
+    return figures
