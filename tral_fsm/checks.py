@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import cast
 
 from tral_env.errors import MachineError, nearest
 from tral_fsm.definition import (
@@ -13,11 +14,14 @@ from tral_fsm.definition import (
     AnySpec,
     ArucoGateFoundSpec,
     ConditionSpec,
+    DistanceSpec,
     FinishedSpec,
     FSMStateSpec,
+    Id,
     MachineDefinition,
     NotSpec,
     StateSpec,
+    TimerSpec,
     TransitionSpec,
     UnreachableSpec,
 )
@@ -53,7 +57,7 @@ class FormatError(MachineError):
 
 
 def check(machine: MachineDefinition) -> list[Problem]:
-    """All faults in how the parts of a machine hang together.
+    """All faults in how the parts of a machine hang together, those of inline machines inside it too.
 
     Args:
         machine: the definition.
@@ -61,86 +65,149 @@ def check(machine: MachineDefinition) -> list[Problem]:
     Returns:
         The problems, with JSON pointers into the definition; empty if it can be driven.
     """
-    states = {state.id: state for state in machine.states}
-    problems = [*_ids(machine), *_ends(machine, states)]
+    problems = check_level(machine.root, machine.states, machine.transitions)
     for index, state in enumerate(machine.states):
         if isinstance(state, FSMStateSpec) and isinstance(state.machine, MachineDefinition):
-            inner = check(state.machine)
-            problems += [Problem(f"/states/{index}/machine{p.pointer}", p.message) for p in inner]
-    if not problems:
-        problems += [*_reachable(machine), *_ways_out(machine), *_conditions(machine, states), *_shadowed(machine)]
+            problems += [replace(p, pointer=f"/states/{index}/machine{p.pointer}") for p in check(state.machine)]
     return problems
 
 
-def _ids(machine: MachineDefinition) -> Iterator[Problem]:
+def check_level(
+    root: Id | None, states: Sequence[StateSpec | None], transitions: Sequence[TransitionSpec | None]
+) -> list[Problem]:
+    """As `check`, without the machines inside, and of what could be read: None stands for what could not.
+
+    Args:
+        root: id of the root, or None.
+        states: a state of which the id alone could be read is a `StateSpec` with an empty type.
+        transitions: one of which the ends alone could be read has a `ConditionSpec` with an empty type.
+    """
+    level = _Level(root, states, transitions)
+    problems = [*_ids(level), *_ends(level), *_conditions(level), *_shadowed(level)]
+    if level.whole and not any(isinstance(p, _Broken) for p in problems):
+        problems += [*_reachable(level), *_ways_out(level), *_cycles(level)]
+    return problems
+
+
+@dataclass(frozen=True)
+class _Broken(Problem):
+    """A fault after which it cannot be said how the parts hang together."""
+
+
+class _Level:
+    """The parts of one machine, as far as they are known."""
+
+    def __init__(
+        self, root: Id | None, states: Sequence[StateSpec | None], transitions: Sequence[TransitionSpec | None]
+    ) -> None:
+        self.root = root
+        self.states = [(index, state) for index, state in enumerate(states) if state is not None]
+        self.transitions = [(index, way) for index, way in enumerate(transitions) if way is not None]
+        self.by_id: dict[Id, StateSpec] = {}
+        for _, state in self.states:
+            self.by_id.setdefault(state.id, state)
+        self.all_states = None not in states
+        known = all(state.type for _, state in self.states) and all(way.when.type for _, way in self.transitions)
+        self.whole = root is not None and self.all_states and None not in transitions and known
+
+
+def _ids(level: _Level) -> Iterator[Problem]:
     """Each id once. 1 and "1" are the same id, since diagrams cannot tell them apart."""
-    if not machine.states:
-        yield Problem("/states", "got no state: a machine needs at least one")
-    lists = {"states": [s.id for s in machine.states], "transitions": [t.id for t in machine.transitions]}
-    for name, ids in lists.items():
+    if not level.states and level.all_states:
+        yield _Broken("/states", "got no state: a machine needs at least one")
+    lists: dict[str, Sequence[tuple[int, StateSpec | TransitionSpec]]]
+    lists = {"states": level.states, "transitions": level.transitions}
+    for name, parts in lists.items():
         first: dict[str, int] = {}
-        for index, got in enumerate(ids):
-            before = first.setdefault(str(got), index)
+        for index, part in parts:
+            before = first.setdefault(str(part.id), index)
             if before != index:
-                yield Problem(f"/{name}/{index}/id", f"got id {got!r}, which /{name}/{before} has already")
+                yield _Broken(f"/{name}/{index}/id", f"got id {part.id!r}, which /{name}/{before} has already")
 
 
-def _ends(machine: MachineDefinition, states: dict[int | str, StateSpec]) -> Iterator[Problem]:
+def _ends(level: _Level) -> Iterator[Problem]:
     """Root and both ends of every transition are states."""
-    if machine.root not in states and states:
-        yield Problem("/root", f"got {machine.root!r}, which is no state: {nearest(machine.root, states)}")
-    for index, transition in enumerate(machine.transitions):
-        for name, end in (("from", transition.source), ("to", transition.target)):
-            if end not in states:
-                yield Problem(f"/transitions/{index}/{name}", f"got {end!r}, which is no state: {nearest(end, states)}")
+    if not level.all_states or not level.states:
+        return  # an end may be a state whose id could not be read
+    if level.root is not None and level.root not in level.by_id:
+        yield _Broken("/root", f"got {level.root!r}, which is no state: {nearest(level.root, level.by_id)}")
+    for index, way in level.transitions:
+        for name, end in (("from", way.source), ("to", way.target)):
+            if end not in level.by_id:
+                yield _Broken(
+                    f"/transitions/{index}/{name}", f"got {end!r}, which is no state: {nearest(end, level.by_id)}"
+                )
 
 
-def _reachable(machine: MachineDefinition) -> Iterator[Problem]:
+def _reachable(level: _Level) -> Iterator[Problem]:
     """Every state can be come to from the root."""
-    seen, front = {machine.root}, [machine.root]
+    ways: dict[Id, list[Id]] = {}
+    for _, way in level.transitions:
+        if not never(way.when):
+            ways.setdefault(way.source, []).append(way.target)
+    seen, front = {level.root}, [level.root]
     while front:
-        here = front.pop()
-        for transition in machine.transitions:
-            if transition.source == here and transition.target not in seen:
-                seen.add(transition.target)
-                front.append(transition.target)
-    for index, state in enumerate(machine.states):
+        for target in ways.get(cast(Id, front.pop()), ()):
+            if target not in seen:
+                seen.add(target)
+                front.append(target)
+    for index, state in level.states:
         if state.id not in seen:
             yield Problem(f"/states/{index}", f"state {state.id!r} ({state.type}) cannot be reached from the root")
 
 
-def _ways_out(machine: MachineDefinition) -> Iterator[Problem]:
-    """Every state can be left, but for those that may end the machine, and a machine of one state."""
-    left = {transition.source for transition in machine.transitions}
-    for index, state in enumerate(machine.states):
+def _ways_out(level: _Level) -> Iterator[Problem]:
+    """Every state can be left for another one, but for those that may end the machine."""
+    left = {way.source for _, way in level.transitions if way.target != way.source and not never(way.when)}
+    for index, state in level.states:
         if state.id not in left and not state.may_end:
             yield Problem(
                 f"/states/{index}",
-                f"state {state.id!r} ({state.type}) can never be left: give it a transition, or "
+                f"state {state.id!r} ({state.type}) can never be left: give it a transition to another state, or "
                 '"final": true if the machine may end there',
             )
 
 
-def parts(condition: ConditionSpec, pointer: str) -> Iterator[tuple[ConditionSpec, str]]:
-    """A condition and all that it is combined of, each with its JSON pointer."""
-    yield condition, pointer
+def always(when: ConditionSpec) -> bool:
+    """Whether a condition holds in every tick."""
+    if isinstance(when, DistanceSpec):
+        return when.distance == 0.0
+    if isinstance(when, TimerSpec):
+        return when.seconds == 0.0
+    if isinstance(when, AllSpec):
+        return all(always(part) for part in when.of)
+    if isinstance(when, AnySpec):
+        return any(always(part) for part in when.of)
+    return isinstance(when, AlwaysSpec) or (isinstance(when, NotSpec) and never(when.of[0]))
+
+
+def never(when: ConditionSpec) -> bool:
+    """Whether a condition holds in no tick."""
+    if isinstance(when, AllSpec):
+        return any(never(part) for part in when.of)
+    if isinstance(when, AnySpec):
+        return all(never(part) for part in when.of)
+    return isinstance(when, NotSpec) and always(when.of[0])
+
+
+def parts(condition: ConditionSpec, pointer: str, hands: bool = True) -> Iterator[tuple[ConditionSpec, str, bool]]:
+    """A condition and all that it is combined of, each with its JSON pointer, and whether it may hand things over."""
+    yield condition, pointer, hands
     if isinstance(condition, AllSpec | AnySpec | NotSpec):
+        hands = hands and not isinstance(condition, NotSpec)
         for index, part in enumerate(condition.of):
-            yield from parts(part, f"{pointer}/of/{index}")
+            yield from parts(part, f"{pointer}/of/{index}", hands)
 
 
-def _conditions(machine: MachineDefinition, states: dict[int | str, StateSpec]) -> Iterator[Problem]:
-    """Finished leaves finishable states, gates are handed to targetable ones."""
-    for index, transition in enumerate(machine.transitions):
-        owner, target = states[transition.source], states[transition.target]
-        for condition, pointer in parts(transition.when, f"/transitions/{index}"):
-            if isinstance(condition, FinishedSpec) and not owner.finishable:
-                yield Problem(f"{pointer}/type", _not_finishable(owner))
-            if isinstance(condition, UnreachableSpec) and not owner.targetable:
-                yield Problem(
-                    f"{pointer}/type", f"leaves state {owner.id!r} ({owner.type}), which has no target: {_targetable()}"
-                )
-            if isinstance(condition, ArucoGateFoundSpec) and condition.hand_over and not target.targetable:
+def _conditions(level: _Level) -> Iterator[Problem]:
+    """Finished leaves finishable states, Unreachable targetable ones, gates are handed to targetable ones."""
+    for index, way in level.transitions:
+        owner, target = level.by_id.get(way.source), level.by_id.get(way.target)
+        for condition, pointer, hands in parts(way.when, f"/transitions/{index}"):
+            if owner is not None and owner.type:
+                yield from _of_owner(condition, owner, f"{pointer}/type")
+            hands_over = hands and isinstance(condition, ArucoGateFoundSpec) and condition.hand_over
+            if hands_over and target is not None and target.type and not target.targetable:
                 yield Problem(
                     f"{pointer}/type",
                     f"hands the gate to state {target.id!r} ({target.type}), which takes no target. "
@@ -148,24 +215,99 @@ def _conditions(machine: MachineDefinition, states: dict[int | str, StateSpec]) 
                 )
 
 
+def _of_owner(condition: ConditionSpec, owner: StateSpec, pointer: str) -> Iterator[Problem]:
+    """What a condition asks its owner the owner can answer."""
+    who = f"leaves state {owner.id!r} ({owner.type}), which"
+    if isinstance(condition, FinishedSpec) and not owner.finishable:
+        hint = ": a Motor needs a distance for that" if owner.type == "Motor" else ""
+        if isinstance(owner, FSMStateSpec):
+            hint = ": its machine has no state in which it may end"
+        yield Problem(pointer, f"Finished {who} never says that it is finished{hint}")
+    if isinstance(condition, UnreachableSpec) and not owner.targetable:
+        yield Problem(pointer, f"Unreachable {who} takes no target. {_targetable()}")
+
+
 def _targetable() -> str:
     return f"Allowed: {', '.join(name for name, spec in STATES.items() if spec.targetable)}"
 
 
-def _not_finishable(owner: StateSpec) -> str:
-    hint = ": a Motor needs a distance for that" if owner.type == "Motor" else ""
-    return f"Finished leaves state {owner.id!r} ({owner.type}), which never says that it is finished{hint}"
+def _shadowed(level: _Level) -> Iterator[Problem]:
+    """Every transition can fire, and none stands behind one that is always taken before it."""
+    before: dict[Id, list[TransitionSpec]] = {}
+    for index, way in level.transitions:
+        if not way.when.type:
+            continue
+        who = f"transition {way.id!r} can never fire"
+        if never(way.when):
+            yield Problem(f"/transitions/{index}", f"{who}: its condition holds in no tick")
+        for other in before.setdefault(way.source, []):
+            if always(other.when) or other.when == way.when:
+                what = "fires always" if always(other.when) else "has the same condition"
+                yield Problem(f"/transitions/{index}", f"{who}: {other.id!r}, checked before it, {what}")
+                break
+        before[way.source].append(way)
 
 
-def _shadowed(machine: MachineDefinition) -> Iterator[Problem]:
-    """No transition stands behind an Always of the same state."""
-    always: dict[int | str, TransitionSpec] = {}
-    for index, transition in enumerate(machine.transitions):
-        if transition.source in always:
+def _cycles(level: _Level) -> Iterator[Problem]:
+    """No cycle of transitions that all fire at once: the machine would go round in it, a state a tick, for ever."""
+    at_once: dict[Id, tuple[int, TransitionSpec]] = {}
+    for index, way in level.transitions:
+        if always(way.when):
+            at_once.setdefault(way.source, (index, way))
+    done: set[Id] = set()
+    for start in at_once:
+        path: list[Id] = []
+        here = start
+        while here in at_once and here not in done:
+            done.add(here)
+            path.append(here)
+            here = at_once[here][1].target
+        if here in path:
+            round_trip = [*path[path.index(here) :], here]
             yield Problem(
-                f"/transitions/{index}",
-                f"transition {transition.id!r} can never fire: {always[transition.source].id!r}, checked before it, "
-                "is Always",
+                f"/transitions/{at_once[here][0]}",
+                f"goes round in no time: {' > '.join(str(name) for name in round_trip)}, each left at once",
             )
-        elif isinstance(transition.when, AlwaysSpec):
-            always[transition.source] = transition
+
+
+def check_inner(
+    machine: MachineDefinition, names: Iterable[str], load: Callable[[str], MachineDefinition], around: tuple[str, ...]
+) -> list[Problem]:
+    """All faults of machines that are named inside a machine: unknown, holding itself, never at an end.
+
+    Args:
+        machine: the outer one.
+        names: of the packaged machines.
+        load: gives the packaged machine of a name, without looking into it.
+        around: names of the machines around, the outermost first.
+    """
+    problems: list[Problem] = []
+    endless = set()
+    for index, state in enumerate(machine.states):
+        if not isinstance(state, FSMStateSpec):
+            continue
+        at, inner = f"/states/{index}/machine", state.machine
+        if isinstance(inner, MachineDefinition):
+            found = check_inner(inner, names, load, around)
+            problems += [replace(p, pointer=at + p.pointer) for p in found]
+        elif inner not in names:
+            problems.append(Problem(at, f"got {inner!r}, which is no packaged machine: {nearest(inner, names)}"))
+        elif inner in around:
+            problems.append(Problem(at, f"holds itself: {' > '.join((*around, inner))}"))
+        else:
+            held = load(inner)
+            found = check_inner(held, names, load, (*around, inner))
+            problems += [Problem(at, f"in {inner!r}, {problem}") for problem in found]
+            if not held.may_end:
+                endless.add(state.id)
+    for index, way in enumerate(machine.transitions):
+        for condition, pointer, _ in parts(way.when, f"/transitions/{index}"):
+            if isinstance(condition, FinishedSpec) and way.source in endless:
+                problems.append(
+                    Problem(
+                        f"{pointer}/type",
+                        f"Finished leaves state {way.source!r} (FSMState), which never says that it is finished: "
+                        "its machine has no state in which it may end",
+                    )
+                )
+    return problems

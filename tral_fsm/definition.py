@@ -206,8 +206,8 @@ class FSMStateSpec(StateSpec):
 
     @property
     def finishable(self) -> bool:
-        """When its machine has come to a final state."""
-        return True
+        """When its machine has come to its end, if it has one. Of a packaged one that is seen when it is loaded."""
+        return isinstance(self.machine, str) or self.machine.may_end
 
 
 class ConditionSpec(Spec):
@@ -338,6 +338,12 @@ class MachineDefinition(Spec):
     description: str = ""
     states: tuple[SerializeAsAny[StateSpec], ...]
     transitions: tuple[TransitionSpec, ...] = ()
+
+    @property
+    def may_end(self) -> bool:
+        """There is a state in which it may end: one that may, and has no way out."""
+        left = {transition.source for transition in self.transitions}
+        return any(state.may_end and state.id not in left for state in self.states)
 
 
 FSMStateSpec.model_rebuild()

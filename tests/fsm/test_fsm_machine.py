@@ -51,9 +51,8 @@ class TestTickOrder:
         assert names == ["1", "2", "2"]
 
     def test_a_transition_into_the_same_state_enters_it_anew(self) -> None:
-        bench = Bench(
-            {"root": 0, "states": [motor(0, 0.1)], "transitions": [way(0, 0, 0, type="Distance", distance=1)]}
-        )
+        again = way(0, 0, 0, type="Distance", distance=1)
+        bench = Bench({"root": 0, "states": [{**motor(0, 0.1), "final": True}], "transitions": [again]})
         for distance in (0.0, 1.0, 1.5, 2.0):
             bench.tick(distance=distance)
         assert [round(t.time / 0.0125) for t in bench.fired] == [2, 4]
