@@ -39,6 +39,9 @@ class CorridorConfig:
     """Family of courses that are generated, one of `SCENARIOS`."""
     course: Course | str | Path | None = None
     """A course, or the path of its JSON file, driven instead of generated ones."""
+    courses: int | None = None
+    """Draw each episode's course among this many, which are built once and kept: course k is that of
+    ``reset(seed=k)`` without this. None: a new course each time."""
     camera: str = "projected"
     """"projected": markers are projected, no OpenGL; "rendered": an image is rendered and searched by OpenCV."""
     randomization: str | Randomization | Mapping[str, Any] = "default"
@@ -55,6 +58,10 @@ class CorridorConfig:
             raise ConfigError(f"unknown scenario '{self.scenario}': {nearest(self.scenario, SCENARIOS)}")
         if self.camera not in CAMERAS:
             raise ConfigError(f"unknown camera '{self.camera}': {nearest(self.camera, CAMERAS)}")
+        if self.courses is not None and (not isinstance(self.courses, int | np.integer) or self.courses < 1):
+            raise ConfigError(f"courses = {self.courses!r}: expected a whole number, 1 or more, or None")
+        if self.courses is not None and self.course is not None:
+            raise ConfigError(f"courses = {self.courses!r} with a course of your own: expected one of them")
         level(self.randomization)
         Layout.of(self.groups)
         for place in fields(CarConfig):
@@ -117,12 +124,14 @@ class Corridor:
         self.sim = self._simulation(pool)
         self.track = task.empty_track(n)
         self._started = False
+        self._bank: dict[int, tuple[Course, Plan]] = {}
         self.courses: list[Course | None] = [None] * n
         self.plans: list[Plan | None] = [None] * n
         self.wanted_clearance = np.full((n, 2), np.nan)
         """(n, 2) side and metres that the policies' active states want, for ``clearance_error_m`` alone."""
         self._segment = np.zeros(n, np.int64)
         self._s = np.zeros(n)
+        self._lateral = np.zeros(n)
         self._passed = np.zeros(n, np.int64)
         self._steering = np.zeros(n)
 
@@ -179,7 +188,7 @@ class Corridor:
     def _line_up(self, rows: Index) -> None:
         """Begin the task of the rows anew."""
         position, first = self.sim.pose[rows, :2], np.zeros(len(rows), np.int64)
-        self._s[rows], _, self._segment[rows] = task.locate(self.track, rows, position, first)
+        self._s[rows], self._lateral[rows], self._segment[rows] = task.locate(self.track, rows, position, first)
         self._passed[rows] = 0
         self._steering[rows] = 0.0
         self.wanted_clearance[rows] = np.nan
@@ -202,10 +211,18 @@ class Corridor:
     def _draw(
         self, rng: np.random.Generator, fixed: tuple[Course, Plan] | None, randomization: Randomization
     ) -> tuple[Course, Plan, dict[str, float]]:
-        if fixed is None:
-            course, plan = generate_plan(self.config.scenario, rng, hard=self.config.randomization == "hard")
-            return course, plan, randomization.draw(rng)
-        return *fixed, randomization.draw(rng)
+        course, plan = self._generate(rng) if fixed is None else fixed
+        return course, plan, randomization.draw(rng)
+
+    def _generate(self, rng: np.random.Generator) -> tuple[Course, Plan]:
+        """A new course, or one of those that are kept."""
+        scenario, hard, count = self.config.scenario, self.config.randomization == "hard", self.config.courses
+        if count is None:
+            return generate_plan(scenario, rng, hard=hard)
+        k = int(rng.integers(count))
+        if k not in self._bank:
+            self._bank[k] = generate_plan(scenario, np.random.default_rng(k), hard=hard)
+        return self._bank[k]
 
     def _fit(self, plans: Sequence[Plan], rows: Index) -> None:
         """Rebuild the simulation if a plan needs more walls or markers than it has."""
@@ -238,7 +255,7 @@ class Corridor:
         before = sim.pose[:, :2].copy()
         sim.step(np.asarray(command, np.float64), rows)
         everyone = np.arange(self.n)
-        s, lateral, self._segment = task.locate(self.track, everyone, sim.pose[:, :2], self._segment)
+        s, self._lateral, self._segment = task.locate(self.track, everyone, sim.pose[:, :2], self._segment)
         through, missed = task.cross_gates(self.track, before, sim.pose[:, :2], s, self._passed)
         self._passed = self._passed + through
         arrived = s >= self.track.length - 1e-6
@@ -255,17 +272,13 @@ class Corridor:
         self._s, self._steering = s, sim.command[:, 0].copy()
         terminated = success | failure
         truncated = (sim.time_s >= task.time_limit(self.track.length, config)) & ~terminated
-        info = self.info(lateral, success, missed)
+        info = self.info(success, missed)
         return Step(sim.observation(), task.reward(outcome, config), terminated, truncated, info)
 
-    def info(
-        self, lateral: Array | None = None, success: Flags | None = None, missed: Flags | None = None
-    ) -> dict[str, Array | Flags | Index]:
+    def info(self, success: Flags | None = None, missed: Flags | None = None) -> dict[str, Array | Flags | Index]:
         """The ground truth of all cars, which no policy sees."""
         sim = self.sim
         no = np.zeros(self.n, bool)
-        if lateral is None:
-            _, lateral, _ = task.locate(self.track, np.arange(self.n), sim.pose[:, :2], self._segment)
         length = np.maximum(self.track.length, 1e-9)
         crash = sim.collision & (sim.closing_speed >= self.config.task.touch_speed)
         return {
@@ -277,7 +290,7 @@ class Corridor:
             "gates_passed": self._passed.copy(),
             "gates_total": self.track.gates.copy(),
             "clearance_error_m": self._clearance_error(),
-            "lateral_offset_m": lateral,
+            "lateral_offset_m": self._lateral.copy(),
             "pose": sim.pose.copy(),
             "speed_mps": sim.speed.copy(),
             "time_s": sim.time_s.copy(),

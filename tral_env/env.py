@@ -78,6 +78,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         car: CarConfig | None = None,
         lens: CameraConfig | str | None = None,
         task: TaskConfig | None = None,
+        courses: int | None = None,
     ) -> None:
         """See the class."""
         given = {name: value for name, value in locals().items() if name not in ("self", "__class__")}
@@ -89,6 +90,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         self.render_mode, self._view, self._size = render_mode, view, (width, height)
         config = CorridorConfig(
             scenario=scenario,
+            courses=courses,
             camera=camera,
             randomization=randomization,
             course=course,

@@ -252,6 +252,8 @@ def test_a_parameter_can_be_swept_over_the_rows_and_replayed() -> None:
         ({"groups": ("imus",)}, "did you mean 'imu'"),
         ({"groups": ("imu", "imu")}, "'imu' is given twice"),
         ({"course": 3}, "course = 3"),
+        ({"courses": 0}, "courses = 0: expected a whole number, 1 or more"),
+        ({"courses": 5, "course": "mine.json"}, "courses = 5 with a course of your own"),
         ({"lens": 3}, "expected a CameraConfig"),
         ({"task": {"nominal_sped": 1}}, "did you mean 'nominal_speed'"),
         ({"car": CarConfig(wheelbase=0.3)}, "wheelbase = 0.3: the car of assets/car.xml has 0.258"),
@@ -262,6 +264,29 @@ def test_a_parameter_can_be_swept_over_the_rows_and_replayed() -> None:
 def test_bad_arguments_are_answered_with_the_nearest(arguments: dict, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         tral_env.env.TralCorridorEnv(**arguments)
+
+
+def test_a_kept_course_is_the_one_that_its_number_as_seed_gives() -> None:
+    env = TralCorridorVectorEnv(20, scenario="crossing", courses=3)
+    env.reset(seed=0)
+    drawn = corridor(scenario="crossing").unwrapped
+    whole = []
+    for seed in range(3):
+        drawn.reset(seed=seed)
+        whole.append(drawn.corridor.courses[0])
+    assert {whole.index(course) for course in env.corridor.courses} == {0, 1, 2}
+
+
+def test_a_row_with_kept_courses_drives_as_it_does_alone() -> None:
+    env = TralCorridorVectorEnv(4, scenario="obstacles", courses=5)
+    alone = corridor(scenario="obstacles", courses=5)
+    for _ in range(3):
+        rows, _ = env.reset(seed=11)
+        one, _ = alone.reset(seed=13)
+        assert np.array_equal(rows[2], one)
+    rows, _ = env.reset()
+    one, _ = alone.reset()
+    assert np.array_equal(rows[2], one)
 
 
 def test_bad_actions_are_refused() -> None:

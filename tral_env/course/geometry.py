@@ -31,7 +31,6 @@ from tral_env.course.plan import BOX_KINDS, Plan, place_on
 from tral_env.course.walls import cut_walls
 from tral_env.errors import CourseError
 
-
 _KIND = {kind: i for i, kind in enumerate(BOX_KINDS)}
 
 
