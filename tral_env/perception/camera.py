@@ -277,7 +277,10 @@ def _unbent(config: CameraConfig) -> tuple[CameraConfig, tuple[Any, Any]]:
     matrix = np.array([[config.fx, 0, config.cx], [0, config.fy, config.cy], [0, 0, 1]])
     u, v = np.meshgrid(np.arange(config.width, dtype=np.float64), np.arange(config.height, dtype=np.float64))
     pixels = np.stack([u.ravel(), v.ravel()], axis=1)[:, None]
-    rays = cv2.undistortPoints(pixels, matrix, np.array(config.distortion)).reshape(config.height, config.width, 2)
+    # Five iterations, which are usual, miss by 9 px in the corners of the wide lens; these by less than 0.001.
+    until = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-8)
+    rays = cv2.undistortPoints(pixels, matrix, np.array(config.distortion), criteria=until)
+    rays = rays.reshape(config.height, config.width, 2)
     x, y = rays[..., 0] * config.fx, rays[..., 1] * config.fy
     cx, cy = np.ceil(-x.min()) + 2, np.ceil(-y.min()) + 2
     pinhole = CameraConfig(

@@ -15,6 +15,7 @@ from tral_fsm.cli.console import Guarded
 from tral_fsm.cli.courses import command as courses_command
 from tral_fsm.cli.doctor import command as doctor_command
 from tral_fsm.cli.drive import command as drive_command
+from tral_fsm.cli.print import app as print_app
 from tral_fsm.cli.tune import command as tune_command
 
 app = typer.Typer(
@@ -30,6 +31,7 @@ app.command("courses")(courses_command)
 app.command("tune")(tune_command)
 app.command("calibrate")(calibrate_command)
 app.command("doctor")(doctor_command)
+app.add_typer(print_app, name="print")
 app.add_typer(bench_app, name="bench")
 
 

@@ -1,0 +1,82 @@
+"""`tral print`: boards, markers and gates at true size, as PDF or SVG."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from tral_fsm.cli.calibrate import BoardKind, make_board
+from tral_fsm.cli.files import prepare_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tral_fsm.report.sheet import Sheet
+
+Paper = Literal["A4", "A3"]
+
+app = typer.Typer(no_args_is_help=True, help="Print boards, markers and gates at true size, as PDF or SVG.")
+
+_Paper = Annotated[Paper, typer.Option(help="Its size.")]
+_Out = Annotated[
+    Path | None,
+    typer.Option(dir_okay=False, help="A .pdf, or a .svg a page; without it a .pdf here.", show_default=False),
+]
+_Size = Annotated[float, typer.Option(help="Edge of the black square; the car's programs expect 180.")]
+
+
+@app.command()
+def board(
+    board: Annotated[BoardKind, typer.Option(help="What is printed.")] = "charuco",
+    columns: Annotated[int | None, typer.Option(min=3, help="Squares in a row: 7, on a chessboard 10.")] = None,
+    rows: Annotated[int | None, typer.Option(min=3, help="Squares in a column: 5, on a chessboard 7.")] = None,
+    square_mm: Annotated[float | None, typer.Option(help="Edge of a square: 36, on a chessboard 25.")] = None,
+    marker_mm: Annotated[float | None, typer.Option(help="Edge of a charuco marker: 7/9 of a square.")] = None,
+    paper: _Paper = "A4",
+    out: _Out = None,
+) -> None:
+    """A calibration board for `tral calibrate`, which takes the same options."""
+    from tral_fsm.report.printables import board_sheet
+
+    made = make_board(board, columns, rows, square_mm, marker_mm)
+    _save([board_sheet(made, paper)], out or Path(f"{board}.pdf"))
+
+
+@app.command()
+def marker(
+    ids: Annotated[list[int], typer.Argument(help="0 to 49; a page each.")],
+    size_mm: _Size = 180.0,
+    paper: _Paper = "A4",
+    out: _Out = None,
+) -> None:
+    """Single markers: 40 turn left, 41 turn right, 42 straight on; 0 to 39 belong to gates."""
+    from tral_fsm.report.printables import marker_sheet
+
+    names = "_".join(str(one) for one in ids)
+    _save([marker_sheet(one, size_mm, paper) for one in ids], out or Path(f"marker_{names}.pdf"))
+
+
+@app.command()
+def gate(
+    number: Annotated[int, typer.Argument(help="0 to 19: gate k has the markers 2k and 2k + 1.")],
+    size_mm: _Size = 180.0,
+    paper: _Paper = "A4",
+    out: _Out = None,
+) -> None:
+    """The two markers of a gate."""
+    from tral_fsm.report.printables import gate_sheets
+
+    _save(gate_sheets(number, size_mm, paper), out or Path(f"gate_{number}.pdf"))
+
+
+def _save(sheets: Sequence[Sheet], out: Path) -> None:
+    from tral_fsm.report.sheet import save
+
+    prepare_folder(out.parent)
+    written = save(sheets, out)
+    for sheet in sheets:
+        for text in sheet.texts[1:]:
+            typer.echo(text.text)
+    typer.echo(f"Written: {', '.join(str(path) for path in written)}; print at 100 %, not fitted to the page")

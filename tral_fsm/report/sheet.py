@@ -1,0 +1,164 @@
+"""Pages to be printed at true size: black areas, thin lines and text, in millimetres; as SVG or PDF."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.sax.saxutils import escape
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.errors import ConfigError, nearest
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+PAPERS = {"A4": (210.0, 297.0), "A3": (297.0, 420.0)}
+"""Width and height, mm, upright."""
+RULER_MM = 100.0
+_MM_PER_INCH = 25.4
+_POINTS_PER_INCH = 72.0
+_LINE_MM = 0.2
+
+
+@dataclass(frozen=True)
+class Text:
+    """A line of text; its baseline begins at a place, mm from the upper left corner of the page."""
+
+    x: float
+    y: float
+    text: str
+    height: float = 3.5
+    """Of the type, mm."""
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """One page. x to the right and y down from its upper left corner, mm."""
+
+    name: str
+    """For the file, when each page has its own."""
+    width: float
+    height: float
+    ink: Array
+    """(r, 4) black rectangles: x, y, width, height."""
+    lines: tuple[tuple[float, float, float, float], ...] = ()
+    """Thin lines: x, y, x, y."""
+    texts: tuple[Text, ...] = field(default=())
+
+
+def paper_size(name: str, *, landscape: bool = False) -> tuple[float, float]:
+    """Width and height of a paper, mm.
+
+    Raises:
+        ConfigError: unknown paper.
+    """
+    if name.upper() not in PAPERS:
+        raise ConfigError(f"unknown paper '{name}': {nearest(name.upper(), PAPERS)}")
+    width, height = PAPERS[name.upper()]
+    return (height, width) if landscape else (width, height)
+
+
+def ruler(x: float, y: float) -> tuple[tuple[tuple[float, float, float, float], ...], Text]:
+    """A line of 100 mm with a stroke each 10 mm, and what it is for.
+
+    Args:
+        x: its left end, mm.
+        y: the line, mm; strokes rise 2 mm from it, its text stands 3.5 mm below.
+    """
+    ticks = [(x + mm, y, x + mm, y - (2.0 if mm % 50 == 0 else 1.2)) for mm in np.arange(0.0, RULER_MM + 1, 10.0)]
+    text = "This line is 100 mm long. If it is not, print again at 100 %, not fitted to the page."
+    return ((x, y, x + RULER_MM, y), *((float(a), b, float(c), d) for a, b, c, d in ticks)), Text(x, y + 3.5, text, 2.8)
+
+
+def to_svg(sheet: Sheet) -> str:
+    """A page as SVG, one user unit a millimetre.
+
+    All that is black is one path: as many rectangles side by side they would show hairlines between them.
+    """
+    path = "".join(f"M{x:.10g} {y:.10g}h{w:.10g}v{h:.10g}h{-w:.10g}z" for x, y, w, h in sheet.ink)
+    lines = "".join(f"M{x:.10g} {y:.10g}L{u:.10g} {v:.10g}" for x, y, u, v in sheet.lines)
+    texts = "".join(
+        f'<text x="{text.x:.10g}" y="{text.y:.10g}" font-size="{text.height:.10g}">{escape(text.text)}</text>\n'
+        for text in sheet.texts
+    )
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{sheet.width:g}mm" height="{sheet.height:g}mm" '
+        f'viewBox="0 0 {sheet.width:g} {sheet.height:g}" font-family="sans-serif">\n'
+        f'<rect width="{sheet.width:g}" height="{sheet.height:g}" fill="white"/>\n'
+        f'<path id="ink" fill="black" d="{path}"/>\n'
+        f'<path id="lines" fill="none" stroke="black" stroke-width="{_LINE_MM}" d="{lines}"/>\n'
+        f"{texts}</svg>\n"
+    )
+
+
+def to_figure(sheet: Sheet) -> Figure:
+    """A page as a figure of its very size."""
+    from matplotlib.collections import LineCollection
+    from matplotlib.figure import Figure
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path as Outline
+
+    figure = Figure(figsize=(sheet.width / _MM_PER_INCH, sheet.height / _MM_PER_INCH))
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    ax.set_xlim(0.0, sheet.width)
+    ax.set_ylim(sheet.height, 0.0)
+    ax.set_axis_off()
+    x, y, w, h = sheet.ink.T
+    corners = np.stack([x, y, x + w, y, x + w, y + h, x, y + h, x, y], axis=1).reshape(-1, 2)
+    codes = [Outline.MOVETO, Outline.LINETO, Outline.LINETO, Outline.LINETO, Outline.CLOSEPOLY] * len(sheet.ink)
+    ax.add_patch(PathPatch(Outline(corners, codes), facecolor="black", linewidth=0.0))
+    points_per_mm = _POINTS_PER_INCH / _MM_PER_INCH
+    strokes = [((a, b), (c, d)) for a, b, c, d in sheet.lines]
+    ax.add_collection(LineCollection(strokes, colors="black", linewidths=_LINE_MM * points_per_mm), autolim=False)
+    for text in sheet.texts:
+        ax.text(text.x, text.y, text.text, fontsize=text.height * points_per_mm, va="baseline", parse_math=False)
+    return figure
+
+
+def save(sheets: Sequence[Sheet], out: Path) -> list[Path]:
+    """Write pages, each file at once: a PDF with all of them, or an SVG for each.
+
+    Args:
+        sheets: the pages.
+        out: a .pdf or .svg; several SVGs get the names of their pages before the suffix.
+
+    Returns:
+        The files.
+
+    Raises:
+        ConfigError: another suffix, or a file that cannot be written.
+    """
+    suffix = out.suffix.lower()
+    if suffix not in (".pdf", ".svg"):
+        raise ConfigError(f"--out {out}: unknown suffix '{out.suffix}'. Allowed: .pdf, .svg")
+    try:
+        if suffix == ".pdf":
+            return [_save_pdf(sheets, out)]
+        if len(sheets) == 1:
+            return [_save_text(to_svg(sheets[0]), out)]
+        return [_save_text(to_svg(sheet), out.with_name(f"{out.stem}_{sheet.name}{out.suffix}")) for sheet in sheets]
+    except OSError as error:
+        raise ConfigError(f"--out {out}: cannot be written: {error.strerror}") from error
+
+
+def _save_text(text: str, out: Path) -> Path:
+    part = out.with_name(f"{out.name}.part")
+    part.write_text(text, encoding="utf-8")
+    return part.replace(out)
+
+
+def _save_pdf(sheets: Sequence[Sheet], out: Path) -> Path:
+    import matplotlib as mpl
+    from matplotlib.backends.backend_pdf import PdfPages
+
+    part = out.with_name(f"{out.name}.part")
+    with mpl.rc_context({"pdf.fonttype": 42}), PdfPages(part, metadata={"CreationDate": None}) as pages:
+        for sheet in sheets:
+            pages.savefig(to_figure(sheet))
+    return part.replace(out)
