@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,8 +17,7 @@ Rect = tuple[float, float, float, float]
 """x0, y0, x1, y1."""
 
 
-@dataclass(frozen=True)
-class Frame:
+class Frame(NamedTuple):
     """Place of one segment: local coordinates are `along` the middle line and `left` of it."""
 
     segment: Segment
@@ -54,12 +52,12 @@ class Frame:
 
     def rect(self, along0: float, along1: float, left0: float, left1: float) -> Rect:
         """Axis-aligned rectangle in course coordinates."""
-        x, y, c, s = self.axes
+        x, y, c, s = self.x, self.y, _COS[self.quarter], _SIN[self.quarter]
         x0, y0 = x + c * along0 - s * left0, y + s * along0 + c * left0
         x1, y1 = x + c * along1 - s * left1, y + s * along1 + c * left1
         return x0 if x0 < x1 else x1, y0 if y0 < y1 else y1, x1 if x0 < x1 else x0, y1 if y0 < y1 else y0
 
-    @cached_property
+    @property
     def corridor(self) -> Rect:
         """Floor of the corridor with the corner squares at its ends."""
         half = self.segment.width / 2
@@ -104,6 +102,8 @@ def _node(course: Course, i: int) -> tuple[float, float, float]:
 
 def node_half(segment: Segment, after: Segment) -> float:
     """Half the extent, along the segment, of the corner or crossing at its end."""
+    if not segment.branches:
+        return after.width / 2 if TURNS[segment.then] else 0.0
     sides = [branch_width(branch, segment, after) for branch in segment.branches if branch.to != "straight"]
     if TURNS[segment.then]:
         sides.append(after.width)
@@ -116,8 +116,7 @@ def branch_width(branch: Branch, segment: Segment, after: Segment) -> float:
     return branch.width or (after.width if opposite else segment.width)
 
 
-@dataclass(frozen=True)
-class Stub:
+class Stub(NamedTuple):
     """A branch of a crossing that the route does not take."""
 
     rect: Rect

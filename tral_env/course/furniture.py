@@ -72,8 +72,9 @@ def furnish(frames: list[Frame]) -> Space:
 def _add_segment(space: Space, where: str, frame: Frame, after: Frame) -> None:
     segment = frame.segment
     space.floor.append(frame.corridor)
-    for stub in stubs(frame, after):
-        space.floor += [stub.rect, stub.throat]
+    if segment.branches:
+        for stub in stubs(frame, after):
+            space.floor += [stub.rect, stub.throat]
     for k, door in enumerate(segment.doors):
         _add_door(space, f"{where}/doors/{k}", frame, door)
     for k, cupboard in enumerate(segment.cupboards):

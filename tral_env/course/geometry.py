@@ -146,36 +146,32 @@ def _segment_problems(where: str, frame: Frame) -> Iterator[str]:
 
 def overlap_problems(course: Course, frames: list[Frame]) -> Iterator[str]:
     """Parts that are not neighbours must leave room for two walls between them."""
-    names: list[str] = []
-    rects: list[Rect] = []
-    nodes: list[tuple[int, int]] = []
+    walls = 2 * WALL_THICKNESS
+    apart = walls - 1e-6
+    parts = list(_parts(course, frames))
+    for i, (name, (x0, y0, x1, y1), begin, end) in enumerate(parts):
+        x0, y0, x1, y1 = x0 - apart, y0 - apart, x1 + apart, y1 + apart
+        for other, rect, *ends in parts[i + 1 :]:
+            if rect[0] >= x1 or rect[2] <= x0 or rect[1] >= y1 or rect[3] <= y0:
+                continue
+            if begin not in ends and end not in ends and not _is_own_room(name, other):
+                yield f"{name}: too near to {other}. Allowed: {walls:g} m for two walls between them"
+
+
+def _parts(course: Course, frames: list[Frame]) -> Iterator[tuple[str, Rect, int, int]]:
+    """Corridors, branches and rooms: name, floor and the nodes where they begin and end."""
     count = len(frames)
     for i, frame in enumerate(frames):
-        on = (i + 1) % count if course.closed else i + 1
-        names.append(f"/segments/{i}")
-        rects.append(frame.corridor)
-        nodes.append((i, on))
-        for k, stub in enumerate(stubs(frame, frames[(i + 1) % count])):
-            names.append(f"/segments/{i}/branches/{k}")
-            rects.append(stub.rect)
-            nodes.append((on, on))
+        where, on = f"/segments/{i}", (i + 1) % count if course.closed else i + 1
+        yield where, frame.corridor, i, on
+        if frame.segment.branches:
+            for k, stub in enumerate(stubs(frame, frames[(i + 1) % count])):
+                yield f"{where}/branches/{k}", stub.rect, on, on
         for k, door in enumerate(frame.segment.doors):
             if door.open:
                 wall = TURNS[door.side] * (frame.segment.width / 2 + WALL_THICKNESS)
-                names.append(f"/segments/{i}/doors/{k}")
-                rects.append(frame.rect(door.at - ROOM / 2, door.at + ROOM / 2, wall, wall + TURNS[door.side] * ROOM))
-                nodes.append((-1 - i, -1 - i))
-    walls = 2 * WALL_THICKNESS
-    apart = walls - 1e-6
-    for i, (x0, y0, x1, y1) in enumerate(rects):
-        x0, y0, x1, y1 = x0 - apart, y0 - apart, x1 + apart, y1 + apart
-        for j in range(i + 1, len(rects)):
-            other = rects[j]
-            if other[0] >= x1 or other[2] <= x0 or other[1] >= y1 or other[3] <= y0:
-                continue
-            joined = nodes[i][0] in nodes[j] or nodes[i][1] in nodes[j]
-            if not joined and not _is_own_room(names[i], names[j]):
-                yield f"{names[i]}: too near to {names[j]}. Allowed: {walls:g} m for two walls between them"
+                room = frame.rect(door.at - ROOM / 2, door.at + ROOM / 2, wall, wall + TURNS[door.side] * ROOM)
+                yield f"{where}/doors/{k}", room, -1 - i, -1 - i
 
 
 def _is_own_room(part: str, other: str) -> bool:

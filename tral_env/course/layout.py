@@ -277,13 +277,16 @@ def _branch_problems(where: str, segment: Segment) -> Iterable[str]:
         taken.append(branch.to)
 
 
+_AT_WALLS = ("doors", "cupboards")
+
+
 def _furniture_problems(where: str, segment: Segment) -> Iterable[str]:
     half = segment.width / 2
     for kind in ("doors", "cupboards", "obstacles", "gates", "tapes"):
         for k, item in enumerate(getattr(segment, kind)):
             if item.at > segment.length:
                 yield f"{where}/{kind}/{k}/at: got {item.at:g}. Allowed: 0 to {segment.length:g}, the segment's length"
-            if abs(getattr(item, "offset", 0.0)) > half:
+            if kind not in _AT_WALLS and abs(item.offset) > half:
                 yield f"{where}/{kind}/{k}/offset: got {item.offset:g}. Allowed: -{half:g} to {half:g}"
     for k, cupboard in enumerate(segment.cupboards):
         if cupboard.depth >= segment.width:

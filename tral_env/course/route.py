@@ -6,8 +6,8 @@ In a segment the line is a chain of cubic Hermite pieces between knots (along, l
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,8 +42,7 @@ MIN_STRAIGHT = 0.5
 _CAR = CarConfig()
 
 
-@dataclass(frozen=True)
-class Knot:
+class Knot(NamedTuple):
     """A place on the line, in a segment's coordinates."""
 
     along: float
@@ -192,7 +191,7 @@ class _Line:
         for a, b in pairwise(knots):
             gap, rise = b.along - a.along, b.left - a.left
             steep = 1.5 * abs(rise) / gap + max(abs(a.slope), abs(b.slope))
-            count = math.ceil(gap * float(np.hypot(1.0, steep)) / STEP)
+            count = math.ceil(gap * math.sqrt(1.0 + steep * steep) / STEP)
             self._add(count, frame, (a.along, a.left, gap, rise, a.slope, b.slope, 0.0))
         self._add(1, frame, (knots[-1].along, knots[-1].left, 0.0, 0.0, 0.0, 0.0, 0.0))
 
@@ -273,16 +272,26 @@ def outline(car: CarConfig) -> Array:
 
 def bends(points: Array) -> Array:
     """Curvature of a line at its inner points, (R, 2) -> (R - 2,) 1/m, + to the left."""
-    x, y = points[1:, 0] - points[:-1, 0], points[1:, 1] - points[:-1, 1]
-    length = np.hypot(x, y)
-    angle = _unwrapped(np.arctan2(y, x))
-    curvature: Array = 2 * (angle[1:] - angle[:-1]) / (length[:-1] + length[1:])
-    return curvature
+    return _bends(*_steps(points))
 
 
 def headings(points: Array) -> Array:
     """Heading of a line at its points, (R, 2) -> (R,) rad, unwrapped."""
-    angle = _unwrapped(np.arctan2(points[1:, 1] - points[:-1, 1], points[1:, 0] - points[:-1, 0]))
+    return _headings(_steps(points)[1])
+
+
+def _steps(points: Array) -> tuple[Array, Array]:
+    """Length and heading, unwrapped, of the steps between points, (R, 2) -> (R - 1,) each."""
+    x, y = points[1:, 0] - points[:-1, 0], points[1:, 1] - points[:-1, 1]
+    return np.sqrt(x * x + y * y), _unwrapped(np.arctan2(y, x))
+
+
+def _bends(length: Array, angle: Array) -> Array:
+    curvature: Array = 2 * (angle[1:] - angle[:-1]) / (length[:-1] + length[1:])
+    return curvature
+
+
+def _headings(angle: Array) -> Array:
     return np.concatenate([angle[:1], (angle[:-1] + angle[1:]) / 2, angle[-1:]])
 
 
@@ -361,7 +370,8 @@ def check_drivable(plan: Plan, name: str, car: CarConfig | None = None) -> None:
             stands so near to one at the start.
     """
     car = car or _CAR
-    bend = np.abs(bends(plan.route))
+    length, angle = _steps(plan.route)
+    bend = np.abs(_bends(length, angle))
     allowed = float(np.tan(car.full_lock)) / car.wheelbase
     if bend.max() > allowed:
         x, y = plan.route[1 + bend.argmax()]
@@ -372,7 +382,7 @@ def check_drivable(plan: Plan, name: str, car: CarConfig | None = None) -> None:
     # A ring's route does not begin at the start, but in the middle beside it.
     x, y, yaw = plan.start
     start = np.array([[x, y], [x + 0.01 * np.cos(yaw), y + 0.01 * np.sin(yaw)]])
-    route, heading = np.concatenate([start, plan.route]), np.concatenate([[yaw, yaw], headings(plan.route)])
+    route, heading = np.concatenate([start, plan.route]), np.concatenate([[yaw, yaw], _headings(angle)])
     if _gap(plan, route, heading, car, CLEARANCE) == CLEARANCE:
         return
     gap = clearance(plan, car, CLEARANCE)
