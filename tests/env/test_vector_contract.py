@@ -1,4 +1,4 @@
-"""The native vector environment against Gymnasium's contract and its own vector environments, in every autoreset mode."""
+"""The native vector environment beside Gymnasium's contract and own vector environments, in every autoreset mode."""
 
 from typing import Any
 
