@@ -7,10 +7,11 @@ Every class here is one "type" of a machine file. Parameters are in physical uni
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, TypeVar
 
 from pydantic import Field, SerializeAsAny
 
+from tral_env.errors import MachineError
 from tral_env.interface import NO_ECHO_M
 from tral_fsm.spec import Id as Id
 from tral_fsm.spec import MarkerId, SonarName
@@ -349,9 +350,36 @@ class MachineDefinition(Spec):
 FSMStateSpec.model_rebuild()
 
 
-def type_name(spec: type[StateSpec] | type[ConditionSpec]) -> str:
-    """The "type" under which a class stands in files."""
-    return str(spec.model_fields["type"].default)
+T = TypeVar("T", StateSpec, ConditionSpec)
+
+
+def type_name(spec: type[StateSpec | ConditionSpec]) -> str:
+    """The "type" under which a class stands in files.
+
+    Raises:
+        MachineError: it has none.
+    """
+    name = spec.model_fields["type"].default
+    if not isinstance(name, str) or not name:
+        raise MachineError(f'{spec.__name__} does not say its type: write type: Literal["Name"] = "Name" into it')
+    return name
+
+
+def register(known: dict[str, type[T]], spec: type[T]) -> str:
+    """Add a class to the known types; gives its name.
+
+    Raises:
+        MachineError: another class has that name already, or it says none.
+    """
+    name = type_name(spec)
+    taken = known.setdefault(name, spec)
+    if (taken.__module__, taken.__qualname__) != (spec.__module__, spec.__qualname__):
+        raise MachineError(
+            f"{spec.__module__}.{spec.__qualname__} calls itself {name!r}, which {taken.__module__}."
+            f"{taken.__qualname__} does already: choose another type"
+        )
+    known[name] = spec
+    return name
 
 
 _STATES = (

@@ -106,8 +106,18 @@ class Machine:
         self._active = -1
 
     def restart(self) -> None:
-        """Begin again at the root at the next tick, as if nothing had been."""
+        """Begin again at the root at the next tick, as if nothing had been: no `on_exit` is called."""
         self._active = -1
+        for state in self._states:
+            if isinstance(state, FSMState):
+                state.machine.restart()
+
+    def watch(self, trace: Trace | None) -> None:
+        """Call this for each transition that fires from now on, in machines inside too; None: nothing."""
+        self.trace = trace
+        for state in self._states:
+            if isinstance(state, FSMState):
+                state.machine.watch(trace)
 
     def tick(self, m: MachineState) -> None:
         """The active state computes its output; then the first of its transitions that has triggered is taken.

@@ -31,7 +31,7 @@ class MachinePolicy:
             FormatError: the definition cannot run.
         """
         self.definition = definition
-        self.trace = trace
+        self._trace = trace
         self._machines: list[Machine] = []
         self._states: list[MachineState] = []
         self.reset()
@@ -39,7 +39,7 @@ class MachinePolicy:
     def reset(self, n: int = 1) -> None:
         """Start anew with n cars."""
         if n != len(self._machines):
-            self._machines = [Machine(self.definition, self.trace if row == 0 else None) for row in range(n)]
+            self._machines = [Machine(self.definition, self._trace if row == 0 else None) for row in range(n)]
         self._states = [MachineState() for _ in range(n)]
         for machine in self._machines:
             machine.restart()
@@ -101,6 +101,17 @@ class MachinePolicy:
         elif episode_start is not None:
             self.reset_rows(np.atleast_1d(episode_start))
         return self.act(observation), state
+
+    @property
+    def trace(self) -> Trace | None:
+        """Called for each transition that fires in the first car."""
+        return self._trace
+
+    @trace.setter
+    def trace(self, trace: Trace | None) -> None:
+        self._trace = trace
+        for machine in self._machines[:1]:
+            machine.watch(trace)
 
     @property
     def active_states(self) -> list[str]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -12,8 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.interface import Policy
+from tral_fsm.machine import Transit
+from tral_fsm.policy import MachinePolicy
 
 Array = NDArray[np.float64]
+_NONE_WANTED = (math.nan, math.nan)
 Outcome = Literal["success", "collision", "missed_gate", "timeout"]
 
 
@@ -31,6 +35,10 @@ class Tick:
     """(2,) steering, throttle."""
     info: Mapping[str, Any]
     """The env's info after the tick."""
+    transits: tuple[Transit, ...] = ()
+    """Transitions that fired, those of inner machines first."""
+    wanted: tuple[float, float] = _NONE_WANTED
+    """Wall that a clearance is kept to, +1 left, -1 right, and that clearance [m]; NaN: none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +63,8 @@ class Trace:
     """(T, 2) steering, throttle."""
     states: tuple[str, ...]
     """(T,) name of the state that answered."""
+    transits: tuple[tuple[int, Transit], ...]
+    """Each transition that fired, with its tick."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,18 +142,51 @@ def drive(
     observation, _ = env.reset(seed=seed, options=options)
     policy.reset(1)
     ticks: list[Tick] = []
-    ended = False
-    while not ended:
-        seen = np.array(observation)
-        action = np.asarray(policy.act(seen), np.float32)
-        state = _active_state(policy)
-        _tell_wanted_clearance(env, policy)
-        observation, _, terminated, truncated, info = env.step(action)
-        ticks.append(Tick(index=len(ticks), observation=seen, state=state, action=action, info=info))
-        if on_step is not None:
-            on_step(ticks[-1])
-        ended = bool(terminated or truncated)
+    fired: list[Transit] = []
+    with _watched(policy, fired.append):
+        ended = False
+        while not ended:
+            seen = np.array(observation)
+            before = _active_state(policy)
+            action = np.asarray(policy.act(seen), np.float32)
+            wanted = _wanted_clearance(policy)
+            _tell_wanted_clearance(env, wanted)
+            observation, _, terminated, truncated, info = env.step(action)
+            tick = Tick(
+                index=len(ticks),
+                observation=seen,
+                state=before if fired else _active_state(policy),
+                action=action,
+                info=info,
+                transits=tuple(fired),
+                wanted=wanted or _NONE_WANTED,
+            )
+            fired.clear()
+            ticks.append(tick)
+            if on_step is not None:
+                on_step(tick)
+            ended = bool(terminated or truncated)
     return _episode(seed, scenario, ticks)
+
+
+@contextlib.contextmanager
+def _watched(policy: Policy, watch: Callable[[Transit], None]) -> Iterator[None]:
+    """Hear of the transitions of a machine, beside whoever does already."""
+    if not isinstance(policy, MachinePolicy):
+        yield
+        return
+    before = policy.trace
+
+    def both(transit: Transit) -> None:
+        watch(transit)
+        if before is not None:
+            before(transit)
+
+    policy.trace = both
+    try:
+        yield
+    finally:
+        policy.trace = before
 
 
 def _active_state(policy: Policy) -> str:
@@ -151,12 +194,18 @@ def _active_state(policy: Policy) -> str:
     return str(states[0]) if states else ""
 
 
-def _tell_wanted_clearance(env: gym.Env[Any, Any], policy: Policy) -> None:
+def _wanted_clearance(policy: Policy) -> tuple[float, float] | None:
     wanted = getattr(policy, "wanted_clearance", None)
+    if wanted is None:
+        return None
+    side, metres = np.asarray(wanted, float)[0]
+    return float(side), float(metres)
+
+
+def _tell_wanted_clearance(env: gym.Env[Any, Any], wanted: tuple[float, float] | None) -> None:
     tell = getattr(env.unwrapped, "want_clearance", None)
     if wanted is not None and tell is not None:
-        side, metres = np.asarray(wanted, float)[0]
-        tell(float(side), float(metres))
+        tell(*wanted)
 
 
 def _episode(seed: int, scenario: str, ticks: list[Tick]) -> Episode:
@@ -195,6 +244,7 @@ def _trace(ticks: list[Tick]) -> Trace:
         readings=np.array([tick.observation for tick in ticks], float),
         action=np.array([tick.action for tick in ticks], float),
         states=tuple(tick.state for tick in ticks),
+        transits=tuple((tick.index, transit) for tick in ticks for transit in tick.transits),
     )
 
 

@@ -20,7 +20,7 @@ from tral_fsm.definition import (
     MotorSpec,
     StateSpec,
     StopSpec,
-    type_name,
+    register,
 )
 from tral_fsm.machine_state import MachineState, Pose
 
@@ -87,12 +87,11 @@ R = TypeVar("R", bound=type[State[Any]])
 def runs(spec: type[StateSpec]) -> Callable[[R], R]:
     """Class decorator: this class runs states of that spec, which machine files may name from now on."""
 
-    def register(runtime: R) -> R:
-        STATES[type_name(spec)] = spec
-        RUNTIMES[type_name(spec)] = runtime
+    def decorate(runtime: R) -> R:
+        RUNTIMES[register(STATES, spec)] = runtime
         return runtime
 
-    return register
+    return decorate
 
 
 class DrivingState(State[D]):

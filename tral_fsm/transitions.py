@@ -27,7 +27,7 @@ from tral_fsm.definition import (
     TimerSpec,
     TurnedSpec,
     UnreachableSpec,
-    type_name,
+    register,
 )
 from tral_fsm.machine_state import MachineState, Sighting
 from tral_fsm.states import State
@@ -69,12 +69,11 @@ R = TypeVar("R", bound=type[Condition[Any]])
 def runs(spec: type[ConditionSpec]) -> Callable[[R], R]:
     """Class decorator: this class runs conditions of that spec, which machine files may name from now on."""
 
-    def register(runtime: R) -> R:
-        CONDITIONS[type_name(spec)] = spec
-        RUNTIMES[type_name(spec)] = runtime
+    def decorate(runtime: R) -> R:
+        RUNTIMES[register(CONDITIONS, spec)] = runtime
         return runtime
 
-    return register
+    return decorate
 
 
 def build(spec: ConditionSpec, owner: State[Any]) -> Condition[Any]:
@@ -170,6 +169,10 @@ class Finished(Condition[FinishedSpec]):
     def triggered(self, m: MachineState) -> bool:
         """Ask the owner."""
         return bool(self.owner.finished)  # type: ignore[attr-defined]
+
+    def why(self, m: MachineState) -> str:
+        """Who is finished."""
+        return f"{self.owner.spec.type} is finished"
 
 
 @runs(UnreachableSpec)
@@ -287,8 +290,9 @@ class Composite(Condition[Any]):
         return self.holds
 
     def why(self, m: MachineState) -> str:
-        """The reasons of the parts."""
-        return f"{self.spec.type}({'; '.join(part.why(m) for part in self.parts)})"
+        """The reasons of the parts that hold."""
+        reasons = [part.why(m) for part, holds in zip(self.parts, self.holds, strict=True) if holds]
+        return f"{self.spec.type}({'; '.join(reasons)})"
 
     def hand_over(self, m: MachineState) -> Sighting | None:
         """What the first part that holds hands over."""
@@ -324,6 +328,10 @@ class Not(Composite):
     def triggered(self, m: MachineState) -> bool:
         """Not."""
         return not self.ask(m)[0]
+
+    def why(self, m: MachineState) -> str:
+        """The values for which its part does not hold."""
+        return f"Not({self.parts[0].why(m)})"
 
     def hand_over(self, m: MachineState) -> Sighting | None:
         """Nothing: what is not seen cannot be handed over."""

@@ -192,7 +192,7 @@ class TestPackagedMachines:
     def test_an_unknown_inner_machine_is_answered_with_the_nearest(self, tmp_path) -> None:  # type: ignore[no-untyped-def]
         path = tmp_path / "outer.json"
         path.write_text('{"root": 0, "states": [{"id": 0, "type": "FSMState", "machine": "wal", "final": true}]}')
-        with pytest.raises(FormatError, match=r"/states/0/machine: got 'wal': did you mean 'wall'"):
+        with pytest.raises(FormatError, match=r"/states/0/machine: got 'wal', which is no packaged machine: did you mean 'wall'"):
             load(path)
 
     def test_a_machine_that_holds_itself_is_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Camera = Literal["projected", "rendered"]
 Randomization = Literal["none", "default", "hard"]
 
-_OWN_FILES = ("trajectory.png", "drive.mp4", "drive.part.mp4")
+_OWN_FILES = ("trajectory.png", "trace.csv", "drive.mp4", "drive.part.mp4")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +41,7 @@ class DriveArguments:
     course: str | None
     video: bool
     lens: str = "default"
+    trace: bool = False
 
     @property
     def name(self) -> str:
@@ -72,6 +73,9 @@ def command(
     lens: Annotated[
         str, typer.Option(help="Of the camera: default, wide, or a camera_info file as `tral calibrate` writes it.")
     ] = "default",
+    trace: Annotated[
+        bool, typer.Option("--trace", help="Write trace.csv: every tick, and why each transition fired.")
+    ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Write summary.json to stdout too, and nothing else.")
     ] = False,
@@ -91,6 +95,7 @@ def command(
         course=str(course) if course else None,
         video=video,
         lens=lens,
+        trace=trace,
     )
     report = run(arguments, out)
     if as_json:
@@ -179,6 +184,7 @@ def _prepare(out: Path) -> None:
 
 def _drive_one(env: gym.Env[Any, Any], policy: Policy, seed: int, folder: Path, arguments: DriveArguments) -> Episode:
     from tral_fsm.cli.show import DriveProgress
+    from tral_fsm.report.trace import TraceFile
     from tral_fsm.report.trajectory import save_trajectory
     from tral_fsm.report.video import DriveVideo
     from tral_fsm.rollout import drive
@@ -188,6 +194,8 @@ def _drive_one(env: gym.Env[Any, Any], policy: Policy, seed: int, folder: Path, 
         watchers: list[Callable[[Tick], None]] = [stack.enter_context(DriveProgress(f"{arguments.name}, seed {seed}"))]
         if arguments.video:
             watchers.append(stack.enter_context(DriveVideo(folder / "drive.mp4", world)))
+        if arguments.trace:
+            watchers.append(stack.enter_context(TraceFile(folder / "trace.csv")))
 
         def on_step(tick: Tick) -> None:
             for watch in watchers:

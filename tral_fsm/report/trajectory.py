@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ SIDES = {"left": "#0b3c8c", "front": "black", "right": "#a30000"}
 
 _WIDTH_IN = 12.0
 _NAMES_AT_MOST = 12
+_TRANSITS_AT_MOST = 18
 
 
 def save_trajectory(episode: Episode, plan: Plan, path: Path) -> None:
@@ -43,6 +45,7 @@ def trajectory_figure(episode: Episode, plan: Plan) -> Figure:
     above, below = figure.subplots(2, 1, height_ratios=[height, 3.0])
     draw_plan(plan, above)
     _draw_path(above, trace, palette)
+    _draw_transits(above, below, trace)
     _draw_events(above, episode)
     above.set_aspect("equal")
     above.set_title(title(episode), loc="left", parse_math=False)
@@ -97,6 +100,45 @@ def _draw_path(ax: Axes, trace: Trace, palette: Palette) -> None:
     ax.add_collection(lines)
 
 
+def _draw_transits(above: Axes, below: Axes, trace: Trace) -> None:
+    """Number the transitions of the outermost machine, on the path and over the time."""
+    marked: list[NDArray[np.float64]] = []
+    last = -math.inf
+    for number, tick, _ in outer_transits(trace):
+        here, now = trace.pose[tick, :2], trace.time[tick]
+        above.plot(*here, "o", color="white", markeredgecolor="black", markersize=4, zorder=7)
+        # A number that would lie on another one is left out.
+        if all(np.hypot(*(here - other)) > np.ptp(above.get_xlim()) / 60.0 for other in marked):
+            above.annotate(str(number), here, (4, 4), textcoords="offset points", fontsize=7, zorder=9)
+            marked.append(here)
+        below.axvline(now, color="black", linewidth=0.6, linestyle=":")
+        if now - last >= trace.time[-1] / 60.0:
+            below.annotate(str(number), (now, 5.2), (1, -8), textcoords="offset points", fontsize=7)
+            last = now
+
+
+def outer_transits(trace: Trace) -> list[tuple[int, int, str]]:
+    """Transitions of the outermost machine: number from 1 on, tick, id."""
+    outer = [(tick, str(transit.transition)) for tick, transit in trace.transits if not transit.path]
+    return [(number, tick, name) for number, (tick, name) in enumerate(outer, 1)]
+
+
+def _legend_of_ranges(ax: Axes, trace: Trace) -> None:
+    """The ultrasonics, and the names of the numbered transitions."""
+    handles, labels = ax.get_legend_handles_labels()
+    transits = outer_transits(trace)
+    for number, _, name in transits[:_TRANSITS_AT_MOST]:
+        handles.append(Patch(alpha=0.0))
+        labels.append(f"{number} {name if len(name) <= 26 else name[:24] + '...'}")
+    if len(transits) > _TRANSITS_AT_MOST:
+        handles.append(Patch(alpha=0.0))
+        labels.append(f"and {len(transits) - _TRANSITS_AT_MOST} more")
+    place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.005, 1.0)}
+    legend = ax.legend(handles, labels, fontsize=7, frameon=False, labelspacing=0.25, handlelength=1.2, **place)
+    for text in legend.get_texts():
+        text.set_parse_math(False)  # names of transitions are no formulas
+
+
 def _draw_events(ax: Axes, episode: Episode) -> None:
     trace = episode.trace
     ax.plot(*trace.pose[0, :2], "o", color="black", markersize=6, zorder=7, label="start")
@@ -141,9 +183,9 @@ def _draw_ranges(ax: Axes, trace: Trace) -> None:
         ax.axvline(t, color="limegreen", linewidth=1.5, linestyle="--")
     ax.set_xlim(0.0, float(trace.time[-1]))
     ax.set_ylim(0.0, 5.2)
-    ax.set_xlabel("time [s]   (bands: active state; gaps: no echo)")
+    ax.set_xlabel("time [s]   (bands: active state; dotted: transitions; gaps: no echo)")
     ax.set_ylabel("ultrasonic range [m]")
-    ax.legend(loc="upper left", bbox_to_anchor=(1.005, 1.0), fontsize=8, frameon=False)
+    _legend_of_ranges(ax, trace)
     ax.grid(alpha=0.3)
 
 
