@@ -91,7 +91,7 @@ class Collection:
     def _judge(self, name: str, grey: Image) -> View | Rejected:
         ids, pixels = self.board.find(grey)
         if not len(ids):
-            return Rejected(name, "no board", "no corner of the board was found")
+            return Rejected(name, "no board", "no corner was found: not in view, too blurred or too small")
         if len(ids) < MIN_CORNERS or not _spread(self.board, ids):
             return Rejected(name, "too few corners", f"{len(ids)} of {len(self.board.corners)} corners")
         edge = edge_width(self.board, grey, ids, pixels)
@@ -132,8 +132,8 @@ def coverage(views: list[View], size: tuple[int, int]) -> NDArray[np.int64]:
 def edge_width(board: Board, grey: Image, ids: NDArray[np.int64], pixels: Array) -> float:
     """Pixels that an edge takes from black to white, median over the corners, the worse of its two edges.
 
-    Contrast of a patch around the corner over the steepest change in it: a Gaussian blur of standard deviation s gives
-    2.5 s, the sharpest possible edge 2.
+    Contrast of a patch around the corner over the steepest change in it: 2 for the sharpest possible edge, m for motion
+    by m px, about sqrt(4 + 6 s^2) for a Gaussian blur of standard deviation s.
 
     Args:
         board: what is seen.

@@ -1,0 +1,107 @@
+"""Boards: what is on them, and their corners in an image."""
+
+import cv2
+import numpy as np
+import pytest
+from board_world import lens_arrays, photograph
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tral_env.config import WIDE_LENS, CameraConfig
+from tral_env.errors import ConfigError
+from tral_env.perception.aruco import Detector
+from tral_env.perception.board import DICTIONARY, Board, marker_ink
+from tral_env.perception.board_poses import seeded_poses
+
+CHARUCO = Board()
+CHESS = Board(kind="chessboard", columns=10, rows=7, square=0.025)
+BOARDS = pytest.mark.parametrize("board", [CHARUCO, CHESS], ids=["charuco", "chessboard"])
+
+
+@BOARDS
+def test_every_corner_is_found_where_it_is_printed(board):
+    ids, pixels = board.find(board.image(2000.0, margin=0.02))
+    order = np.argsort(ids)
+    assert ids[order].tolist() == list(range(len(board.corners)))
+    # The middle of pixel 0 lies half a pixel inside.
+    assert pixels[order] == pytest.approx((board.corners[:, :2] + 0.02) * 2000.0 - 0.5, abs=0.02)
+
+
+def test_a_chessboard_upside_down_has_the_same_corners():
+    image = CHESS.image(2000.0, margin=0.02)
+    ids, pixels = CHESS.find(np.ascontiguousarray(image[::-1, ::-1]))
+    expected = np.array([image.shape[1], image.shape[0]]) - 0.5 - (CHESS.corners[:, :2] + 0.02) * 2000.0
+    assert pixels[np.argsort(ids)] == pytest.approx(expected, abs=0.02)
+
+
+def test_the_charuco_board_is_the_one_opencv_draws():
+    layout = cv2.aruco.CharucoBoard((7, 5), 0.036, 0.028, cv2.aruco.getPredefinedDictionary(DICTIONARY))
+    assert (CHARUCO.image(2000.0) == layout.generateImage((504, 360))).all()
+
+
+def test_black_of_a_chessboard_is_half_of_it():
+    assert CHESS.black[:, 2:].prod(axis=1).sum() == pytest.approx(35 * 0.025**2)
+
+
+@given(st.integers(0, 49))
+def test_ink_of_a_marker_is_its_code(marker):
+    code = cv2.aruco.generateImageMarker(cv2.aruco.getPredefinedDictionary(DICTIONARY), marker, 7)
+    drawn = np.full((7, 7), 255)
+    for x, y, w, h in np.rint(marker_ink(DICTIONARY, marker, 7) * 7).astype(int):
+        assert (drawn[y : y + h, x : x + w] == 255).all()
+        drawn[y : y + h, x : x + w] = 0
+    assert (drawn == code).all()
+
+
+def test_a_pixel_half_covered_by_black_is_grey():
+    image = Board(kind="chessboard", columns=3, rows=3, square=0.0105).image(1000.0)
+    assert image[0, 8:12].tolist() == [0, 0, 128, 255]
+
+
+def test_the_gates_detector_sees_no_marker_on_a_board():
+    assert len(Detector().detect(CHARUCO.image(2000.0, margin=0.02)).ids) == 0
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"kind": "chess"}, "did you mean 'chessboard'"),
+        ({"columns": 2}, "Board.columns = 2: expected 3 or more"),
+        ({"square": 0.0}, "Board.square = 0.0: expected a length above 0"),
+        ({"square": float("nan")}, "Board.square = nan"),
+        ({"marker": 0.036}, "expected less than the square's 0.036 m"),
+        ({"columns": 12, "rows": 9}, "needs 54 markers, and there are 50"),
+    ],
+)
+def test_an_impossible_board_is_refused(values, message):
+    with pytest.raises(ConfigError, match=message):
+        Board(**values)
+
+
+@BOARDS
+@pytest.mark.parametrize("lens", [WIDE_LENS, CameraConfig()], ids=["wide", "default"])
+def test_seeded_poses_keep_the_board_in_view(board, lens):
+    needed = 0.6 if board.kind == "charuco" else 1.0
+    for pose in seeded_poses(board, lens, 20, 1):
+        points = pose.place(board, board.corners)
+        pixels = cv2.projectPoints(points, np.zeros(3), np.zeros(3), *lens_arrays(lens))[0][:, 0]
+        inside = ((pixels > 0) & (pixels < [lens.width - 1, lens.height - 1])).all(axis=1)
+        assert points[:, 2].min() > 0
+        assert inside.mean() >= needed
+
+
+def test_seeded_poses_are_those_of_their_seed():
+    once, again, other = (seeded_poses(CHARUCO, WIDE_LENS, 5, seed) for seed in (3, 3, 4))
+    assert all(
+        (a.middle == b.middle).all() and (a.rotation == b.rotation).all() for a, b in zip(once, again, strict=True)
+    )
+    assert not (once[0].middle == other[0].middle).all()
+
+
+@BOARDS
+def test_corners_of_a_photograph_lie_where_the_lens_puts_them(board):
+    for pose in seeded_poses(board, WIDE_LENS, 4, 5):
+        ids, pixels = board.find(photograph(board, WIDE_LENS, pose))
+        points = pose.place(board, board.corners[ids])
+        expected = cv2.projectPoints(points, np.zeros(3), np.zeros(3), *lens_arrays(WIDE_LENS))[0][:, 0]
+        assert np.sqrt(np.mean(np.sum((pixels - expected) ** 2, axis=1))) < 0.15

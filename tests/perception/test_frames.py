@@ -1,0 +1,73 @@
+"""Images from files, folders, patterns and videos."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tral_env.errors import ConfigError, HardwareError
+from tral_env.perception.frames import find_sources, frames
+
+
+def grey(level: int):
+    return np.full((48, 64, 3), level, np.uint8)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name, level in (("b.png", 20), ("a.PNG", 10), ("c.bmp", 30)):
+        cv2.imwrite(str(tmp_path / name), grey(level))
+    (tmp_path / "notes.txt").write_text("not an image")
+    video = cv2.VideoWriter(str(tmp_path / "v.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10, (64, 48))
+    for level in range(0, 200, 20):
+        video.write(grey(level))
+    video.release()
+    return tmp_path
+
+
+def test_a_folder_gives_its_images_by_name(folder: Path):
+    assert [Path(name).name for name in find_sources([str(folder)])] == ["a.PNG", "b.png", "c.bmp", "v.avi"]
+
+
+def test_a_pattern_gives_what_fits_it(folder: Path):
+    assert [Path(name).name for name in find_sources([f"{folder}/*.[pb][nm][gp]"])] == ["b.png", "c.bmp"]
+
+
+def test_images_come_in_the_order_named(folder: Path):
+    sources = find_sources([str(folder / "c.bmp"), str(folder / "a.PNG")])
+    assert [(Path(name).name, int(image.mean())) for name, image in frames(sources)] == [("c.bmp", 30), ("a.PNG", 10)]
+
+
+def test_a_video_gives_one_in_so_many_frames(folder: Path):
+    seen = [(name.rsplit(":", 1)[1], float(image.mean())) for name, image in frames([str(folder / "v.avi")], every=4)]
+    assert [name for name, _ in seen] == ["0", "4", "8"]
+    assert [level for _, level in seen] == pytest.approx([0, 80, 160], abs=3)
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ("none.png", "no such file or folder, and no pattern that fits"),
+        ("*.jpg", "no such file or folder, and no pattern that fits"),
+        ("notes.txt", "neither image nor video. Allowed: .png"),
+        ("empty", "no image or video in this folder"),
+    ],
+)
+def test_what_cannot_be_looked_at_is_refused(folder: Path, source: str, message: str):
+    (folder / "empty").mkdir()
+    with pytest.raises(ConfigError, match=message):
+        find_sources([str(folder / source)])
+
+
+@pytest.mark.parametrize(("name", "message"), [("x.png", "not a readable image"), ("x.mp4", "not a readable video")])
+def test_a_broken_file_is_refused(tmp_path: Path, name: str, message: str):
+    (tmp_path / name).write_bytes(b"broken")
+    with pytest.raises(ConfigError, match=message):
+        list(frames(find_sources([str(tmp_path / name)])))
+
+
+def test_a_camera_that_is_not_there_is_a_fault_of_the_hardware():
+    assert find_sources(["/dev/video97"]) == ["/dev/video97"]
+    with pytest.raises(HardwareError, match="no camera, or another program uses it"):
+        next(frames(["/dev/video97"]))
