@@ -19,6 +19,7 @@ from tral_fsm.definition import ConditionSpec, DrivingSpec, Side, quantity
 from tral_fsm.machine_state import MachineState
 from tral_fsm.states import DrivingState, State
 from tral_fsm.transitions import Condition
+from tral_fsm.walls import Ahead
 
 _QUARTER = math.pi / 2.0
 _SURE_LOCK = 0.9
@@ -59,6 +60,11 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
     reckoning, nowhere. When the wall changes, or is found at another place, the line stays where it was and shifts.
     """
 
+    def __init__(self, spec: FollowCorridorSpec) -> None:
+        super().__init__(spec)
+        self.preferred = spec.side == "left"
+        self.steepest = math.sin(math.radians(spec.max_angle_deg))
+
     def on_enter(self, m: MachineState) -> None:
         """The line begins at the car."""
         self.offset = 0.0
@@ -79,7 +85,7 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
         if spec.learn_trim and m.trim_fault:
             m.set_trim(m.trim + m.trim_fault)
         slope = self.shift(m)
-        approach = clip(self.offset / (2.0 * spec.length) + slope, math.sin(math.radians(spec.max_angle_deg)))
+        approach = clip(self.offset / (2.0 * spec.length) + slope, self.steepest)
         self.steer(m, clip(steering_for(2.0 / spec.length * (approach - math.sin(m.heading))), _SURE_LOCK))
         if self.reference:
             m.want_clearance(self.reference > 0.0, self.clearance)
@@ -93,7 +99,7 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
         self.offset -= math.cos(along) * (m.y - y) - math.sin(along) * (m.x - x)
         self.place = (m.x, m.y)
         step, self.driven = m.distance - self.driven, m.distance
-        preferred = spec.side == "left"
+        preferred = self.preferred
         mine, other = m.clearance(preferred), m.clearance(not preferred)
         is_left, now = (preferred, mine) if mine == mine else (not preferred, other)
         if now != now:
@@ -203,6 +209,8 @@ class OpeningSpec(ConditionSpec):
 class Opening(Condition[OpeningSpec]):
     """Asks the observer of the walls."""
 
+    counts = False
+
     def __init__(self, spec: OpeningSpec, owner: State[Any]) -> None:
         super().__init__(spec, owner)
         self.is_left = spec.side == "left"
@@ -248,23 +256,30 @@ class ObstacleAhead(Condition[ObstacleAheadSpec]):
     What has only just come up counts too, unless it is asked what it is: then something else may be followed still.
     """
 
+    counts = False
+
     def __init__(self, spec: ObstacleAheadSpec, owner: State[Any]) -> None:
         super().__init__(spec, owner)
+        self.below = spec.below
         self.anything = spec.heard_above == 0.0 and spec.heard_below >= NO_ECHO_M and spec.aside_below is None
 
     def level(self, m: MachineState) -> float:
         """Range below which it fires, m."""
         spec, v = self.spec, m.speed
-        return spec.room + v * (spec.reaction + v / (2.0 * spec.braking)) if spec.below is None else spec.below
+        return spec.room + v * (spec.reaction + v / (2.0 * spec.braking)) if self.below is None else self.below
 
     def triggered(self, m: MachineState) -> bool:
         """Near, and first heard where it should be."""
-        spec, ahead, level = self.spec, m.ahead, self.level(m)
-        if self.anything and ahead.last < level and ahead.run >= spec.readings:
+        ahead = m.ahead
+        level = self.below or self.level(m)
+        if ahead.range < level and self.known(ahead):
             return True
-        if ahead.agreed < spec.readings or ahead.range >= level:
-            return False
-        if not spec.heard_above < ahead.heard_from <= spec.heard_below:
+        return self.anything and ahead.last < level and ahead.run >= self.spec.readings
+
+    def known(self, ahead: Ahead) -> bool:
+        """It has been heard often enough, from where it should be, and where it should be."""
+        spec = self.spec
+        if ahead.agreed < spec.readings or not spec.heard_above < ahead.heard_from <= spec.heard_below:
             return False
         return spec.aside_below is None or ahead.aside < spec.aside_below
 
@@ -287,6 +302,8 @@ class MoreRoomSpec(ConditionSpec):
 @transitions.runs(MoreRoomSpec)
 class MoreRoom(Condition[MoreRoomSpec]):
     """Compares the walls."""
+
+    counts = False
 
     def __init__(self, spec: MoreRoomSpec, owner: State[Any]) -> None:
         super().__init__(spec, owner)

@@ -69,6 +69,7 @@ class Machine:
         for spec in definition.transitions:
             source = index[spec.source]
             self._ways[source].append(_Way(spec, build(spec.when, self._states[source]), index[spec.target]))
+        self._asked = [[(way.condition.triggered, way) for way in ways] for ways in self._ways]
         self._root = index[definition.root]
         self._active = -1
 
@@ -128,8 +129,8 @@ class Machine:
         if self._active < 0:
             self.start(m)
         self._states[self._active].tick(m)
-        for way in self._ways[self._active]:
-            if way.condition.triggered(m):
+        for triggered, way in self._asked[self._active]:
+            if triggered(m):
                 self._transit(way, m)
                 break
 

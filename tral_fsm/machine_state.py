@@ -256,8 +256,11 @@ class MachineState:
 
     def clearance(self, is_left: bool) -> float:
         """What the side ultrasonic should read at this moment, m; NaN: no wall known."""
+        wall = self.walls.left if is_left else self.walls.right
+        if wall.range != wall.range:
+            return math.nan
         along = self.yaw - self.heading
-        return self.walls.side(is_left).seen_from(
+        return wall.seen_from(
             self.x + SENSOR_X * math.cos(self.yaw), self.y + SENSOR_X * math.sin(self.yaw), along
         )
 

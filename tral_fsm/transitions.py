@@ -39,6 +39,10 @@ G = TypeVar("G", bound=SightingSpec)
 class Condition(Generic[C]):
     """Base of all running conditions."""
 
+    counts: bool = True
+    """It must be asked in every tick, since it counts ticks or readings. False: All and Any leave it out where another
+    part has settled the matter."""
+
     def __init__(self, spec: C, owner: State[Any]) -> None:
         self.spec = spec
         self.owner = owner
@@ -85,6 +89,8 @@ def build(spec: ConditionSpec, owner: State[Any]) -> Condition[Any]:
 class Always(Condition[AlwaysSpec]):
     """Fires at once: in the tick in which its owner computed its first output."""
 
+    counts = False
+
     def triggered(self, m: MachineState) -> bool:
         """Always."""
         return True
@@ -93,6 +99,8 @@ class Always(Condition[AlwaysSpec]):
 @runs(DistanceSpec)
 class Distance(Condition[DistanceSpec]):
     """Fires after a hall distance."""
+
+    counts = False
 
     def on_enter(self, m: MachineState) -> None:
         """Remember where it began."""
@@ -111,6 +119,8 @@ class Distance(Condition[DistanceSpec]):
 class Timer(Condition[TimerSpec]):
     """Fires after a time."""
 
+    counts = False
+
     def on_enter(self, m: MachineState) -> None:
         """Remember when it began."""
         self.entry = m.time
@@ -127,6 +137,8 @@ class Timer(Condition[TimerSpec]):
 @runs(TurnedSpec)
 class Turned(Condition[TurnedSpec]):
     """Fires after a turn by dead reckoning."""
+
+    counts = False
 
     def __init__(self, spec: TurnedSpec, owner: State[Any]) -> None:
         super().__init__(spec, owner)
@@ -149,6 +161,8 @@ class Turned(Condition[TurnedSpec]):
 class Aligned(Condition[AlignedSpec]):
     """Fires when the car points along or across the corridor."""
 
+    counts = False
+
     def __init__(self, spec: AlignedSpec, owner: State[Any]) -> None:
         super().__init__(spec, owner)
         self.angle = math.radians(spec.angle_deg)
@@ -166,6 +180,8 @@ class Aligned(Condition[AlignedSpec]):
 class Finished(Condition[FinishedSpec]):
     """Fires when its owner says that it is finished."""
 
+    counts = False
+
     def triggered(self, m: MachineState) -> bool:
         """Ask the owner."""
         return bool(self.owner.finished)  # type: ignore[attr-defined]
@@ -178,6 +194,8 @@ class Finished(Condition[FinishedSpec]):
 @runs(UnreachableSpec)
 class Unreachable(Condition[UnreachableSpec]):
     """Fires when its owner says why it cannot come to its target."""
+
+    counts = False
 
     def triggered(self, m: MachineState) -> bool:
         """There is a reason."""
@@ -224,6 +242,8 @@ class SensorLevel(Condition[SensorLevelSpec]):
 
 class Seen(Condition[G]):
     """Fires when something is seen ahead, near and fresh enough."""
+
+    counts = False
 
     def __init__(self, spec: G, owner: State[Any]) -> None:
         super().__init__(spec, owner)
@@ -272,32 +292,32 @@ class MarkerFound(Seen[MarkerFoundSpec]):
 
 
 class Composite(Condition[Any]):
-    """Conditions combined. Each is asked in every tick, so that those that count readings miss none."""
+    """Conditions combined. Those that count are asked in every tick, so that they miss no reading."""
 
     def __init__(self, spec: AllSpec | AnySpec | NotSpec, owner: State[Any]) -> None:
         super().__init__(spec, owner)
         self.parts = [build(part, owner) for part in spec.of]
-        self.holds = [False] * len(self.parts)
+        self.counting = [(part, part.triggered) for part in self.parts if part.counts]
+        self.others = [(part, part.triggered) for part in self.parts if not part.counts]
+        self.counts = bool(self.counting)
 
     def on_enter(self, m: MachineState) -> None:
         """All parts start anew."""
         for part in self.parts:
             part.on_enter(m)
 
-    def ask(self, m: MachineState) -> list[bool]:
-        """Ask every part."""
-        self.holds = [part.triggered(m) for part in self.parts]
-        return self.holds
+    def reasons(self, m: MachineState) -> list[Condition[Any]]:
+        """The parts for which it fires; asked right after `triggered` said yes."""
+        raise NotImplementedError
 
     def why(self, m: MachineState) -> str:
-        """The reasons of the parts that hold."""
-        reasons = [part.why(m) for part, holds in zip(self.parts, self.holds, strict=True) if holds]
-        return f"{self.spec.type}({'; '.join(reasons)})"
+        """The values of the parts for which it fires."""
+        return f"{self.spec.type}({'; '.join(part.why(m) for part in self.reasons(m))})"
 
     def hand_over(self, m: MachineState) -> Sighting | None:
-        """What the first part that holds hands over."""
-        for part, holds in zip(self.parts, self.holds, strict=True):
-            target = part.hand_over(m) if holds else None
+        """What the first of the parts for which it fires hands over."""
+        for part in self.reasons(m):
+            target = part.hand_over(m)
             if target is not None:
                 return target
         return None
@@ -309,16 +329,44 @@ class All(Composite):
 
     def triggered(self, m: MachineState) -> bool:
         """All."""
-        return all(self.ask(m))
+        holds = True
+        for _, ask in self.counting:
+            holds = ask(m) and holds
+        if holds:
+            for _, ask in self.others:
+                if not ask(m):
+                    return False
+        return holds
+
+    def reasons(self, m: MachineState) -> list[Condition[Any]]:
+        """All parts."""
+        return self.parts
 
 
 @runs(AnySpec)
 class Any_(Composite):  # noqa: N801
     """Fires when one part holds."""
 
+    def __init__(self, spec: AnySpec, owner: State[Any]) -> None:
+        super().__init__(spec, owner)
+        self.held: list[Condition[Any]] = []
+        """Counting parts that held when they were asked last."""
+
     def triggered(self, m: MachineState) -> bool:
         """Any."""
-        return any(self.ask(m))
+        if self.counting:
+            self.held = [part for part, ask in self.counting if ask(m)]
+            if self.held:
+                return True
+        for _, ask in self.others:  # noqa: SIM110 - any(...) would cost a generator in every tick
+            if ask(m):
+                return True
+        return False
+
+    def reasons(self, m: MachineState) -> list[Condition[Any]]:
+        """The parts that hold, in their order."""
+        held = {id(part) for part in self.held} | {id(part) for part, ask in self.others if ask(m)}
+        return [part for part in self.parts if id(part) in held]
 
 
 @runs(NotSpec)
@@ -327,11 +375,11 @@ class Not(Composite):
 
     def triggered(self, m: MachineState) -> bool:
         """Not."""
-        return not self.ask(m)[0]
+        return not self.parts[0].triggered(m)
 
-    def why(self, m: MachineState) -> str:
-        """The values for which its part does not hold."""
-        return f"Not({self.parts[0].why(m)})"
+    def reasons(self, m: MachineState) -> list[Condition[Any]]:
+        """The part that does not hold."""
+        return self.parts
 
     def hand_over(self, m: MachineState) -> Sighting | None:
         """Nothing: what is not seen cannot be handed over."""

@@ -109,7 +109,7 @@ def _draw_transits(above: Axes, below: Axes, trace: Trace) -> None:
         above.plot(*here, "o", color="white", markeredgecolor="black", markersize=4, zorder=7)
         # A number that would lie on another one is left out.
         if all(np.hypot(*(here - other)) > np.ptp(above.get_xlim()) / 60.0 for other in marked):
-            above.annotate(str(number), here, (4, 4), textcoords="offset points", fontsize=7, zorder=9)
+            above.annotate(str(number), (here[0], here[1]), (4, 4), textcoords="offset points", fontsize=7, zorder=9)
             marked.append(here)
         below.axvline(now, color="black", linewidth=0.6, linestyle=":")
         if now - last >= trace.time[-1] / 60.0:
