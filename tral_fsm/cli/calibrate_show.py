@@ -15,7 +15,7 @@ from rich.text import Text
 from tral_env.perception.calibration import uncovered
 from tral_env.perception.calibration_views import Collection, Rejected, View
 from tral_fsm.cli.console import print_figures
-from tral_fsm.report.calibration import parameters
+from tral_fsm.report.calibration import difference_px, parameters
 
 if TYPE_CHECKING:
     from tral_env.config import CameraConfig
@@ -100,6 +100,9 @@ def print_calibration(result: Calibration, truth: CameraConfig | None = None) ->
     console.print(
         f"RMS {result.rms_px:.3f} px over {len(result.views)} views; held out {result.held_out_px:.3f} px", markup=False
     )
+    if truth is not None:
+        mean, most = difference_px(result.camera, truth)
+        console.print(f"Pixels of the two lenses differ by {mean:.2f} px on average, {most:.2f} at most", markup=False)
     console.print(f"Worst views [px]: {named}", markup=False)
     for reason in dict.fromkeys(one.reason for one in result.rejected):
         ones = [one for one in result.rejected if one.reason == reason]

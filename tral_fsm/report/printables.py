@@ -70,15 +70,15 @@ def marker_sheet(marker: int, size_mm: float = 180.0, paper: str = "A4", note: s
         raise ConfigError(f"--size-mm {size_mm:g}: expected a length above 0")
     page = paper_size(paper)
     cell = size_mm / MODULES
-    most = (page[0]) / (1 + 2 * LEAST_QUIET / MODULES)
-    if size_mm > most or size_mm + 2 * QUIET * cell + FOOT_MM > page[1]:
+    most = page[0] / (1 + 2 * LEAST_QUIET / MODULES)  # its height leaves more than enough on every paper
+    if size_mm > most:
         raise ConfigError(
             f"a marker of {size_mm:g} mm needs {LEAST_QUIET * cell:g} mm of white on either side and does not fit on "
             f"{paper}: {np.floor(most):g} mm would, or try --paper with one of {', '.join(PAPERS)}"
         )
-    left, top = (page[0] - size_mm) / 2, max(QUIET * cell, 10.0)
+    left, top = (page[0] - size_mm) / 2, QUIET * cell + 8.0
     ink = size_mm * marker_ink(DICTIONARY, marker, MODULES) + np.array([left, top, 0.0, 0.0])
-    foot = top + size_mm + QUIET * cell + 6.0
+    foot = top + size_mm + QUIET * cell + 8.0
     lines, text = ruler(20.0, foot)
     told = f"marker {marker}, {size_mm:g} mm, DICT_4X4_50{', ' + note if note else ''}; this way up"
     texts = [text, Text(20.0, foot + 9.0, told)]

@@ -1,0 +1,179 @@
+"""`tral calibrate` from images, a video and the simulated camera."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from board_world import photograph
+from typer.testing import CliRunner, Result
+
+from tral_env.calibration_stage import BoardStage
+from tral_env.config import WIDE_LENS, CameraConfig
+from tral_env.errors import RenderError
+from tral_env.perception.board import Board
+from tral_env.perception.board_poses import seeded_poses
+from tral_env.perception.calibration import Limits
+from tral_env.perception.camera_info import read_camera_info, write_camera_info
+from tral_fsm.cli import app
+from tral_fsm.report.calibration import difference_px
+
+SHOTS = 20
+
+
+def tral(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["calibrate", *(str(argument) for argument in arguments)])
+
+
+@pytest.fixture(scope="module")
+def shots(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Photographs of a board through the wide lens, one of them twice, and one of nothing."""
+    folder = tmp_path_factory.mktemp("shots")
+    for i, pose in enumerate(seeded_poses(Board(), WIDE_LENS, SHOTS, 0)):
+        cv2.imwrite(str(folder / f"{i:02d}.png"), photograph(Board(), WIDE_LENS, pose))
+    (folder / "19b.png").write_bytes((folder / "19.png").read_bytes())
+    cv2.imwrite(str(folder / "empty.png"), np.full((480, 640), 128, np.uint8))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def calibrated(shots: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
+    out = tmp_path_factory.mktemp("runs") / "good"
+    return out, tral(shots, "--out", out, "--json")
+
+
+def test_a_good_calibration_ends_with_0_and_its_files(calibrated: tuple[Path, Result]) -> None:
+    out, result = calibrated
+    assert result.exit_code == 0, result.output
+    assert sorted(path.name for path in out.iterdir()) == ["calibration.json", "camera_info.yaml", "coverage.png"]
+
+
+def test_its_lens_is_the_one_that_took_the_images(calibrated: tuple[Path, Result]) -> None:
+    lens = read_camera_info(calibrated[0] / "camera_info.yaml")
+    assert (lens.fx, lens.fy) == pytest.approx((WIDE_LENS.fx, WIDE_LENS.fy), rel=0.001)
+    assert difference_px(lens, WIDE_LENS)[0] < 0.4
+
+
+def test_json_is_the_file_and_nothing_else(calibrated: tuple[Path, Result]) -> None:
+    out, result = calibrated
+    report = json.loads(result.stdout)
+    assert report == json.loads((out / "calibration.json").read_text())
+    assert report["verdict"] == "good"
+    assert report["advice"] == []
+    assert 0 < report["rms_px"] <= report["held_out_rms_px"] < 0.1
+    assert np.sum(report["coverage"]) == sum(view["corners"] for view in report["views"])
+
+
+def test_rejected_images_are_named_with_the_reason(calibrated: tuple[Path, Result]) -> None:
+    rejected = {Path(one["name"]).name: one["reason"] for one in json.loads(calibrated[1].stdout)["rejected"]}
+    assert rejected["19b.png"] == "duplicate pose"
+    assert rejected["empty.png"] == "no board"
+
+
+def test_the_coverage_map_is_a_picture(calibrated: tuple[Path, Result]) -> None:
+    image = cv2.imread(str(calibrated[0] / "coverage.png"))
+    assert image is not None
+    assert min(image.shape[:2]) > 300
+    assert image.std() > 10
+
+
+def test_a_poor_calibration_ends_with_1_says_why_and_spares_the_good_one(shots: Path, tmp_path: Path) -> None:
+    write_camera_info(tmp_path / "camera_info.yaml", CameraConfig())
+    result = tral(shots / "0[0-5].png", "--out", tmp_path)
+    assert result.exit_code == 1
+    assert f"views were used: take {Limits().views} or more" in result.stdout
+    assert read_camera_info(tmp_path / "camera_info.yaml") == CameraConfig()
+    assert read_camera_info(tmp_path / "poor_camera_info.yaml").fx == pytest.approx(335.9, rel=0.01)
+
+
+def test_a_good_calibration_takes_away_the_poor_one_before_it(shots: Path, tmp_path: Path) -> None:
+    (tmp_path / "poor_camera_info.yaml").write_text("from before")
+    assert tral(shots, "--out", tmp_path, "--name", "webcam").exit_code == 0
+    assert not (tmp_path / "poor_camera_info.yaml").exists()
+    assert "camera_name: webcam" in (tmp_path / "camera_info.yaml").read_text()
+
+
+def test_what_is_printed_has_numbers_errors_and_verdict(shots: Path, tmp_path: Path) -> None:
+    result = tral(shots, "--out", tmp_path)
+    assert "std. dev." in result.stdout
+    assert "held out 0.0" in result.stdout
+    assert "Rejected, duplicate pose: 1" in result.stdout
+    assert "\ngood\n" in result.stdout
+    assert "22 of 22 images" in result.stderr
+
+
+def test_a_video_is_looked_at_frame_by_frame(shots: Path, tmp_path: Path) -> None:
+    video = cv2.VideoWriter(str(tmp_path / "v.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10, (640, 480))
+    for path in sorted(shots.glob("[01]*.png"))[:12]:
+        image = cv2.imread(str(path))
+        assert image is not None
+        for _ in range(2):
+            video.write(image)
+    video.release()
+    report = json.loads(tral(tmp_path / "v.avi", "--every", 2, "--out", tmp_path, "--json").stdout)
+    assert 8 <= len(report["views"]) <= 12
+    assert report["views"][0]["name"].endswith("v.avi:0")
+
+
+def test_enough_views_end_the_looking(shots: Path, tmp_path: Path) -> None:
+    report = json.loads(tral(shots, "--max-views", 5, "--out", tmp_path, "--json").stdout)
+    assert len(report["views"]) + len([one for one in report["rejected"] if one["reason"] == "outlier error"]) == 5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "nothing to look at: name images, a folder, a video or a camera, or use --simulated"),
+        (["--simulated", "a.png"], "--simulated makes its own images: leave out a.png"),
+        (["none.png"], "none.png: no such file or folder"),
+        (["--simulated", "--lens", "wied"], "unknown lens 'wied': did you mean 'wide'?"),
+        (["--simulated", "--square-mm", "-3"], "expected a length above 0"),
+    ],
+)
+def test_bad_usage_ends_with_2(arguments: list[str], message: str, tmp_path: Path) -> None:
+    result = tral(*arguments, "--out", tmp_path / "new")
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert not (tmp_path / "new").exists()
+
+
+def test_images_of_another_board_are_refused_with_the_reasons(shots: Path, tmp_path: Path) -> None:
+    result = tral(shots / "0*.png", "--board", "chessboard", "--out", tmp_path)
+    assert result.exit_code == 2
+    assert "0 of 10 images show the board well enough (10 x no board)" in result.stderr
+    assert "Is the board the one that was named?" in result.stderr
+
+
+def test_the_simulated_camera_calibrates_itself_and_says_how_far_off_it_is(tmp_path: Path) -> None:
+    stage = BoardStage(Board(), WIDE_LENS)
+    try:
+        stage.capture(seeded_poses(Board(), WIDE_LENS, 1, 0)[0])
+    except RenderError as error:
+        pytest.skip(f"no OpenGL: {error}")
+    finally:
+        stage.close()
+    arguments = ("--simulated", "--shots", 16, "--seed", 2, "--keep-images", "--out", tmp_path)
+    report = json.loads(tral(*arguments, "--json").stdout)
+    assert max(abs(report["error_percent"][name]) for name in ("fx", "fy")) < 0.5
+    assert max(abs(report["error_percent"][name]) for name in ("cx", "cy")) < 1.0
+    assert len(list((tmp_path / "images").glob("simulated_*.png"))) == 16
+
+
+def test_difference_of_lenses_is_in_pixels() -> None:
+    moved = CameraConfig(cx=319.5 + 3, cy=239.5 + 4)
+    assert difference_px(moved, CameraConfig()) == pytest.approx((5.0, 5.0))
+
+
+def test_help_loads_nothing_heavy() -> None:
+    code = (
+        "import sys; from typer.testing import CliRunner; from tral_fsm.cli import app;"
+        "CliRunner().invoke(app, ['calibrate', '--help']); CliRunner().invoke(app, ['print', '--help']);"
+        "print({'mujoco', 'cv2', 'matplotlib'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
