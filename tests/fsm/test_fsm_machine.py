@@ -1,8 +1,9 @@
 """How a machine ticks: the rules of docs/state_machine.md."""
 
 import math
-from typing import Literal
+from typing import Any, ClassVar, Literal
 
+import numpy as np
 import pytest
 from readings import Bench, two_states
 
@@ -88,6 +89,97 @@ class TestEntryAndExit:
         bench.tick(distance=1.0)
         assert [t.path for t in bench.fired] == [(0,), ()]
         assert bench.active == "1"
+
+
+class TestMachinesInMachines:
+    """Two of them: "a" holds one that goes on by distance, "b" is a motor."""
+
+    INNER: ClassVar[dict[str, Any]] = {
+        "root": 0,
+        "states": [motor(0, 0.1), motor(1, 0.2)],
+        "transitions": [way(0, 0, 1, type="Distance", distance=1.0), way(1, 1, 0, type="Distance", distance=9.0)],
+    }
+
+    def outer(self, *ways: dict[str, object]) -> Bench:
+        states = [{"id": "a", "type": "FSMState", "machine": self.INNER, "final": True}, {**motor(0, 0.3), "id": "b"}]
+        far = [{"id": f"{a} far", "from": a, "to": b, "type": "Distance", "distance": 99.0} for a, b in ("ab", "ba")]
+        return Bench({"root": "a", "states": states, "transitions": [*ways, *far]})
+
+    def test_the_outer_transitions_are_asked_though_the_inner_one_has_fired(self) -> None:
+        bench = self.outer(
+            {"id": "out", "from": "a", "to": "b", "type": "Distance", "distance": 1.0},
+            {"id": "in", "from": "b", "to": "a", "type": "Distance", "distance": 1.0},
+        )
+        bench.tick(distance=0.0)
+        # the output of that tick is that of the state that was active when it began
+        assert bench.tick(distance=1.0) == (0.0, 0.1)
+        assert bench.active == "b"
+
+    def test_on_return_it_starts_at_its_root_with_conditions_anew(self) -> None:
+        bench = self.outer(
+            {"id": "out", "from": "a", "to": "b", "type": "SensorLevel", "below": 0.5},
+            {"id": "in", "from": "b", "to": "a", "type": "SensorLevel", "above": 0.5},
+        )
+        bench.tick(distance=0.0, front=1.0)
+        bench.tick(distance=1.0)
+        assert bench.active == "a/1"
+        bench.tick(front=0.4)
+        bench.tick(front=1.0)
+        assert bench.active == "a/0"
+        bench.tick(distance=1.9)
+        assert bench.active == "a/0"
+        bench.tick(distance=2.0)
+        assert bench.active == "a/1"
+
+    def test_a_transition_into_itself_starts_the_inner_machine_anew(self) -> None:
+        bench = self.outer({"id": "again", "from": "a", "to": "a", "type": "Distance", "distance": 1.5})
+        names = []
+        for distance in (0.0, 1.0, 1.5, 2.4, 2.5):
+            bench.tick(distance=distance)
+            names.append(bench.active)
+        assert names == ["a/0", "a/1", "a/0", "a/0", "a/1"]
+
+    def test_leaving_it_leaves_the_inner_state_first(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        from tral_fsm.machine import FSMState
+
+        calls: list[str] = []
+        leave = FSMState.on_exit
+
+        def outer_exit(self: FSMState, m: MachineState) -> None:
+            leave(self, m)
+            calls.append("outer")
+
+        monkeypatch.setattr(states.Motor, "on_exit", lambda self, m: calls.append(f"inner {self.spec.id}"))
+        monkeypatch.setattr(FSMState, "on_exit", outer_exit)
+        bench = self.outer({"id": "out", "from": "a", "to": "b", "type": "Timer", "seconds": 0.0125},
+                           {"id": "in", "from": "b", "to": "a", "type": "Distance", "distance": 1.0})  # fmt: skip
+        bench.tick()
+        bench.tick()
+        assert calls == ["inner 0", "outer"]
+
+    def test_after_a_restart_nothing_is_left_of_the_inner_machine(self) -> None:
+        bench = self.outer()
+        bench.tick(distance=0.0)
+        bench.tick(distance=1.0)
+        assert bench.active == "a/1"
+        bench.machine.restart()
+        assert bench.active == "a/0"
+        bench.m = MachineState()
+        bench.tick(distance=5.0)
+        assert bench.active == "a/0"
+
+    def test_rows_that_are_reset_start_anew_and_the_others_go_on(self) -> None:
+        from tral_fsm import MachinePolicy
+
+        policy = MachinePolicy(self.outer().machine.definition)
+        policy.reset(2)
+        for distance in (0.0, 1.0):
+            policy.act(CORE_LAYOUT.pack({"distance": distance}, 2))
+        assert policy.active_states == ["a/1", "a/1"]
+        policy.reset_rows(np.array([True, False]))
+        assert policy.active_states == ["a/0", "a/1"]
+        policy.act(CORE_LAYOUT.pack({"distance": 1.5}, 2))
+        assert policy.active_states == ["a/0", "a/1"]
 
 
 class TestBlackboard:
@@ -192,7 +284,9 @@ class TestPackagedMachines:
     def test_an_unknown_inner_machine_is_answered_with_the_nearest(self, tmp_path) -> None:  # type: ignore[no-untyped-def]
         path = tmp_path / "outer.json"
         path.write_text('{"root": 0, "states": [{"id": 0, "type": "FSMState", "machine": "wal", "final": true}]}')
-        with pytest.raises(FormatError, match=r"/states/0/machine: got 'wal', which is no packaged machine: did you mean 'wall'"):
+        with pytest.raises(
+            FormatError, match=r"/states/0/machine: got 'wal', which is no packaged machine: did you mean 'wall'"
+        ):
             load(path)
 
     def test_a_machine_that_holds_itself_is_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
