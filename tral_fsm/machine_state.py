@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT, MAX_AGE_S, NO_ECHO_M
 from tral_fsm.control import TRACK, clip, curvature, speed_control, wrap
+from tral_fsm.tracking import Track
 from tral_fsm.walls import SENSOR_X, Ahead, Walls
 
 _HISTORY_TICKS = 128
@@ -101,6 +102,7 @@ class MachineState:
         "_history",
         "_integral",
         "_stalled",
+        "_tracks",
         "_travelled",
         "_wheel",
         "ahead",
@@ -113,6 +115,7 @@ class MachineState:
         "gate",
         "left",
         "marker",
+        "path",
         "right",
         "speed",
         "speed_target",
@@ -154,6 +157,8 @@ class MachineState:
         """Dead reckoning from the start, m."""
         self.yaw = 0.0
         """Dead reckoning from the start, rad, not wrapped."""
+        self.path = 0.0
+        """Dead reckoning's length, less where the car reverses, m."""
         self.corridor_yaw = 0.0
         """Direction of the corridor in dead reckoning, rad, but for quarter turns; learnt from the side ranges."""
         self.walls = Walls()
@@ -180,6 +185,7 @@ class MachineState:
         self._stalled = 0
         self._wheel = 0.0
         self._travelled = math.nan
+        self._tracks: dict[int, Track] = {}
         self._history: deque[Pose] = deque(maxlen=_HISTORY_TICKS)
 
     def update(self, row: Sequence[float]) -> None:
@@ -217,6 +223,7 @@ class MachineState:
             bend = curvature(self._wheel)
             # the magnets sit on the rear left wheel, which runs on the inner circle of a left turn
             step = self.direction * step / (1.0 - bend * TRACK / 2.0)
+            self.path += step
             middle = self.yaw + step * bend / 2.0
             self.x += step * math.cos(middle)
             self.y += step * math.sin(middle)
@@ -235,6 +242,20 @@ class MachineState:
         seen.x = px + cos * x - sin * y
         seen.y = py + sin * x + cos * y
         seen.heading = yaw + heading
+        if seen is self.gate:
+            self._track((px, py), yaw)
+
+    def _track(self, car: tuple[float, float], yaw: float) -> None:
+        """Let the new sighting of a gate correct what earlier ones told of it, and learn the trim from it."""
+        gate = self.gate
+        track = self._tracks.get(gate.id)
+        if track is None:
+            self._tracks[gate.id] = Track(gate.x, gate.y, gate.heading, car, yaw, self.path)
+            return
+        fault = track.take(gate.x, gate.y, gate.heading, car, yaw, self.path)
+        if fault:
+            self.set_trim(self.trim + fault)
+        gate.x, gate.y, gate.heading = track.x, track.y, track.heading
 
     def _pose_before(self, age: float) -> Pose:
         """Pose of dead reckoning some seconds ago."""

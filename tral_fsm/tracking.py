@@ -1,0 +1,177 @@
+"""A gate kept in the frame of dead reckoning, and what its sightings say about the car's own steering.
+
+An extended Kalman filter (Welch and Bishop, 2006) with four unknowns: the gate's place (x, y), the heading of its axis,
+and by how much the trim is wrong. A car whose wheels stand a degree off turns by 4 degrees a metre without knowing;
+then in the frame of dead reckoning the gate seems to turn about the car. The camera tells a bearing to a tenth of a degree, so
+half a metre of approach is enough to learn the trim, and a gate that has left the image is still known well.
+"""
+
+from __future__ import annotations
+
+import math
+
+from tral_fsm.control import FULL_LOCK, WHEELBASE, wrap
+
+BEND_PER_TRIM = FULL_LOCK / WHEELBASE
+"""Curvature that a unit of steering gives around straight ahead, 1/m."""
+TRIM_DEVIATION = 0.08
+"""Of the trim before anything is known, as a share of full lock: 1.8 degrees. Source: choice, between the levels of
+randomization."""
+_TRIM_WALK = 0.01
+"""How far the trim may wander in a metre."""
+_HEADING_WALK = 0.01
+"""How far dead reckoning's heading wanders in a metre of straight driving, rad."""
+_BEND_FAULT = 0.08
+"""Share of a turn that dead reckoning may be wrong by: lock, slip."""
+_PLACE_WALK = 0.02
+"""How far dead reckoning's place wanders in a metre, m."""
+_ALONG = (0.01, 0.015)
+_ACROSS = (0.006, 0.003)
+_HEADING = (0.01, 0.002)
+"""Deviation of a sighting: at no distance, and what each metre (for the heading: its square) adds. Source: the tables
+of docs/perception.md, with room for what the image's faults add."""
+_GATE_SIGMA = 4.0
+"""A sighting farther off than so many deviations is not believed,"""
+_ANEW = 3
+"""unless so many do not fit, one after the other: then the gate is there."""
+
+Row = list[float]
+Place = tuple[float, float]
+
+
+class Track:
+    """One gate, and the covariance of its pose and the trim."""
+
+    __slots__ = ("_covariance", "_misfits", "_path", "_yaw", "heading", "x", "y")
+
+    def __init__(self, x: float, y: float, heading: float, car: Place, yaw: float, path: float) -> None:
+        """Begin with a sighting.
+
+        Args:
+            x: of the gate's middle in dead reckoning, m.
+            y: likewise.
+            heading: of its axis, rad.
+            car: where the car was when it saw it, m.
+            yaw: how it stood then, rad.
+            path: driven so far, less where it reversed, m.
+        """
+        self.begin(x, y, heading, car, yaw, path)
+
+    def begin(self, x: float, y: float, heading: float, car: Place, yaw: float, path: float) -> None:
+        """Forget all but this sighting."""
+        self.x, self.y, self.heading = x, y, heading
+        self._path, self._yaw = path, yaw
+        range_ = max(math.hypot(x - car[0], y - car[1]), 1e-3)
+        cos, sin = (x - car[0]) / range_, (y - car[1]) / range_
+        along, across, turned = _deviations(range_)
+        a, b = along * along, across * across
+        shared = (a - b) * sin * cos
+        self._covariance: list[Row] = [
+            [a * cos * cos + b * sin * sin, shared, 0.0, 0.0],
+            [shared, a * sin * sin + b * cos * cos, 0.0, 0.0],
+            [0.0, 0.0, turned * turned, 0.0],
+            [0.0, 0.0, 0.0, TRIM_DEVIATION * TRIM_DEVIATION],
+        ]
+        self._misfits = 0
+
+    def take(self, x: float, y: float, heading: float, car: Place, yaw: float, path: float) -> float:
+        """Correct by a new sighting, with the arguments of the first.
+
+        Returns:
+            What to add to the trim.
+        """
+        dx, dy = self.x - car[0], self.y - car[1]
+        self._drift(path - self._path, dx, dy, yaw - self._yaw)
+        self._path, self._yaw = path, yaw
+        range_ = max(math.hypot(dx, dy), 1e-3)
+        cos, sin = dx / range_, dy / range_
+        along, across, deviation = _deviations(range_)
+        ex, ey, eh = x - self.x, y - self.y, wrap(heading - self.heading)
+        seen = (
+            ((cos, sin, 0.0), cos * ex + sin * ey, along),
+            ((-sin, cos, 0.0), cos * ey - sin * ex, across),
+            ((0.0, 0.0, 1.0), eh, deviation),
+        )
+        if not self._fits(seen):
+            self._misfits += 1
+            if self._misfits >= _ANEW:
+                self.begin(x, y, heading, car, yaw, path)
+            return 0.0
+        self._misfits = 0
+        state = [0.0, 0.0, 0.0, 0.0]
+        for direction, error, sigma in seen:
+            self._correct(state, direction, error, sigma * sigma)
+        self.x += state[0]
+        self.y += state[1]
+        self.heading += state[2]
+        return state[3]
+
+    def _drift(self, driven: float, dx: float, dy: float, turned: float) -> None:
+        """A wrong trim turns the gate about the car; the rest of dead reckoning's faults wander."""
+        step = BEND_PER_TRIM * driven
+        fx, fy, fh = -step * dy, step * dx, step
+        p = self._covariance
+        for row in p:  # P F'
+            row[0] += fx * row[3]
+            row[1] += fy * row[3]
+            row[2] += fh * row[3]
+        last = p[3]
+        for row, f in zip(p, (fx, fy, fh), strict=False):  # F P
+            for column in range(4):
+                row[column] += f * last[column]
+        # A wandering heading turns the gate about the car, too.
+        wander = _HEADING_WALK**2 * abs(driven) + (_BEND_FAULT * turned) ** 2
+        place = _PLACE_WALK**2 * abs(driven)
+        p[0][0] += wander * dy * dy + place
+        p[0][1] -= wander * dx * dy
+        p[1][0] -= wander * dx * dy
+        p[1][1] += wander * dx * dx + place
+        p[0][2] -= wander * dy
+        p[2][0] -= wander * dy
+        p[1][2] += wander * dx
+        p[2][1] += wander * dx
+        p[2][2] += wander
+        p[3][3] += _TRIM_WALK**2 * abs(driven)
+
+    def _fits(self, seen: tuple[tuple[tuple[float, float, float], float, float], ...]) -> bool:
+        """Whether no part of a sighting is farther off than chance has it."""
+        p = self._covariance
+        for (a, b, c), error, sigma in seen:
+            spread = (
+                a * a * p[0][0] + b * b * p[1][1] + c * c * p[2][2]
+                + 2.0 * (a * b * p[0][1] + a * c * p[0][2] + b * c * p[1][2])
+            )  # fmt: skip
+            if error * error > _GATE_SIGMA**2 * (spread + sigma * sigma):
+                return False
+        return True
+
+    def _correct(
+        self, state: list[float], direction: tuple[float, float, float], error: float, variance: float
+    ) -> None:
+        """Kalman's step for one number that was measured along a direction."""
+        a, b, c = direction
+        p = self._covariance
+        ph = [a * row[0] + b * row[1] + c * row[2] for row in p]
+        innovation = error - (a * state[0] + b * state[1] + c * state[2])
+        spread = a * ph[0] + b * ph[1] + c * ph[2] + variance
+        for i in range(4):
+            gain = ph[i] / spread
+            state[i] += gain * innovation
+            row = p[i]
+            for j in range(4):
+                row[j] -= gain * ph[j]
+
+    @property
+    def deviation(self) -> tuple[float, float, float]:
+        """Standard deviations of x [m], y [m], heading [rad] at the last sighting."""
+        p = self._covariance
+        return math.sqrt(p[0][0]), math.sqrt(p[1][1]), math.sqrt(p[2][2])
+
+
+def _deviations(range_: float) -> tuple[float, float, float]:
+    """Of a sighting: along and across the line of sight [m], and of the heading [rad]."""
+    return (
+        _ALONG[0] + _ALONG[1] * range_,
+        _ACROSS[0] + _ACROSS[1] * range_,
+        _HEADING[0] + _HEADING[1] * range_ * range_,
+    )
