@@ -239,7 +239,7 @@ class ObstacleAheadSpec(ConditionSpec):
         le=5.0,
     )
     room: float = quantity(0.3, "m", "left before it when the car has stopped", ge=0.0, le=5.0)
-    reaction: float = quantity(0.3, "s", "readings, command and brake are late", ge=0.0, le=5.0)
+    reaction: float = quantity(0.4, "s", "readings, command and brake are late", ge=0.0, le=5.0)
     braking: float = quantity(1.5, "m/s^2", "deceleration of the braking car", gt=0.0, le=20.0)
     readings: int = Field(2, description="so many readings must agree on it", ge=2, le=100)
     heard_above: float = quantity(0.0, "m", "it has been heard from farther away than this", ge=0.0, le=6.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 from tral_fsm import library
@@ -30,6 +31,12 @@ class Transit:
 
 
 Trace = Callable[[Transit], None]
+
+
+@cache
+def _packaged(name: str) -> MachineDefinition:
+    """A packaged machine, read once however many cars drive it."""
+    return library.load(name)
 
 
 class _Way:
@@ -171,7 +178,7 @@ class FSMState(State[FSMStateSpec]):
         """
         inner = self.spec.machine
         if isinstance(inner, str):
-            inner = library.load(inner)
+            inner = _packaged(inner)
         self.machine = Machine(inner, trace, path)
 
     def on_enter(self, m: MachineState) -> None:

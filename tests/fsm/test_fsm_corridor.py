@@ -143,15 +143,15 @@ class TestConditions:
         assert (wall.active, box.active) == ("b", "a")
 
     def test_an_obstacle_is_nearer_than_the_car_needs_to_stop(self) -> None:
-        # 0.3 m room + 0.6 m/s 0.3 s + 0.6^2 / (2 1.5) = 0.6 m
+        # 0.3 m room + 0.6 m/s 0.4 s + 0.6^2 / (2 1.5) = 0.66 m
         fast, slow = two_states({"type": "ObstacleAhead"}), two_states({"type": "ObstacleAhead"})
         for bench, speed in ((fast, 0.6), (slow, 0.1)):
-            bench.tick(front=0.61, speed=speed)
-            bench.tick(front=0.605)
+            bench.tick(front=0.67, speed=speed)
+            bench.tick(front=0.665)
             assert bench.active == "a"
-            bench.tick(front=0.59)
+            bench.tick(front=0.65)
         assert (fast.active, slow.active) == ("b", "a")
-        assert fast.fired[0].why.startswith("0.59 < 0.60 m ahead")
+        assert fast.fired[0].why.startswith("0.65 < 0.66 m ahead")
 
     def test_an_obstacle_that_comes_up_suddenly_is_heard_by_two_readings_that_agree(self) -> None:
         bench = two_states({"type": "ObstacleAhead", "below": 0.6})
