@@ -1,0 +1,173 @@
+"""A laid-out machine as lines, boxes and words: what every kind of picture draws alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from tral_fsm import library
+from tral_fsm.definition import FSMStateSpec, MachineDefinition
+from tral_fsm.draw import text
+from tral_fsm.draw.layout import Layout, Point, layout, turn_places
+
+INK, PALE, INNER = "#22272e", "#f6f8fa", "#eef4ff"
+_TONES = ("#0b5cad", "#b3261e", "#1b7f3b", "#7a3db8", "#a85a00", "#00707a", "#a3195b", "#5a6472", "#5f6b00", "#3f3fbf")
+"""Of the arrows that leave a state, one state after the other; each readable on white."""
+_HEADING = 30
+_BETWEEN = 30
+
+Resolve = Callable[[str], MachineDefinition]
+
+
+@dataclass(frozen=True)
+class Line:
+    """An arrow through points, right-angled, its head at the last."""
+
+    points: tuple[Point, ...]
+    colour: str
+    title: str = ""
+    """What it is, in full; shown where a picture can be asked."""
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A rectangle with round corners."""
+
+    x: int
+    y: int
+    w: int
+    h: int
+    fill: str
+    colour: str = INK
+    strong: bool = False
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Dot:
+    """A filled circle."""
+
+    centre: Point
+    radius: int
+
+
+@dataclass(frozen=True)
+class Words:
+    """A line of text; `at` is the left or the middle end of its base line."""
+
+    at: Point
+    text: str
+    colour: str = INK
+    bold: bool = False
+    align: Literal["left", "middle"] = "left"
+
+
+Mark = Line | Outline | Dot | Words
+
+
+@dataclass(frozen=True)
+class Picture:
+    """Marks in the order in which they are drawn; px."""
+
+    width: int
+    height: int
+    marks: tuple[Mark, ...]
+    title: str
+
+
+def picture(machine: MachineDefinition, resolve: Resolve = library.load) -> Picture:
+    """A machine, and below it the machines in it, each once.
+
+    Args:
+        machine: a checked definition.
+        resolve: gives the packaged machine of a name.
+    """
+    marks: list[Mark] = []
+    width, height = 0, 0
+    panels = list(_panels(machine, resolve))
+    for heading, part in panels:
+        laid = layout(part)
+        top = height
+        if len(panels) > 1:
+            marks.append(Words((20, top + _HEADING - 4), text.printable(heading), bold=True))
+            top += _HEADING - 10
+        marks += _moved(_marks(part, laid), top)
+        width = max(width, laid.width, text.width(heading, bold=True) + 40 if len(panels) > 1 else 0)
+        height = top + laid.height + (_BETWEEN if part is not panels[-1][1] else 0)
+    return Picture(width, height, tuple(marks), text.printable(panels[0][0]))
+
+
+def _panels(machine: MachineDefinition, resolve: Resolve) -> Iterator[tuple[str, MachineDefinition]]:
+    """The machine and those in it, outer ones first; a packaged one once."""
+    front: list[tuple[str, MachineDefinition]] = [(machine.name or "machine", machine)]
+    seen: set[str] = set()
+    while front:
+        heading, here = front.pop(0)
+        yield heading, here
+        for state in here.states:
+            if not isinstance(state, FSMStateSpec):
+                continue
+            if isinstance(state.machine, MachineDefinition):
+                front.append((f"{state.machine.name or 'inline'}, in state {text.state_name(state)}", state.machine))
+            elif state.machine not in seen:
+                seen.add(state.machine)
+                front.append((state.machine, resolve(state.machine)))
+
+
+def _marks(machine: MachineDefinition, laid: Layout) -> Iterator[Mark]:
+    tone = {state.id: _TONES[i % len(_TONES)] for i, state in enumerate(machine.states)}
+    place = turn_places(machine)
+    start, end = laid.root
+    yield Line((start, end), INK, title="root")
+    yield Dot(start, 6)
+    words: list[Mark] = []
+    for route in laid.routes:
+        transitions = [machine.transitions[i] for i in route.transitions]
+        colour = tone[transitions[0].source]
+        title = text.printable("; ".join(f"{t.id}: {t.source} to {t.target}" for t in transitions))
+        yield Line(route.points, colour, title=title)
+        y = route.label.y
+        for i, transition in zip(route.transitions, transitions, strict=True):
+            for line in text.transition_lines(transition, place[i]):
+                y += text.LINE
+                words.append(Words((route.label.x, y - 3), line, colour))
+    yield from _boxes(machine, laid, tone)
+    yield from words
+
+
+def _boxes(machine: MachineDefinition, laid: Layout, tone: dict[int | str, str]) -> Iterator[Mark]:
+    left = {transition.source for transition in machine.transitions}
+    for state, box in zip(machine.states, laid.boxes, strict=True):
+        inner = isinstance(state, FSMStateSpec)
+        title = " ".join((type(state).__doc__ or "").split())
+        fill, colour = INNER if inner else PALE, tone[state.id]
+        yield Outline(box.x, box.y, box.w, box.h, fill, colour, state.id == machine.root, title)
+        if state.may_end and state.id not in left:
+            # A second outline, as around a final state.
+            yield Outline(box.x + 3, box.y + 3, box.w - 6, box.h - 6, "none", colour)
+        lines = text.state_lines(state)
+        y = box.y + (box.h - text.LINE * (1 + len(lines))) // 2 + text.LINE - 3
+        x = box.x + box.w // 2
+        yield Words((x, y), text.state_name(state), bold=True, align="middle")
+        for index, line in enumerate(lines, 1):
+            yield Words((x, y + index * text.LINE), line, align="middle")
+
+
+def _moved(marks: Iterator[Mark], down: int) -> Iterator[Mark]:
+    for mark in marks:
+        if isinstance(mark, Line):
+            yield Line(tuple((x, y + down) for x, y in mark.points), mark.colour, mark.title)
+        elif isinstance(mark, Outline):
+            yield Outline(mark.x, mark.y + down, mark.w, mark.h, mark.fill, mark.colour, mark.strong, mark.title)
+        elif isinstance(mark, Dot):
+            yield Dot((mark.centre[0], mark.centre[1] + down), mark.radius)
+        else:
+            yield Words((mark.at[0], mark.at[1] + down), mark.text, mark.colour, mark.bold, mark.align)
+
+
+def arrow_head(line: Line) -> tuple[Point, ...]:
+    """The triangle at the end of a line."""
+    (x0, y0), (x1, y1) = line.points[-2:]
+    dx, dy = (x1 > x0) - (x1 < x0), (y1 > y0) - (y1 < y0)
+    return (x1, y1), (x1 - 9 * dx + 4 * dy, y1 - 9 * dy + 4 * dx), (x1 - 9 * dx - 4 * dy, y1 - 9 * dy - 4 * dx)

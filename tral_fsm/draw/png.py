@@ -1,0 +1,88 @@
+"""A picture of a machine as PNG, through matplotlib."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from typing import TYPE_CHECKING
+
+from tral_fsm.draw.picture import INK, Dot, Line, Mark, Outline, Picture, Words, arrow_head
+from tral_fsm.draw.text import SIZE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_DPI = 72
+"""At which a px is a point."""
+
+
+def png(picture: Picture, scale: float = 1.5) -> bytes:
+    """The picture as a PNG file.
+
+    Args:
+        picture: what to draw.
+        scale: dots a px.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(picture.width / _DPI, picture.height / _DPI), facecolor="white")
+    FigureCanvasAgg(figure)
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    ax.set_axis_off()
+    ax.set_xlim(0, picture.width)
+    ax.set_ylim(picture.height, 0)
+    for order, mark in enumerate(picture.marks):
+        _draw(mark, ax, order)
+    out = io.BytesIO()
+    with warnings.catch_warnings():
+        # A letter that the font lacks is drawn as a box.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        figure.savefig(out, format="png", dpi=_DPI * scale, metadata={"Title": picture.title, "Software": None})
+    return out.getvalue()
+
+
+def _draw(mark: Mark, ax: Axes, order: int) -> None:
+    from matplotlib.patches import Circle, FancyBboxPatch
+
+    if isinstance(mark, Line):
+        _line(mark, ax, order)
+    elif isinstance(mark, Outline):
+        width = 1.8 if mark.strong else 1.0
+        style = "round,pad=0,rounding_size=6"
+        ax.add_patch(
+            FancyBboxPatch(
+                (mark.x, mark.y),
+                mark.w,
+                mark.h,
+                style,
+                fc=mark.fill,
+                ec=mark.colour,
+                lw=width,
+                zorder=order,
+                mutation_aspect=1,
+            )
+        )
+    elif isinstance(mark, Dot):
+        ax.add_patch(Circle(mark.centre, mark.radius, fc=INK, ec=INK, zorder=order))
+    else:
+        _words(mark, ax, order)
+
+
+def _line(mark: Line, ax: Axes, order: int) -> None:
+    from matplotlib.patches import Polygon
+
+    xs, ys = zip(*mark.points, strict=True)
+    # A white line below it, so that crossings can be told from turns.
+    ax.plot(xs, ys, color="white", linewidth=4.0, zorder=order, solid_capstyle="butt")
+    ax.plot(xs, ys, color=mark.colour, linewidth=1.2, zorder=order, solid_joinstyle="round")
+    ax.add_patch(Polygon(arrow_head(mark), fc=mark.colour, ec=mark.colour, lw=0.5, zorder=order))
+
+
+def _words(mark: Words, ax: Axes, order: int) -> None:
+    # No mathematics: a dollar sign is a dollar sign.
+    ax.text(
+        *mark.at, mark.text, color=mark.colour, fontsize=SIZE, fontweight="bold" if mark.bold else "normal",
+        ha="left" if mark.align == "left" else "center", va="baseline", zorder=order, parse_math=False,
+        family="DejaVu Sans",
+    )  # fmt: skip

@@ -1,0 +1,128 @@
+"""What a picture of a machine says about its parts, in few words, and how wide words are."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Iterable, Iterator
+
+from tral_fsm.definition import ConditionSpec, FSMStateSpec, MachineDefinition, Spec, StateSpec, TransitionSpec
+
+SIZE = 11
+"""Height of the letters, px."""
+LINE = 14
+"""From one line of text to the next, px."""
+_WRAP = 26
+"""Characters of a line."""
+_LONGEST = 40
+"""Characters of a name or a value; the rest of a longer one is left out."""
+_GLUE = "\N{NO-BREAK SPACE}"
+"""Holds together what stays in one line: a parameter with its value and its unit."""
+_COMBINED = {"All": " and ", "Any": " or "}
+_NO_PARAMETER = ("type", "id", "label", "final", "machine")
+
+# Widths of the letters of DejaVu Sans in units of their size: the widest of the common sans-serif fonts.
+_WIDTHS = {
+    **dict.fromkeys("ijl'", 0.28), **dict.fromkeys("IJ|", 0.34), **dict.fromkeys(" .,:;/\\-f!()[]", 0.4),
+    **dict.fromkeys("rt", 0.42), **dict.fromkeys("mW%@", 1.01), **dict.fromkeys("wMQ<>=+~", 0.87),
+    **dict.fromkeys("ABCDEFGHKLNOPRSTUVXYZ&#_^", 0.79), **dict.fromkeys("csz", 0.56),
+    **dict.fromkeys("abdeghknopquvxy0123456789°", 0.64),
+}  # fmt: skip
+
+
+def width(text: str, bold: bool = False) -> int:
+    """An upper bound of the width of a line of text, px."""
+    return math.ceil((1.13 if bold else 1.0) * SIZE * sum(_WIDTHS.get(letter, 1.05) for letter in text))
+
+
+def size(lines: list[str]) -> tuple[int, int]:
+    """Width and height of a block of lines, px."""
+    return max((width(line) for line in lines), default=0), LINE * len(lines)
+
+
+def state_name(state: StateSpec) -> str:
+    """The name above the others in a state's box."""
+    return _cut(str(state.id))
+
+
+def state_lines(state: StateSpec) -> list[str]:
+    """Type of a state and the parameters that differ from their defaults."""
+    lines = [_cut(f"{state.type}: {_machine(state)}" if isinstance(state, FSMStateSpec) else state.type)]
+    if state.label:
+        lines += _wrapped(f"“{printable(state.label)}”")
+    return lines + _wrapped(", ".join(_glued(_parameters(state, always=False))))
+
+
+def transition_lines(transition: TransitionSpec, place: str = "") -> list[str]:
+    """When a transition fires.
+
+    Args:
+        transition: it.
+        place: of the transition among those that leave its state, in front of the first line.
+    """
+    return _wrapped(place.replace(" ", _GLUE) + condition(transition.when))
+
+
+def condition(spec: ConditionSpec, inside: bool = False) -> str:
+    """A condition in a line: type and the values that say something."""
+    of: tuple[ConditionSpec, ...] = getattr(spec, "of", ())
+    if spec.type in _COMBINED and of:
+        text = _COMBINED[spec.type].join(condition(part, inside=True) for part in of)
+        return f"({text})" if inside and len(of) > 1 else text
+    if spec.type == "Not" and of:
+        return f"not {condition(of[0], inside=True)}"
+    return " ".join([spec.type, ", ".join(_glued(_parameters(spec, always=True)))]).strip()
+
+
+def _machine(state: FSMStateSpec) -> str:
+    inner = state.machine
+    return (inner.name or "inline") if isinstance(inner, MachineDefinition) else inner
+
+
+def _parameters(spec: Spec, always: bool) -> Iterator[str]:
+    """The parameters that differ from their defaults; with `always`, words too that have their default."""
+    fields = {name: field for name, field in type(spec).model_fields.items() if name not in _NO_PARAMETER}
+    for name, field in fields.items():
+        value = getattr(spec, name)
+        if value == field.default and not (always and isinstance(value, str)):
+            continue
+        extra = field.json_schema_extra
+        unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+        alone = always and (isinstance(value, str) or len(fields) == 1)
+        yield _value("" if alone else name, value, unit)
+
+
+def _value(name: str, value: object, unit: str) -> str:
+    if isinstance(value, bool):
+        return _plain(name) if value else f"not {_plain(name)}"
+    shown = f"{value:.6g}" if isinstance(value, float) else str(value)
+    if isinstance(value, tuple):
+        shown = ", ".join(str(part) for part in value)
+    shown += {"": "", "deg": "°"}.get(unit, f" {unit}")
+    for word, sign in (("above", ">"), ("below", "<"), ("max", "≤")):
+        if word in name.split("_"):
+            return f"{_plain(name.replace(word, ''))} {sign} {shown}".strip()
+    return f"{_plain(name)} {shown}".strip()
+
+
+def _plain(name: str) -> str:
+    return name.removesuffix("_deg").replace("_", " ").strip()
+
+
+def printable(words: str) -> str:
+    """In one line, without what no picture can show."""
+    flat = " ".join(words.split())
+    return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in flat)
+
+
+def _glued(words: Iterable[str]) -> list[str]:
+    return [_cut(word).replace(" ", _GLUE) for word in words]
+
+
+def _cut(word: str) -> str:
+    flat = printable(word)
+    return flat if len(flat) <= _LONGEST else flat[: _LONGEST - 1] + "…"
+
+
+def _wrapped(text: str) -> list[str]:
+    return [line.replace(_GLUE, " ") for line in textwrap.wrap(text, _WRAP, break_on_hyphens=False)]
