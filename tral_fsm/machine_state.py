@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT, MAX_AGE_S, NO_ECHO_M
 from tral_fsm.control import TRACK, clip, curvature, speed_control, wrap
-from tral_fsm.tracking import Track
+from tral_fsm.tracking import BEND_PER_STEERING, Track
 from tral_fsm.walls import SENSOR_X, Ahead, Walls
 
 _HISTORY_TICKS = 128
@@ -110,6 +110,7 @@ class MachineState:
         "applied_throttle",
         "corridor_yaw",
         "direction",
+        "doubt",
         "distance",
         "front",
         "gate",
@@ -159,6 +160,8 @@ class MachineState:
         """Dead reckoning from the start, rad, not wrapped."""
         self.path = 0.0
         """Dead reckoning's length, less where the car reverses, m."""
+        self.doubt = 0.0
+        """How far the car turned while its wheels were under way, rad, added up: when they arrive is not known well."""
         self.corridor_yaw = 0.0
         """Direction of the corridor in dead reckoning, rad, but for quarter turns; learnt from the side ranges."""
         self.walls = Walls()
@@ -214,7 +217,8 @@ class MachineState:
 
     def _reckon(self) -> None:
         """Move the pose by what the hall sensor counted, on the circle that the steering gives."""
-        self._wheel += (self.applied_steering - self.trim - self._wheel) * (CONTROL_PERIOD_S / _STEERING_LAG_S)
+        behind = self.applied_steering - self.trim - self._wheel
+        self._wheel += behind * (CONTROL_PERIOD_S / _STEERING_LAG_S)
         step = self.distance - self._travelled
         self._travelled = self.distance
         if self.speed < 0.05 and self.applied_throttle != 0.0:
@@ -224,6 +228,7 @@ class MachineState:
             # the magnets sit on the rear left wheel, which runs on the inner circle of a left turn
             step = self.direction * step / (1.0 - bend * TRACK / 2.0)
             self.path += step
+            self.doubt += BEND_PER_STEERING * abs(behind) * step
             middle = self.yaw + step * bend / 2.0
             self.x += step * math.cos(middle)
             self.y += step * math.sin(middle)
@@ -250,9 +255,9 @@ class MachineState:
         gate = self.gate
         track = self._tracks.get(gate.id)
         if track is None:
-            self._tracks[gate.id] = Track(gate.x, gate.y, gate.heading, car, yaw, self.path)
+            self._tracks[gate.id] = Track(gate.x, gate.y, gate.heading, car, yaw, self.path, self.doubt)
             return
-        fault = track.take(gate.x, gate.y, gate.heading, car, yaw, self.path)
+        fault = track.take(gate.x, gate.y, gate.heading, car, yaw, self.path, self.doubt)
         if fault:
             self.set_trim(self.trim + fault)
         gate.x, gate.y, gate.heading = track.x, track.y, track.heading

@@ -12,7 +12,7 @@ import math
 
 from tral_fsm.control import FULL_LOCK, WHEELBASE, wrap
 
-BEND_PER_TRIM = FULL_LOCK / WHEELBASE
+BEND_PER_STEERING = FULL_LOCK / WHEELBASE
 """Curvature that a unit of steering gives around straight ahead, 1/m."""
 TRIM_DEVIATION = 0.08
 """Of the trim before anything is known, as a share of full lock: 1.8 degrees. Source: choice, between the levels of
@@ -23,6 +23,8 @@ _HEADING_WALK = 0.01
 """How far dead reckoning's heading wanders in a metre of straight driving, rad."""
 _BEND_FAULT = 0.08
 """Share of a turn that dead reckoning may be wrong by: lock, slip."""
+_LATE_FAULT = 0.7
+"""Share of what it turns while the wheels are under way: latency, the servo's speed."""
 _PLACE_WALK = 0.02
 """How far dead reckoning's place wanders in a metre, m."""
 _ALONG = (0.01, 0.015)
@@ -42,9 +44,9 @@ Place = tuple[float, float]
 class Track:
     """One gate, and the covariance of its pose and the trim."""
 
-    __slots__ = ("_covariance", "_misfits", "_path", "_yaw", "heading", "x", "y")
+    __slots__ = ("_covariance", "_doubt", "_misfits", "_path", "_yaw", "heading", "x", "y")
 
-    def __init__(self, x: float, y: float, heading: float, car: Place, yaw: float, path: float) -> None:
+    def __init__(self, x: float, y: float, heading: float, car: Place, yaw: float, path: float, doubt: float) -> None:
         """Begin with a sighting.
 
         Args:
@@ -54,13 +56,14 @@ class Track:
             car: where the car was when it saw it, m.
             yaw: how it stood then, rad.
             path: driven so far, less where it reversed, m.
+            doubt: turned so far while the wheels were under way, rad.
         """
-        self.begin(x, y, heading, car, yaw, path)
+        self.begin(x, y, heading, car, yaw, path, doubt)
 
-    def begin(self, x: float, y: float, heading: float, car: Place, yaw: float, path: float) -> None:
+    def begin(self, x: float, y: float, heading: float, car: Place, yaw: float, path: float, doubt: float) -> None:
         """Forget all but this sighting."""
         self.x, self.y, self.heading = x, y, heading
-        self._path, self._yaw = path, yaw
+        self._path, self._yaw, self._doubt = path, yaw, doubt
         range_ = max(math.hypot(x - car[0], y - car[1]), 1e-3)
         cos, sin = (x - car[0]) / range_, (y - car[1]) / range_
         along, across, turned = _deviations(range_)
@@ -74,15 +77,15 @@ class Track:
         ]
         self._misfits = 0
 
-    def take(self, x: float, y: float, heading: float, car: Place, yaw: float, path: float) -> float:
+    def take(self, x: float, y: float, heading: float, car: Place, yaw: float, path: float, doubt: float) -> float:
         """Correct by a new sighting, with the arguments of the first.
 
         Returns:
             What to add to the trim.
         """
         dx, dy = self.x - car[0], self.y - car[1]
-        self._drift(path - self._path, dx, dy, yaw - self._yaw)
-        self._path, self._yaw = path, yaw
+        self._drift(path - self._path, dx, dy, yaw - self._yaw, doubt - self._doubt)
+        self._path, self._yaw, self._doubt = path, yaw, doubt
         range_ = max(math.hypot(dx, dy), 1e-3)
         cos, sin = dx / range_, dy / range_
         along, across, deviation = _deviations(range_)
@@ -95,7 +98,7 @@ class Track:
         if not self._fits(seen):
             self._misfits += 1
             if self._misfits >= _ANEW:
-                self.begin(x, y, heading, car, yaw, path)
+                self.begin(x, y, heading, car, yaw, path, doubt)
             return 0.0
         self._misfits = 0
         state = [0.0, 0.0, 0.0, 0.0]
@@ -106,9 +109,9 @@ class Track:
         self.heading += state[2]
         return state[3]
 
-    def _drift(self, driven: float, dx: float, dy: float, turned: float) -> None:
+    def _drift(self, driven: float, dx: float, dy: float, turned: float, doubt: float) -> None:
         """A wrong trim turns the gate about the car; the rest of dead reckoning's faults wander."""
-        step = BEND_PER_TRIM * driven
+        step = BEND_PER_STEERING * driven
         fx, fy, fh = -step * dy, step * dx, step
         p = self._covariance
         for row in p:  # P F'
@@ -120,7 +123,7 @@ class Track:
             for column in range(4):
                 row[column] += f * last[column]
         # A wandering heading turns the gate about the car, too.
-        wander = _HEADING_WALK**2 * abs(driven) + (_BEND_FAULT * turned) ** 2
+        wander = _HEADING_WALK**2 * abs(driven) + (_BEND_FAULT * turned) ** 2 + (_LATE_FAULT * doubt) ** 2
         place = _PLACE_WALK**2 * abs(driven)
         p[0][0] += wander * dy * dy + place
         p[0][1] -= wander * dx * dy
