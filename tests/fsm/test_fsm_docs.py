@@ -36,3 +36,29 @@ def test_the_json_example_is_a_machine() -> None:
 def test_every_type_has_its_row() -> None:
     for name in [*STATES, *(name for name in CONDITIONS if name not in ("All", "Any", "Not"))]:
         assert f"\n| {name} |" in PAGE
+
+
+def test_every_test_that_the_page_names_is_there() -> None:
+    table = PAGE[PAGE.index("## Which test holds what") :]
+    here = Path(__file__).parent
+    named = re.findall(r"(test_\w+\.py)?((?:::\w+)*)(?=[;,| ])", table)
+    file, count = "", 0
+    for name, path in named:
+        file = name or file
+        if name:
+            assert (here / name).exists()
+        for part in [part for part in path.split("::") if part]:
+            assert re.search(rf"(def|class) {part}\b", (here / file).read_text("utf-8")), part
+            count += 1
+    assert count > 20
+
+
+def test_every_line_of_the_tables_of_2016_is_held_by_a_test() -> None:
+    table = PAGE[PAGE.index("## Which test holds what") : PAGE.index("Beyond 2016:")]
+    lines = re.findall(r"^\| ([^|]+) \| [^|]*test_", table, re.MULTILINE)
+    words = {word for line in lines for word in re.findall(r"\w+", line.partition(":")[0])}
+    of_2016 = {
+        "BasicFollowWall", "FollowWall", "FollowWallRamp", "ApproachPoint", "ArucoGateCenter", "Motor", "Stop", "Idle",
+        "FSMState", "Always", "Distance", "Finished", "SensorLevel", "ArucoGateFound",
+    }  # fmt: skip
+    assert of_2016 <= words

@@ -169,6 +169,20 @@ class TestFollowWallRamp:
         bench.tick(distance=3.3)
         assert bench.m.wanted_clearance == pytest.approx(0.8 + (target - 0.8) * 2.3 / 2.4)
 
+    @pytest.mark.parametrize(("side", "sign"), [("right", -1.0), ("left", 1.0)])
+    def test_the_target_of_2016_in_the_cameras_frame_and_hall_units(self, side: str, sign: float) -> None:
+        # setTarget(x, y, z): clearance start - x at a right wall, + x at a left one, after 1500 / 1.60 z hall units
+        x_camera, z_camera = 0.25, 2.0
+        bench = self.ramp(side=side)
+        bench.tick(right=0.8, left=0.8, distance=1.0)
+        bench.machine.active.set_target(bench.m, z_camera, -x_camera, 0.0)
+        hall_units = 1500 / 1.60 * z_camera
+        bench.tick(distance=1.0 + (hall_units - 1) / (1500 / 1.60))
+        assert bench.active == "a"
+        bench.tick(distance=1.0 + hall_units / (1500 / 1.60))
+        assert bench.m.wanted_clearance == pytest.approx(0.8 + sign * x_camera)
+        assert bench.active == "b"
+
 
 class TestApproachPoint:
     def test_a_point_straight_ahead_needs_no_steering(self) -> None:
@@ -245,6 +259,12 @@ class TestArucoGateCenter:
 class TestMotor:
     def test_fixed_steering_and_throttle(self) -> None:
         assert one_state(type="Motor", steering=-0.4, throttle=0.25).tick(left=0.1) == (-0.4, 0.25)
+
+    def test_it_drives_until_a_transition_fires(self) -> None:
+        bench = two_states({"type": "SensorLevel", "below": 0.5}, {"type": "Motor", "steering": 0.3, "throttle": 0.2})
+        assert [bench.tick(distance=float(k)) for k in range(9)] == [(0.3, 0.2)] * 9
+        bench.tick(front=0.4)
+        assert bench.active == "b"
 
     def test_its_speed_is_regulated(self) -> None:
         assert one_state(type="Motor", speed=0.528).tick(speed=0.528) == pytest.approx((0.0, 0.3))
@@ -358,3 +378,12 @@ def test_specs_tell_which_states_are_finishable_and_targetable(name: str) -> Non
 
 def test_every_type_of_state_can_run() -> None:
     assert set(SAMPLES) == set(RUNTIMES) == set(STATES)
+
+
+def test_the_finishable_and_targetable_states_are_those_of_2016_and_their_like() -> None:
+    spec = {name: one_state(type=name, **SAMPLES[name]).machine.active.spec for name in SAMPLES}
+    assert {name for name in spec if spec[name].targetable} == {"ApproachPoint", "FollowWallRamp", "SCurve"}
+    assert {name for name in spec if spec[name].finishable} == {
+        "ApproachPoint", "FollowWallRamp", "SCurve", "ArucoGateCenter", "Motor", "Turn", "BackUp", "FSMState",
+    }  # fmt: skip
+    assert not one_state(type="Motor", throttle=0.1).machine.active.spec.finishable
