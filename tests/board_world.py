@@ -10,14 +10,11 @@ import numpy as np
 from tral_env.config import CameraConfig
 from tral_env.perception.board import Board
 from tral_env.perception.board_poses import BoardPose
+from tral_env.perception.rays import pixel_rays
 
 MARGIN = 0.02
 SAMPLES = 2
 """Rays across and down in each pixel."""
-
-
-def lens_arrays(lens: CameraConfig):
-    return np.array([[lens.fx, 0, lens.cx], [0, lens.fy, lens.cy], [0, 0, 1]]), np.array(lens.distortion)
 
 
 @lru_cache(maxsize=4)
@@ -25,8 +22,7 @@ def rays(lens: CameraConfig):
     step = 1 / SAMPLES
     u = np.arange(lens.width * SAMPLES) * step - 0.5 + step / 2
     v = np.arange(lens.height * SAMPLES) * step - 0.5 + step / 2
-    pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 1, 2)
-    flat = cv2.undistortPoints(pixels, *lens_arrays(lens), criteria=(3, 100, 1e-8))[:, 0]
+    flat = pixel_rays(np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2), lens)
     return np.column_stack([flat, np.ones(len(flat))]).astype(np.float32)
 
 
@@ -42,7 +38,8 @@ def photograph(board: Board, lens: CameraConfig, pose: BoardPose, blur: float = 
     per_metre = paper.shape[1] / (board.size[0] + 2 * MARGIN)
     back = np.linalg.inv(pose.rotation).astype(np.float32)
     towards, origin = rays(lens) @ back.T, back @ pose.middle
-    reach = origin[2] / towards[:, 2]
+    # A ray along the board never meets it; one away from it meets it behind the camera.
+    reach = origin[2] / np.where(towards[:, 2] == 0, 1e-9, towards[:, 2])
     place = towards[:, :2] * reach[:, None] - origin[:2]
     spot = (place + np.array(board.size) / 2 + MARGIN) * per_metre - 0.5
     spot[reach <= 0] = -10

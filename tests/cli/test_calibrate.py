@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -20,10 +21,11 @@ from tral_env.perception.board import Board
 from tral_env.perception.board_poses import seeded_poses
 from tral_env.perception.calibration import Limits
 from tral_env.perception.camera_info import read_camera_info, write_camera_info
+from tral_env.perception.frames import frames
 from tral_fsm.cli import app
 from tral_fsm.report.calibration import difference_px
 
-SHOTS = 20
+SHOTS = 18
 
 
 def tral(*arguments: object) -> Result:
@@ -36,7 +38,7 @@ def shots(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("shots")
     for i, pose in enumerate(seeded_poses(Board(), WIDE_LENS, SHOTS, 0)):
         cv2.imwrite(str(folder / f"{i:02d}.png"), photograph(Board(), WIDE_LENS, pose))
-    (folder / "19b.png").write_bytes((folder / "19.png").read_bytes())
+    (folder / "17b.png").write_bytes((folder / "17.png").read_bytes())
     cv2.imwrite(str(folder / "empty.png"), np.full((480, 640), 128, np.uint8))
     return folder
 
@@ -55,7 +57,7 @@ def test_a_good_calibration_ends_with_0_and_its_files(calibrated: tuple[Path, Re
 
 def test_its_lens_is_the_one_that_took_the_images(calibrated: tuple[Path, Result]) -> None:
     lens = read_camera_info(calibrated[0] / "camera_info.yaml")
-    assert (lens.fx, lens.fy) == pytest.approx((WIDE_LENS.fx, WIDE_LENS.fy), rel=0.001)
+    assert (lens.fx, lens.fy) == pytest.approx((WIDE_LENS.fx, WIDE_LENS.fy), rel=0.003)
     assert difference_px(lens, WIDE_LENS)[0] < 0.4
 
 
@@ -71,7 +73,7 @@ def test_json_is_the_file_and_nothing_else(calibrated: tuple[Path, Result]) -> N
 
 def test_rejected_images_are_named_with_the_reason(calibrated: tuple[Path, Result]) -> None:
     rejected = {Path(one["name"]).name: one["reason"] for one in json.loads(calibrated[1].stdout)["rejected"]}
-    assert rejected["19b.png"] == "duplicate pose"
+    assert rejected["17b.png"] == "duplicate pose"
     assert rejected["empty.png"] == "no board"
 
 
@@ -104,7 +106,7 @@ def test_what_is_printed_has_numbers_errors_and_verdict(shots: Path, tmp_path: P
     assert "held out 0.0" in result.stdout
     assert "Rejected, duplicate pose: 1" in result.stdout
     assert "\ngood\n" in result.stdout
-    assert "22 of 22 images" in result.stderr
+    assert "20 of 20 images" in result.stderr
 
 
 def test_a_video_is_looked_at_frame_by_frame(shots: Path, tmp_path: Path) -> None:
@@ -118,6 +120,18 @@ def test_a_video_is_looked_at_frame_by_frame(shots: Path, tmp_path: Path) -> Non
     report = json.loads(tral(tmp_path / "v.avi", "--every", 2, "--out", tmp_path, "--json").stdout)
     assert 8 <= len(report["views"]) <= 12
     assert report["views"][0]["name"].endswith("v.avi:0")
+
+
+def test_ctrl_c_ends_the_looking_of_a_camera(shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def watched(*_: object) -> Iterator[tuple[str, np.ndarray]]:
+        yield from frames([str(path) for path in sorted(shots.glob("0*.png"))])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tral_env.perception.frames.frames", watched)
+    result = tral("/dev/video0", "--out", tmp_path)
+    assert result.exit_code == 1
+    assert "Ctrl-C: enough" in result.stderr
+    assert (tmp_path / "poor_camera_info.yaml").exists()
 
 
 def test_enough_views_end_the_looking(shots: Path, tmp_path: Path) -> None:
@@ -143,9 +157,9 @@ def test_bad_usage_ends_with_2(arguments: list[str], message: str, tmp_path: Pat
 
 
 def test_images_of_another_board_are_refused_with_the_reasons(shots: Path, tmp_path: Path) -> None:
-    result = tral(shots / "0*.png", "--board", "chessboard", "--out", tmp_path)
+    result = tral(shots / "0[0-3].png", "--board", "chessboard", "--out", tmp_path)
     assert result.exit_code == 2
-    assert "0 of 10 images show the board well enough (10 x no board)" in result.stderr
+    assert "0 of 4 images show the board well enough (4 x no board)" in result.stderr
     assert "Is the board the one that was named?" in result.stderr
 
 

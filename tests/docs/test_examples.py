@@ -25,7 +25,17 @@ CHEAPER = {
 }
 """Shell examples that would take too long -> options that come after theirs and win."""
 
-LITERAL = ("tral doctor", "tral courses", "ruff format --check .", "ruff check .", "mypy")
+LITERAL = (
+    "tral doctor",
+    "tral courses",
+    "tral calibrate --simulated --out runs/calibrate",
+    "tral print board --out board.pdf",
+    "tral print gate 3 --out gate.pdf",
+    "tral print marker 40 41 42 --out turns.svg",
+    "ruff format --check .",
+    "ruff check .",
+    "mypy",
+)
 """Shell examples that run word by word."""
 
 IN_CHECKOUT = ("ruff", "mypy")

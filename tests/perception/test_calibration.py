@@ -7,7 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from board_world import lens_arrays, photograph
+from board_world import photograph
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -18,6 +18,7 @@ from tral_env.perception.board import Board
 from tral_env.perception.board_poses import BoardPose, seeded_poses
 from tral_env.perception.calibration import PARAMETERS, calibrate, calibrate_collection, uncovered
 from tral_env.perception.calibration_views import Collection, Rejected, View
+from tral_env.perception.rays import lens_arrays
 
 BOARD = Board()
 CHESS = Board(kind="chessboard", columns=10, rows=7, square=0.025)

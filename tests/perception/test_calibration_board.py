@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from board_world import lens_arrays, photograph
+from board_world import photograph
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,6 +12,7 @@ from tral_env.errors import ConfigError
 from tral_env.perception.aruco import Detector
 from tral_env.perception.board import DICTIONARY, Board, marker_ink
 from tral_env.perception.board_poses import seeded_poses
+from tral_env.perception.rays import lens_arrays
 
 CHARUCO = Board()
 CHESS = Board(kind="chessboard", columns=10, rows=7, square=0.025)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.errors import ConfigError
+from tral_env.perception.rays import lens_arrays, pixel_rays
 
 Array = NDArray[np.float64]
 
@@ -104,9 +105,8 @@ def _pose(corners: Array, camera: CameraConfig) -> tuple[float, float, float, fl
     """Position forward and left of the camera, heading into the marker and reprojection error."""
     half = camera.marker_size / 2
     square = np.array([[-half, half, 0], [half, half, 0], [half, -half, 0], [-half, -half, 0]])
-    matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
-    lens = matrix, np.array(camera.distortion)
-    rays = np.asarray(cv2.undistortPoints(corners[:, None], *lens), np.float64)[:, 0]
+    lens = lens_arrays(camera)
+    rays = pixel_rays(corners, camera)
     homography = np.asarray(cv2.getPerspectiveTransform(_flat(square), _flat(rays)), np.float64)
     *turns, shift = _two_poses(homography)
     found = [_refined(square, corners, lens, turn, shift) for turn in turns]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tral_env.config import CameraConfig
 from tral_env.perception.board import Board
+from tral_env.perception.rays import lens_arrays, pixel_rays
 
 Array = NDArray[np.float64]
 
@@ -53,7 +54,7 @@ def seeded_poses(board: Board, lens: CameraConfig, count: int, seed: int) -> lis
 def _pose(
     board: Board, lens: CameraConfig, u: float, v: float, nearness: float, tilt: float, side: float, roll: float
 ) -> BoardPose:
-    aim = np.array([lens.width * u - lens.cx, lens.height * v - lens.cy])
+    aim = np.array([lens.width * _outward(u) - lens.cx, lens.height * _outward(v) - lens.cy])
     share = SHARE[0] + (SHARE[1] - SHARE[0]) * nearness
     angles = np.radians([TILT_DEG * tilt, 360.0 * side, ROLL_DEG * (2 * roll - 1)])
     needed = 0.6 if board.kind == "charuco" else 1.0
@@ -67,11 +68,15 @@ def _pose(
     return pose
 
 
+def _outward(share: float) -> float:
+    """A place from 0 to 1, moved towards the nearer end: the image's edge tells most about distortion."""
+    off = 2.0 * share - 1.0
+    return float(0.5 + 0.5 * np.copysign(np.sqrt(abs(off)), off))
+
+
 def _towards(lens: CameraConfig, aim: Array, distance: float, tilt: float, side: float, roll: float) -> BoardPose:
     """A board on the ray of a pixel, facing the camera but for its tilt."""
-    pixel = (aim + np.array([lens.cx, lens.cy]))[None, None]
-    matrix = np.array([[lens.fx, 0, lens.cx], [0, lens.fy, lens.cy], [0, 0, 1]])
-    x, y = cv2.undistortPoints(pixel, matrix, np.array(lens.distortion))[0, 0]
+    x, y = pixel_rays((aim + np.array([lens.cx, lens.cy]))[None], lens)[0]
     ray = np.array([x, y, 1.0]) / np.linalg.norm([x, y, 1.0])
     axis = np.cross([0.0, 0.0, 1.0], ray)
     angle = float(np.arccos(ray[2]))
@@ -87,8 +92,7 @@ def _turn(vector: Array) -> Array:
 def _in_view(board: Board, lens: CameraConfig, pose: BoardPose) -> float:
     """Share of the corners that are in the image, with a square to spare if all must be."""
     points = pose.place(board, board.corners)
-    matrix = np.array([[lens.fx, 0, lens.cx], [0, lens.fy, lens.cy], [0, 0, 1]])
-    pixels = cv2.projectPoints(points, np.zeros(3), np.zeros(3), matrix, np.array(lens.distortion))[0][:, 0]
+    pixels = cv2.projectPoints(points, np.zeros(3), np.zeros(3), *lens_arrays(lens))[0][:, 0]
     spare = 0.0 if board.kind == "charuco" else 1.3 * board.square * lens.fx / float(points[:, 2].min())
     inside = (pixels > spare).all(axis=1) & (pixels < np.array([lens.width, lens.height]) - 1 - spare).all(axis=1)
     return float((inside & (points[:, 2] > 0)).mean())

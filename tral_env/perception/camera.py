@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from tral_env.config import CameraConfig
 from tral_env.errors import ConfigError, RenderError, nearest
 from tral_env.perception.projected import mounting_turn
+from tral_env.perception.rays import pixel_rays
 
 Image = NDArray[np.uint8]
 """(height, width, 3) RGB."""
@@ -274,13 +275,9 @@ def _aim(eye: Any, intrinsics: CameraConfig | None, mounting: tuple[float, float
 
 def _unbent(config: CameraConfig) -> tuple[CameraConfig, tuple[Any, Any]]:
     """A pinhole that sees all a distorting lens sees, and where each pixel of the lens lies in its image."""
-    matrix = np.array([[config.fx, 0, config.cx], [0, config.fy, config.cy], [0, 0, 1]])
     u, v = np.meshgrid(np.arange(config.width, dtype=np.float64), np.arange(config.height, dtype=np.float64))
-    pixels = np.stack([u.ravel(), v.ravel()], axis=1)[:, None]
-    # Five iterations, which are usual, miss by 9 px in the corners of the wide lens; these by less than 0.001.
-    until = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-8)
-    rays = cv2.undistortPoints(pixels, matrix, np.array(config.distortion), criteria=until)
-    rays = rays.reshape(config.height, config.width, 2)
+    pixels = np.stack([u.ravel(), v.ravel()], axis=1)
+    rays = pixel_rays(pixels, config).reshape(config.height, config.width, 2)
     x, y = rays[..., 0] * config.fx, rays[..., 1] * config.fy
     cx, cy = np.ceil(-x.min()) + 2, np.ceil(-y.min()) + 2
     pinhole = CameraConfig(

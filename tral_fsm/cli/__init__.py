@@ -1,4 +1,4 @@
-"""The `tral` command: drive, courses, tune, doctor, bench.
+"""The `tral` command: drive, courses, tune, calibrate, print, doctor, bench.
 
 One file a subcommand; what is heavy is imported when needed.
 """
@@ -49,4 +49,4 @@ def main(
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and leave.")
     ] = False,
 ) -> None:
-    """Small Ackermann cars in corridors: drive them, look at courses, tune controllers, check this machine."""
+    """Small Ackermann cars in corridors: drive them, look at courses, tune controllers, calibrate cameras."""

@@ -67,16 +67,13 @@ def difference_px(found: CameraConfig, true: CameraConfig) -> tuple[float, float
     """How far apart two lenses see the same, mean and maximum over the pixels of the second."""
     import cv2
 
-    def arrays(lens: CameraConfig) -> tuple[Any, Any]:
-        return np.array([[lens.fx, 0, lens.cx], [0, lens.fy, lens.cy], [0, 0, 1]]), np.array(lens.distortion)
+    from tral_env.perception.rays import lens_arrays, pixel_rays
 
-    pixels = np.stack(np.meshgrid(np.arange(true.width), np.arange(true.height)), axis=-1).reshape(-1, 1, 2)
-    pixels = pixels.astype(np.float64)
-    until = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-8)
-    rays = np.asarray(cv2.undistortPoints(pixels, *arrays(true), criteria=until))[:, 0]
-    points = np.column_stack([rays, np.ones(len(rays))])
-    again = np.asarray(cv2.projectPoints(points, np.zeros(3), np.zeros(3), *arrays(found))[0])
-    apart = np.linalg.norm((again - pixels)[:, 0], axis=1)
+    columns, rows = np.arange(true.width, dtype=np.float64), np.arange(true.height, dtype=np.float64)
+    pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+    points = np.column_stack([pixel_rays(pixels, true), np.ones(len(pixels))])
+    again = np.asarray(cv2.projectPoints(points, np.zeros(3), np.zeros(3), *lens_arrays(found))[0])[:, 0]
+    apart = np.linalg.norm(again - pixels, axis=1)
     return float(apart.mean()), float(apart.max())
 
 

@@ -1,0 +1,34 @@
+"""From pixels to the rays of a distorting lens, exactly, and a lens as OpenCV wants it."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.config import CameraConfig
+
+Array = NDArray[np.float64]
+
+_UNTIL = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-8)
+"""OpenCV's own five iterations miss by 9 px in the corners of the wide lens; these by less than 0.0001."""
+
+
+def lens_arrays(camera: CameraConfig) -> tuple[Array, Array]:
+    """Camera matrix, (3, 3), and distortion, (5,), as OpenCV's functions take them."""
+    matrix = np.array([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]])
+    return matrix, np.array(camera.distortion)
+
+
+def pixel_rays(pixels: Array, camera: CameraConfig) -> Array:
+    """Where the rays of pixels meet the plane one metre ahead.
+
+    Args:
+        pixels: (k, 2).
+        camera: the lens.
+
+    Returns:
+        (k, 2) m to the right and down.
+    """
+    found = cv2.undistortPoints(np.ascontiguousarray(pixels[:, None]), *lens_arrays(camera), criteria=_UNTIL)
+    return np.asarray(found, np.float64)[:, 0]
