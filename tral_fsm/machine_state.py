@@ -275,7 +275,12 @@ class MachineState:
                 x, y, yaw = self._pose_before(sonar.age)
                 along = self.yaw - self.heading
                 turn, trim = self.walls.take(wall, sonar.range, x, y, yaw - along, along)
-                self.corridor_yaw += turn
+                if self.walls.direction_known:
+                    # What has drifted is the car's heading: so points that states remember stay where they are.
+                    self.yaw -= turn
+                    self.doubt += abs(turn)
+                else:
+                    self.corridor_yaw += turn
                 self.trim_fault += trim
         if self.front.new:
             self.ahead.take(self.front.range, self.distance)

@@ -168,6 +168,11 @@ class Walls:
         """Wall on that side."""
         return self.left if is_left else self.right
 
+    @property
+    def direction_known(self) -> bool:
+        """The corridor's direction is known."""
+        return self._agreed > _SURE
+
     def take(
         self, wall: Wall, reading: float, x: float, y: float, heading: float, corridor_yaw: float
     ) -> tuple[float, float]:
