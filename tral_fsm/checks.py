@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import cast
 
 from tral_env.errors import MachineError, nearest
@@ -65,7 +66,7 @@ def check(machine: MachineDefinition) -> list[Problem]:
     Returns:
         The problems, with JSON pointers into the definition; empty if it can be driven.
     """
-    problems = check_level(machine.root, machine.states, machine.transitions)
+    problems = list(check_level(machine.root, machine.states, machine.transitions))
     for index, state in enumerate(machine.states):
         if isinstance(state, FSMStateSpec) and isinstance(state.machine, MachineDefinition):
             problems += [replace(p, pointer=f"/states/{index}/machine{p.pointer}") for p in check(state.machine)]
@@ -74,7 +75,7 @@ def check(machine: MachineDefinition) -> list[Problem]:
 
 def check_level(
     root: Id | None, states: Sequence[StateSpec | None], transitions: Sequence[TransitionSpec | None]
-) -> list[Problem]:
+) -> Iterator[Problem]:
     """As `check`, without the machines inside, and of what could be read: None stands for what could not.
 
     Args:
@@ -83,15 +84,16 @@ def check_level(
         transitions: one of which the ends alone could be read has a `ConditionSpec` with an empty type.
     """
     level = _Level(root, states, transitions)
-    problems = [*_ids(level), *_ends(level), *_conditions(level), *_shadowed(level)]
-    if level.whole and not any(isinstance(p, _Broken) for p in problems):
-        problems += [*_reachable(level), *_ways_out(level), *_cycles(level)]
-    return problems
-
-
-@dataclass(frozen=True)
-class _Broken(Problem):
-    """A fault after which it cannot be said how the parts hang together."""
+    broken = False
+    for problem in chain(_ids(level), _ends(level)):
+        broken = True
+        yield problem
+    yield from _conditions(level)
+    yield from _shadowed(level)
+    if level.whole and not broken:
+        yield from _reachable(level)
+        yield from _ways_out(level)
+        yield from _cycles(level)
 
 
 class _Level:
@@ -114,7 +116,7 @@ class _Level:
 def _ids(level: _Level) -> Iterator[Problem]:
     """Each id once. 1 and "1" are the same id, since diagrams cannot tell them apart."""
     if not level.states and level.all_states:
-        yield _Broken("/states", "got no state: a machine needs at least one")
+        yield Problem("/states", "got no state: a machine needs at least one")
     lists: dict[str, Sequence[tuple[int, StateSpec | TransitionSpec]]]
     lists = {"states": level.states, "transitions": level.transitions}
     for name, parts in lists.items():
@@ -122,7 +124,7 @@ def _ids(level: _Level) -> Iterator[Problem]:
         for index, part in parts:
             before = first.setdefault(str(part.id), index)
             if before != index:
-                yield _Broken(f"/{name}/{index}/id", f"got id {part.id!r}, which /{name}/{before} has already")
+                yield Problem(f"/{name}/{index}/id", f"got id {part.id!r}, which /{name}/{before} has already")
 
 
 def _ends(level: _Level) -> Iterator[Problem]:
@@ -130,11 +132,11 @@ def _ends(level: _Level) -> Iterator[Problem]:
     if not level.all_states or not level.states:
         return  # an end may be a state whose id could not be read
     if level.root is not None and level.root not in level.by_id:
-        yield _Broken("/root", f"got {level.root!r}, which is no state: {nearest(level.root, level.by_id)}")
+        yield Problem("/root", f"got {level.root!r}, which is no state: {nearest(level.root, level.by_id)}")
     for index, way in level.transitions:
         for name, end in (("from", way.source), ("to", way.target)):
             if end not in level.by_id:
-                yield _Broken(
+                yield Problem(
                     f"/transitions/{index}/{name}", f"got {end!r}, which is no state: {nearest(end, level.by_id)}"
                 )
 
@@ -233,19 +235,19 @@ def _targetable() -> str:
 
 def _shadowed(level: _Level) -> Iterator[Problem]:
     """Every transition can fire, and none stands behind one that is always taken before it."""
-    before: dict[Id, list[TransitionSpec]] = {}
+    before: dict[Id, list[tuple[TransitionSpec, bool]]] = {}
     for index, way in level.transitions:
         if not way.when.type:
             continue
         who = f"transition {way.id!r} can never fire"
         if never(way.when):
             yield Problem(f"/transitions/{index}", f"{who}: its condition holds in no tick")
-        for other in before.setdefault(way.source, []):
-            if always(other.when) or other.when == way.when:
-                what = "fires always" if always(other.when) else "has the same condition"
+        for other, fires_always in before.setdefault(way.source, []):
+            if fires_always or other.when == way.when:
+                what = "fires always" if fires_always else "has the same condition"
                 yield Problem(f"/transitions/{index}", f"{who}: {other.id!r}, checked before it, {what}")
                 break
-        before[way.source].append(way)
+        before[way.source].append((way, always(way.when)))
 
 
 def _cycles(level: _Level) -> Iterator[Problem]:

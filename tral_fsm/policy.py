@@ -45,7 +45,16 @@ class MachinePolicy:
             machine.restart()
 
     def reset_rows(self, rows: NDArray[np.bool_]) -> None:
-        """Start anew where `rows` (n,) says so."""
+        """Start anew where `rows` (n,) says so.
+
+        Raises:
+            MachineError: it is not one truth value for each car.
+        """
+        if np.shape(rows) != (len(self._machines),) or np.asarray(rows).dtype != np.bool_:
+            raise MachineError(
+                f"rows to reset: got {np.asarray(rows).dtype} of shape {np.shape(rows)}, "
+                f"expected bool of shape ({len(self._machines)},)"
+            )
         for row in np.flatnonzero(rows):
             self._states[row] = MachineState()
             self._machines[row].restart()

@@ -98,3 +98,11 @@ def test_the_trace_tells_of_the_first_car() -> None:
     policy.reset(2)
     policy.act(observation(2, gate_id=0, gate_x=3.0, gate_age=0.05))
     assert [transit.transition for transit in fired] == ["gate seen"]
+
+
+@pytest.mark.parametrize("rows", [np.array([True]), np.array([0, 1]), np.array([[True, False]])])
+def test_rows_to_reset_are_one_truth_value_for_each_car(rows: np.ndarray) -> None:
+    policy = load_policy("wall")
+    policy.reset(2)
+    with pytest.raises(MachineError, match=r"expected bool of shape \(2,\)"):
+        policy.reset_rows(rows)
