@@ -1,4 +1,4 @@
-"""The `tral` command: drive, courses, tune, calibrate, print, doctor, bench.
+"""The `tral` command: drive, courses, fsm, tune, calibrate, print, doctor, bench.
 
 One file a subcommand; what is heavy is imported when needed.
 """
@@ -15,6 +15,7 @@ from tral_fsm.cli.console import Guarded
 from tral_fsm.cli.courses import command as courses_command
 from tral_fsm.cli.doctor import command as doctor_command
 from tral_fsm.cli.drive import command as drive_command
+from tral_fsm.cli.fsm import app as fsm_app
 from tral_fsm.cli.print import app as print_app
 from tral_fsm.cli.tune import command as tune_command
 
@@ -24,13 +25,14 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_show_locals=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-    epilog="Exit codes: 0 all went well, 1 an episode failed, 2 bad usage, 3 this machine lacks something.",
+    epilog="Exit codes: 0 all is well, 1 an episode failed or a file is bad, 2 bad usage, 3 this machine lacks something.",
 )
 app.command("drive")(drive_command)
 app.command("courses")(courses_command)
 app.command("tune")(tune_command)
 app.command("calibrate")(calibrate_command)
 app.command("doctor")(doctor_command)
+app.add_typer(fsm_app, name="fsm")
 app.add_typer(print_app, name="print")
 app.add_typer(bench_app, name="bench")
 

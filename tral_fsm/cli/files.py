@@ -10,8 +10,12 @@ from typing import Any
 from tral_env.errors import ConfigError
 
 
-def prepare_folder(folder: Path) -> None:
+def prepare_folder(folder: Path, got: str | None = None) -> None:
     """Make a folder if it is missing, and try whether it can be written.
+
+    Args:
+        folder: it.
+        got: what the command was given, for the message; else the option --out.
 
     Raises:
         ConfigError: it cannot.
@@ -21,11 +25,20 @@ def prepare_folder(folder: Path) -> None:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
-        raise ConfigError(f"--out {folder}: cannot be written: {error.strerror}: choose another folder") from error
+        shown = got or f"--out {folder}"
+        raise ConfigError(f"{shown}: cannot be written: {error.strerror}: choose another folder") from error
 
 
 def write_json(path: Path, content: Any) -> None:
     """Replace a file by a JSON text at once: who reads it, or what interrupts this, never meets half of it."""
+    write_bytes(path, (json.dumps(content, indent=2, allow_nan=False) + "\n").encode("utf-8"))
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Replace a file at once."""
     part = path.with_name(f"{path.name}.part")
-    part.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    part.replace(path)
+    try:
+        part.write_bytes(content)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)

@@ -27,9 +27,9 @@ _ROOT = 30
 """Length of the arrow that points to the root."""
 _LOOP = 20
 """How far an arrow from a state to itself leads away from it."""
-_PAGE = (1100.0, 900.0)
+_PAGE = (1400.0, 900.0)
 """What a picture should fit in, px. Source: choice."""
-_CROSSING = 0.02
+_CROSSING = 0.01
 """A crossing is as bad as a picture that is larger by so much of a page. Source: choice."""
 
 

@@ -9,7 +9,7 @@ from typing import Literal
 from tral_fsm import library
 from tral_fsm.definition import FSMStateSpec, MachineDefinition
 from tral_fsm.draw import text
-from tral_fsm.draw.layout import Layout, Point, layout, turn_places
+from tral_fsm.draw.layout import Direction, Layout, Point, layout, turn_places
 
 INK, PALE, INNER = "#22272e", "#f6f8fa", "#eef4ff"
 _TONES = ("#0b5cad", "#b3261e", "#1b7f3b", "#7a3db8", "#a85a00", "#00707a", "#a3195b", "#5a6472", "#5f6b00", "#3f3fbf")
@@ -76,18 +76,19 @@ class Picture:
     title: str
 
 
-def picture(machine: MachineDefinition, resolve: Resolve = library.load) -> Picture:
+def picture(machine: MachineDefinition, resolve: Resolve = library.load, direction: Direction | None = None) -> Picture:
     """A machine, and below it the machines in it, each once.
 
     Args:
         machine: a checked definition.
         resolve: gives the packaged machine of a name.
+        direction: where most arrows lead; None: as each picture comes out better.
     """
     marks: list[Mark] = []
     width, height = 0, 0
     panels = list(_panels(machine, resolve))
     for heading, part in panels:
-        laid = layout(part)
+        laid = layout(part, direction=direction)
         top = height
         if len(panels) > 1:
             marks.append(Words((20, top + _HEADING - 4), text.printable(heading), bold=True))

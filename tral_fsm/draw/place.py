@@ -94,8 +94,8 @@ class _Room:
 
 def _gap(graph: Graph, one: int, two: int) -> int:
     a, b = graph.slots[one], graph.slots[two]
-    between = GRID if a.state is not None or b.state is not None else 0
-    return -(-(a.after + b.before + between + between) // GRID) * GRID
+    boxes = (a.state is not None) + (b.state is not None)
+    return -(-(a.after + b.before + GRID * boxes) // GRID) * GRID
 
 
 def _wishes(
@@ -155,7 +155,7 @@ def _middle(wishes: list[Wish], median: bool) -> float:
 
 
 def link_ends(graph: Graph, position: Sequence[float]) -> dict[tuple[int, int], float]:
-    """(link, slot) -> where it ends there: on an arrow's line; along a box's side, in order, near its other end."""
+    """(link, slot) -> its end there: on an arrow's line; along a box's side, in order, near its other end."""
     ends = {}
     for slot, what in enumerate(graph.slots):
         for side, links in (("near", graph.nearer[slot]), ("far", graph.farther[slot])):

@@ -6,12 +6,15 @@ import io
 import warnings
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tral_fsm.draw.picture import INK, Dot, Line, Mark, Outline, Picture, Words, arrow_head
 from tral_fsm.draw.text import SIZE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_COLOURS = 128
 _DPI = 72
 """At which a px is a point."""
 
@@ -25,20 +28,24 @@ def png(picture: Picture, scale: float = 1.5) -> bytes:
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from PIL import Image
 
-    figure = Figure(figsize=(picture.width / _DPI, picture.height / _DPI), facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = Figure(figsize=(picture.width / _DPI, picture.height / _DPI), dpi=_DPI * scale, facecolor="white")
+    canvas = FigureCanvasAgg(figure)
     ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     ax.set_axis_off()
     ax.set_xlim(0, picture.width)
     ax.set_ylim(picture.height, 0)
     for order, mark in enumerate(picture.marks):
         _draw(mark, ax, order)
-    out = io.BytesIO()
     with warnings.catch_warnings():
         # A letter that the font lacks is drawn as a box.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-        figure.savefig(out, format="png", dpi=_DPI * scale, metadata={"Title": picture.title, "Software": None})
+        canvas.draw()
+    out = io.BytesIO()
+    # Few colours: a third of the size.
+    image = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+    image.quantize(_COLOURS, dither=Image.Dither.NONE).save(out, format="PNG", optimize=True)
     return out.getvalue()
 
 

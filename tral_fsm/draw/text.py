@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Iterable, Iterator
+from typing import get_args
 
 from tral_fsm.definition import ConditionSpec, FSMStateSpec, MachineDefinition, Spec, StateSpec, TransitionSpec
+from tral_fsm.spec import SonarName
 
 SIZE = 11
 """Height of the letters, px."""
@@ -19,6 +21,7 @@ _LONGEST = 40
 _GLUE = "\N{NO-BREAK SPACE}"
 """Holds together what stays in one line: a parameter with its value and its unit."""
 _COMBINED = {"All": " and ", "Any": " or "}
+SONARS = get_args(SonarName)
 _NO_PARAMETER = ("type", "id", "label", "final", "machine")
 
 # Widths of the letters of DejaVu Sans in units of their size: the widest of the common sans-serif fonts.
@@ -41,15 +44,13 @@ def size(lines: list[str]) -> tuple[int, int]:
 
 
 def state_name(state: StateSpec) -> str:
-    """The name above the others in a state's box."""
-    return _cut(str(state.id))
+    """Id of a state, and its label."""
+    return _cut(f"{state.id}: {state.label}" if state.label else str(state.id))
 
 
 def state_lines(state: StateSpec) -> list[str]:
     """Type of a state and the parameters that differ from their defaults."""
     lines = [_cut(f"{state.type}: {_machine(state)}" if isinstance(state, FSMStateSpec) else state.type)]
-    if state.label:
-        lines += _wrapped(f"“{printable(state.label)}”")
     return lines + _wrapped(", ".join(_glued(_parameters(state, always=False))))
 
 
@@ -71,7 +72,10 @@ def condition(spec: ConditionSpec, inside: bool = False) -> str:
         return f"({text})" if inside and len(of) > 1 else text
     if spec.type == "Not" and of:
         return f"not {condition(of[0], inside=True)}"
-    return " ".join([spec.type, ", ".join(_glued(_parameters(spec, always=True)))]).strip()
+    words = _glued(_parameters(spec, always=True))
+    # "SensorLevel front > 1.2 m, readings 2": a word says what the next one is about.
+    first = 2 if len(words) > 1 and words[0] in SONARS else 1
+    return " ".join([spec.type, ", ".join([_GLUE.join(words[:first]), *words[first:]])]).strip()
 
 
 def _machine(state: FSMStateSpec) -> str:
