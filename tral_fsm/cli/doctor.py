@@ -20,6 +20,7 @@ _CORE = (
     "gymnasium",
     "numpy",
     "opencv-python-headless",
+    "pyyaml",
     "pydantic",
     "typer",
     "rich",
