@@ -53,18 +53,26 @@ class _Way:
 class Machine:
     """Runs a definition on a blackboard."""
 
-    def __init__(self, definition: MachineDefinition, trace: Trace | None = None, path: tuple[Id, ...] = ()) -> None:
+    def __init__(
+        self,
+        definition: MachineDefinition,
+        trace: Trace | None = None,
+        path: tuple[Id, ...] = (),
+        *,
+        checked: bool = False,
+    ) -> None:
         """Build states and transitions.
 
         Args:
             definition: what to run.
             trace: called for each transition that fires.
             path: ids of the states around this machine.
+            checked: the definition has been checked already.
 
         Raises:
             FormatError: the definition cannot run.
         """
-        problems = check(definition)
+        problems = [] if checked else check(definition)
         if problems:
             raise FormatError(definition.name or "machine", problems)
         self.definition = definition
@@ -179,7 +187,7 @@ class FSMState(State[FSMStateSpec]):
         inner = self.spec.machine
         if isinstance(inner, str):
             inner = _packaged(inner)
-        self.machine = Machine(inner, trace, path)
+        self.machine = Machine(inner, trace, path, checked=True)
 
     def on_enter(self, m: MachineState) -> None:
         """Enter the inner root."""

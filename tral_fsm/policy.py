@@ -39,7 +39,9 @@ class MachinePolicy:
     def reset(self, n: int = 1) -> None:
         """Start anew with n cars."""
         if n != len(self._machines):
-            self._machines = [Machine(self.definition, self._trace if row == 0 else None) for row in range(n)]
+            self._machines = [
+                Machine(self.definition, self._trace if row == 0 else None, checked=row > 0) for row in range(n)
+            ]
         self._states = [MachineState() for _ in range(n)]
         for machine in self._machines:
             machine.restart()
