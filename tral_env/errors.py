@@ -47,6 +47,10 @@ class MissingExtraError(TralError, ImportError):
         )
 
 
+_MOST, _LONGEST = 60, 40
+"""So many names are looked at and told, of so many letters: whoever writes thousands must not make an error slow."""
+
+
 def nearest(got: object, allowed: Iterable[object]) -> str:
     """Say which names are allowed and which of them is nearest to the one that was got.
 
@@ -57,7 +61,8 @@ def nearest(got: object, allowed: Iterable[object]) -> str:
     Returns:
         A clause for the end of an error message, such as ``did you mean 'corners'? Allowed: corners, doors``.
     """
-    names = [str(name) for name in allowed]
-    match = difflib.get_close_matches(str(got), names, n=1)
+    names = [str(name)[:_LONGEST] for name in allowed]
+    match = difflib.get_close_matches(str(got)[:_LONGEST], names[:_MOST], n=1)
     hint = f"did you mean '{match[0]}'? " if match else ""
-    return f"{hint}Allowed: {', '.join(names)}"
+    more = f", ... ({len(names)} in all)" if len(names) > _MOST else ""
+    return f"{hint}Allowed: {', '.join(names[:_MOST])}{more}"

@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from tral_env.errors import nearest
 from tral_fsm.checks import FormatError, Problem, check_level
@@ -22,13 +22,16 @@ from tral_fsm.definition import (
     TransitionSpec,
 )
 from tral_fsm.formats.plain import MOST_PROBLEMS, EnoughProblemsError, Plain, Problems, located
+from tral_fsm.plugins import load_plugins
 
 M = TypeVar("M", bound=Spec)
 
 _ENDS = ("id", "from", "to")
 _MAX_DEPTH = 32
-_MOST_PARTS = 2000
-"""States or transitions of one machine. Source: choice."""
+_MOST_PARTS = 500
+"""States or transitions of one machine, and conditions that one combines. Source: choice; office has 40."""
+_MOST_IN_ALL = 2000
+"""Of all in a file together."""
 
 
 def definition(plain: Plain, source: str, problems: Problems | None = None) -> MachineDefinition:
@@ -44,7 +47,9 @@ def definition(plain: Plain, source: str, problems: Problems | None = None) -> M
 
     Raises:
         FormatError: with all problems that were found.
+        MachineError: a plugin with states of its own cannot be loaded.
     """
+    load_plugins()
     found = problems or Problems()
     machine = None
     with contextlib.suppress(EnoughProblemsError):
@@ -68,6 +73,8 @@ class Reader:
     def __init__(self, problems: Problems) -> None:
         self.problems = problems
         self.complain = problems.complain
+        self.parts = 0
+        """So many items of arrays were read."""
 
     def machine(self, raw: Any, pointer: str, depth: int) -> MachineDefinition | None:
         """A whole machine."""
@@ -85,9 +92,10 @@ class Reader:
         if len(self.problems.found) > before:
             self._build(MachineDefinition, {**head, "states": ()}, pointer)
         known = [state or _with_id(item) for state, (_, item) in zip(states, listed, strict=True)]
-        for problem in check_level(_id(raw.get("root")), known, transitions):
-            self.complain(pointer + problem.pointer, problem.message)
-        if len(self.problems.found) > before:
+        if isinstance(raw.get("states"), list):
+            for problem in check_level(_id(raw.get("root")), known, transitions):
+                self.complain(pointer + problem.pointer, problem.message)
+        if len(self.problems.found) > before or None in (*states, *transitions):
             return None
         return self._build(
             MachineDefinition, {**head, "states": tuple(states), "transitions": tuple(transitions)}, pointer
@@ -139,8 +147,10 @@ class Reader:
         if not isinstance(items, list):
             self.complain(f"{pointer}/{key}", f"got {_show(items)}, expected an array")
             return []
-        if len(items) > _MOST_PARTS:
-            self.complain(f"{pointer}/{key}", f"got {len(items)} {key}, at most {_MOST_PARTS} are allowed")
+        self.parts += len(items)
+        if len(items) > _MOST_PARTS or self.parts > _MOST_IN_ALL:
+            allowed = f"at most {_MOST_PARTS} are allowed, {_MOST_IN_ALL} in the whole file"
+            self.complain(f"{pointer}/{key}", f"got {len(items)} of them: {allowed}")
             return []
         return [(f"{pointer}/{key}/{index}", item) for index, item in enumerate(items)]
 
@@ -170,7 +180,7 @@ class Reader:
         allowed = [*also, *(field.alias or name for name, field in spec.model_fields.items())]
         unknown = [key for key in raw if key not in allowed]
         for key in unknown:
-            self.complain(f"{pointer}/{_escape(key)}", f"unknown key {key!r}: {nearest(key, allowed)}")
+            self.complain(f"{pointer}/{_escape(key)}", f"unknown key {_cut(repr(key))}: {nearest(key, allowed)}")
         missing = [key for key in required if key not in raw]
         for key in missing:
             self.complain(pointer, f"the key {key!r} is missing")
@@ -202,16 +212,20 @@ class Reader:
 
 def _id(value: Any) -> Id | None:
     """An id, if a value may be one."""
-    return value if isinstance(value, int | str) and not isinstance(value, bool) and value != "" else None
+    try:
+        return _ID.validate_python(value)
+    except ValidationError:
+        return None
 
 
 def _with_id(raw: Any) -> StateSpec | None:
     """A state of which the id alone could be read; None: not even that."""
     got = _id(raw.get("id")) if isinstance(raw, dict) else None
-    return None if got is None else StateSpec(type="", id=got)
+    return None if got is None else StateSpec.model_validate({"type": "", "id": got})
 
 
-_UNIONS = ("int", "str", "MachineDefinition")
+_ID: TypeAdapter[Id] = TypeAdapter(Id)
+_UNIONS = ("int", "str", "constrained-str", "MachineDefinition")
 """What pydantic adds to a place to say which member of a union it tried."""
 
 
@@ -229,5 +243,8 @@ def _escape(key: str) -> str:
 
 
 def _show(value: Any) -> str:
-    text = json.dumps(value, default=str)
+    return _cut(json.dumps(value, default=str))
+
+
+def _cut(text: str) -> str:
     return text if len(text) <= 60 else text[:57] + "..."

@@ -15,6 +15,8 @@ STICKS = 9.0
 """An end belongs to a state whose outline is no farther away, in pixels at 100 %. Source: UMLet."""
 GRID = 10.0
 """The zoom_level that is 100 %."""
+MOST_ELEMENTS = 1500
+"""Of a diagram. Source: choice; that of the machine office has 60."""
 
 _STATE = ("UMLState", "State", "StateSubDiagram")
 _ARROW = ("Relation",)
@@ -84,6 +86,14 @@ def plain(diagram: Diagram, problems: Problems) -> Plain:
     Returns:
         Values as in TRAL JSON, and the element from which each comes.
     """
+    if len(diagram.elements) > MOST_ELEMENTS:
+        problems.complain("", f"got {len(diagram.elements)} elements, at most {MOST_ELEMENTS} are read")
+        return Plain()
+    for number, element in enumerate(diagram.elements, 1):
+        if len(element.text) > members.LONGEST:
+            told = f"got {len(element.text)} characters, at most {members.LONGEST} are read"
+            problems.complain("", told, f"{element.kind[:60]} (element {number})")
+            return Plain()
     return _Reading(diagram, problems).machine()
 
 
@@ -140,9 +150,11 @@ class _Reading:
 
     def state(self, number: int, element: Element) -> None:
         """A state: title, rule, parameters, rule."""
-        title, body = _sections(element.text)
+        title, body = sections(element.text)
         pointer = f"/states/{len(self.states)}"
-        self.places[pointer] = f"UMLState '{title}' (element {number})" if title else f"UMLState (element {number})"
+        self.places[pointer] = (
+            f"UMLState '{title[:60]}' (element {number})" if title else f"UMLState (element {number})"
+        )
         found = members.parse(body, lambda fault: self.complain(pointer, fault))
         if not found:
             self.complain(pointer, "got no parameters: they stand between two lines --")
@@ -164,7 +176,7 @@ class _Reading:
         self.places[pointer] = f"Relation (element {number})"
         found = members.parse(body, lambda fault: self.complain(pointer, fault))
         if "id" in found:
-            self.places[pointer] = f"Relation '{found['id']}' (element {number})"
+            self.places[pointer] = f"Relation '{str(found['id'])[:60]}' (element {number})"
         tail, head = self.ends(element)
         kinds = [end.kind if end else "" for end in (tail, head)]
         if not found and any(kind in _COMMENT for kind in kinds):
@@ -173,10 +185,9 @@ class _Reading:
             self.node(pointer, found, tail, head)
             return
         directed = _direction(element.text)
+        why = "that end touches no outline of a state" if directed else "a line without a head (lt=->) does not tell it"
         for key, end in (("from", tail), ("to", head)):
-            self.end(pointer, found, key, end if directed else None)
-        if not directed and not {"from", "to"} <= set(found):
-            self.complain(pointer, "got a line without an arrow head: lt=-> or lt=<- tells its direction")
+            self.end(pointer, found, key, end if directed else None, why)
         self.orders.append(found.pop("order", None))
         self.transitions.append(found)
 
@@ -213,12 +224,12 @@ class _Reading:
             return None
         return near[0][2]
 
-    def end(self, pointer: str, found: dict[str, Any], key: str, drawn: _Outline | None) -> None:
+    def end(self, pointer: str, found: dict[str, Any], key: str, drawn: _Outline | None, why: str) -> None:
         """One end: as the text says, checked against where it is drawn; as drawn, where the text says nothing."""
         state = self.states[self.at[drawn.number]] if drawn and drawn.number in self.at else None
         if state is None or "id" not in state:
             if key not in found:
-                self.missing(pointer, key, "and that end touches no outline of a state")
+                self.missing(pointer, key, f"and {why}")
                 found[key] = None
             return
         if key not in found:
@@ -261,12 +272,12 @@ def _special(element: Element) -> str:
     """Kind of an element, that of a UMLSpecialState with its type."""
     if element.kind != _SPECIAL:
         return element.kind
-    found = re.search(r"^\s*type\s*=\s*(\w+)", element.text, re.MULTILINE)
+    found = re.search(r"^[ \t]*type[ \t]*=[ \t]*(\w+)", element.text, re.MULTILINE)
     kind = found[1] if found else "decision"
     return {"initial": _INITIAL, "final": _FINAL}.get(kind, f"{_SPECIAL} type={kind}")
 
 
-def _sections(text: str) -> tuple[str, str]:
+def sections(text: str) -> tuple[str, str]:
     """Title and parameters of a state's text; blank lines before the parameters keep the numbers of their lines."""
     lines = ["" if _is_drawing(line) else line for line in text.replace("\r\n", "\n").split("\n")]
     rules = [index for index, line in enumerate(lines) if line.strip() == "--"]
@@ -283,7 +294,7 @@ def _is_drawing(line: str) -> bool:
 
 def _direction(text: str) -> str:
     """Which point has the head of an arrow: "first" or "last"; empty: none, or both."""
-    found = re.search(r"^\s*lt\s*=\s*(\S+)", text, re.MULTILINE)
+    found = re.search(r"^[ \t]*lt[ \t]*=[ \t]*(\S{1,9})", text, re.MULTILINE)
     line = found[1] if found else ""
     first, last = line.startswith("<"), line.endswith(">")
     return "" if first == last else "first" if first else "last"

@@ -13,6 +13,8 @@ from tral_fsm.formats.umlet import GRID, Diagram, Element
 from tral_fsm.formats.umlet import plain as understand
 from tral_fsm.formats.xml_tree import Node
 
+_LONGEST_POINTS = 10_000
+"""Characters; an arrow with more corners has no place."""
 ROOTS = ("diagram", "umlet_diagram")
 """Tags of a whole file, new and legacy."""
 
@@ -58,7 +60,8 @@ def element(kind: str, legacy: bool, sides: list[float | None], text: str, point
     """An element from its parts: x, y, width, height as numbers, points as text `x;y;x;y`."""
     x, y, width, height = sides
     known = x is not None and y is not None and width is not None and height is not None
-    values = [number(part) for part in points.split(";")] if kind == "Relation" else []
+    known_points = kind == "Relation" and len(points) < _LONGEST_POINTS
+    values = [number(part) for part in points.split(";")] if known_points else []
     pairs = tuple((a, b) for a, b in zip(values[::2], values[1::2], strict=False) if a is not None and b is not None)
     whole = len(pairs) * 2 == len(values) and len(pairs) > 1
     box = (x, y, width, height) if known else None

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 from xml.sax.saxutils import escape
 
-from tral_fsm.definition import MachineDefinition, TransitionSpec
-from tral_fsm.formats.grid import Box, arrows, boxes
+from tral_fsm.definition import MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.draw.layout import Layout, layout
 from tral_fsm.formats.tral_json import members, state_json
 from tral_fsm.formats.xml_tree import json_text, legal
 
@@ -22,6 +24,16 @@ _MARGIN = 10
 Point = tuple[float, float]
 
 
+@dataclass(frozen=True)
+class Box:
+    """A rectangle in pixels; y points down."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+
 def dumps(machine: MachineDefinition) -> str:
     """Write a machine.
 
@@ -29,24 +41,27 @@ def dumps(machine: MachineDefinition) -> str:
         machine: the definition.
 
     Returns:
-        XML text. States stand in layers below the root; an arrow's ends lie on their states' outlines.
+        XML text, laid out: an arrow for each transition, its ends on the outlines of its states.
     """
-    texts = [_state_text(machine, index) for index in range(len(machine.states))]
-    placed = boxes(machine, [_size(text) for text in texts])
-    found = [element("UMLState", box, text) for box, text in zip(placed, texts, strict=True)]
-    index = {state.id: number for number, state in enumerate(machine.states)}
-    root = placed[index[machine.root]]
-    start = Box(root.x - 80, root.y, _NODE, _NODE)
-    found.append(element("UMLSpecialState", start, "type=initial"))
-    found.append(relation("lt=->", [(start.x + _NODE, start.y + 10), (root.x, root.y + 10)]))
-    ends = [(index[t.source], index[t.target]) for t in machine.transitions]
-    leaving = Counter(t.source for t in machine.transitions)
+    drawn = layout(machine, bundled=False, state_size=_state_size, label_size=_label_size)
+    boxes = [Box(box.x, box.y, box.w, box.h) for box in drawn.boxes]
+    found = [element("UMLState", box, _state_text(state)) for box, state in zip(boxes, machine.states, strict=True)]
+    found += _root(drawn)
     order: Counter[int | str] = Counter()
-    for transition, points in zip(machine.transitions, arrows(placed, ends), strict=True):
+    leaving = Counter(transition.source for transition in machine.transitions)
+    for transition, route in zip(machine.transitions, drawn.routes, strict=True):
         order[transition.source] += 1
         number = order[transition.source] if leaving[transition.source] > 1 else None
-        found.append(relation(_transition_text(transition, number), points))
+        found.append(relation(_transition_text(transition, number), route.points))
     return diagram(found, _head(machine))
+
+
+def _root(drawn: Layout) -> list[str]:
+    """The initial node and its arrow."""
+    x, y = drawn.root[0]
+    right = drawn.direction == "right"
+    node = Box(x - _NODE, y - _NODE / 2, _NODE, _NODE) if right else Box(x - _NODE / 2, y - _NODE, _NODE, _NODE)
+    return [element("UMLSpecialState", node, "type=initial"), relation("lt=->", drawn.root)]
 
 
 def diagram(elements: list[str], text: str = "") -> str:
@@ -71,7 +86,7 @@ def element(kind: str, box: Box, text: str, points: str = "") -> str:
     )
 
 
-def relation(text: str, points: list[Point]) -> str:
+def relation(text: str, points: Sequence[Point]) -> str:
     """An arrow through points in pixels."""
     left, top = (int(min(point[axis] for point in points)) - _MARGIN for axis in (0, 1))
     width, height = (max(point[axis] for point in points) - low + _MARGIN for axis, low in ((0, left), (1, top)))
@@ -96,8 +111,7 @@ def _head(machine: MachineDefinition) -> str:
     return "".join(f"// {json_text(json.dumps({k: v}, ensure_ascii=False)[1:-1])}\n" for k, v in said.items())
 
 
-def _state_text(machine: MachineDefinition, index: int) -> str:
-    state = machine.states[index]
+def _state_text(state: StateSpec) -> str:
     return state_text(state.label or str(state.id), state_json(state))
 
 
@@ -108,9 +122,16 @@ def _transition_text(transition: TransitionSpec, order: int | None) -> str:
     return "lt=->\n" + parameters({"id": transition.id, "type": when.type, **ends, **place, **members(when)})
 
 
-def _size(text: str) -> tuple[float, float]:
-    """Width and height of a state that shows a text, px, in steps of 10."""
-    lines = text.split("\n")[:-1]
-    width = max(len(line) for line in lines) * _LETTER + 20
-    height = len(lines) * _LINE + 10
-    return max(100.0, min(width, 600.0)) // 10 * 10, height // 10 * 10 + 10
+def _state_size(state: StateSpec) -> tuple[int, int]:
+    return size(_state_text(state))
+
+
+def _label_size(transitions: Sequence[TransitionSpec], places: Sequence[str]) -> tuple[int, int]:
+    return size("\n".join(_transition_text(transition, 1) for transition in transitions))
+
+
+def size(text: str) -> tuple[int, int]:
+    """Width and height of a box that shows a text but for its last line, px, in steps of 10."""
+    lines = [line for line in text.split("\n")[:-1] if not line.startswith("//")]
+    width = max((len(line) for line in lines), default=0) * _LETTER + 20
+    return int(max(100.0, min(width, 600.0))) // 10 * 10, (len(lines) * _LINE + 10) // 10 * 10 + 10

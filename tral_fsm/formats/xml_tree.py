@@ -21,6 +21,7 @@ DEEPEST = 100
 _BEFORE_ROOT = re.compile(r"\s*(?:(?:<\?.*?\?>|<!--.*?-->)\s*)*", re.DOTALL)
 """What may stand before a document type or the root: declaration, comments, processing instructions."""
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_NOT_PLAIN = re.compile("[^\t\n\r\x20-\x7e\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 class XMLError(MachineError):
@@ -128,8 +129,8 @@ def is_legal(text: str) -> bool:
 
 
 def json_text(text: str) -> str:
-    """A JSON text in which the characters that XML cannot hold are written as JSON escapes."""
-    return _NOT_XML.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+    """A JSON text in which control characters and what XML cannot hold are written as JSON escapes."""
+    return _NOT_PLAIN.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
 def _clark(name: str) -> str:

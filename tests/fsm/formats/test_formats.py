@@ -1,0 +1,252 @@
+"""Which format a file is in, what is refused whatever it says, and files of 2016."""
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tral_env.errors import MachineError
+from tral_fsm import FormatError, MachineDefinition, load_machine
+from tral_fsm.formats import FORMATS, LARGEST, by_suffix, read, write
+from tral_fsm.formats.units2016 import HALL_UNITS
+
+WALL = load_machine("wall")
+
+
+def message(content: str | bytes, suffix: str = "") -> str:
+    with pytest.raises(FormatError) as caught:
+        read(content, "my.file", suffix)
+    assert str(caught.value).startswith("my.file: ")
+    return "\n".join(str(problem) for problem in caught.value.problems)
+
+
+class TestWhichFormat:
+    @pytest.mark.parametrize("name", ["json", "uxf", "scxml"])
+    @pytest.mark.parametrize("suffix", [".json", ".uxf", ".scxml", ".xml", ".txt", ""])
+    def test_the_content_decides(self, name: str, suffix: str, tmp_path: Path) -> None:
+        path = tmp_path / f"machine{suffix}"
+        path.write_text(write(WALL, name), "utf-8")
+        assert load_machine(path) == WALL
+
+    def test_the_suffix_decides_where_the_content_tells_nothing(self) -> None:
+        assert "not XML: no element found" in message("", ".uxf")
+        assert "not JSON: Expecting value" in message("", ".json")
+        assert "not JSON: Expecting value" in message("fsm", "")
+
+    def test_each_suffix_is_written_in_one_format(self) -> None:
+        assert [by_suffix(s) for s in (".json", ".UXF", ".scxml", ".mmd", ".puml")] == [
+            "json", "uxf", "scxml", "mermaid", "plantuml",
+        ]  # fmt: skip
+        with pytest.raises(MachineError, match=r"got suffix '.uxv': did you mean '.uxf'"):
+            by_suffix(".uxv")
+
+    def test_what_cannot_be_written(self) -> None:
+        with pytest.raises(MachineError, match="got format 'mermeid': did you mean 'mermaid'"):
+            write(WALL, "mermeid")
+        with pytest.raises(MachineError, match="got format 'xml2json'"):
+            write(WALL, "xml2json")
+
+    def test_pictures_are_not_read(self) -> None:
+        for name in ("mermaid", "plantuml"):
+            assert "are written, not read" in message(write(WALL, name), FORMATS[name].suffixes[0])
+
+    def test_other_xml_is_told(self) -> None:
+        assert "got <svg> as the outermost element: expected <diagram> of UMLet" in message("<svg/>")
+        assert "expected <diagram>" in message("<scxml/>")
+
+    @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "iso-8859-1"])
+    def test_encodings(self, encoding: str) -> None:
+        text = write(WALL.model_copy(update={"name": "Wände"}), "uxf").replace("UTF-8", encoding.removesuffix("-sig"))
+        assert read(text.encode(encoding), "a").name == "Wände"
+
+    def test_other_bytes_are_told(self) -> None:
+        assert "not UTF-8 text: invalid start byte at byte 1" in message(b"{\xff}")
+        assert "got encoding 'utf-7'" in message(b'<?xml version="1.0" encoding="utf-7"?><diagram/>')
+
+    def test_a_folder_is_no_machine(self, tmp_path: Path) -> None:
+        (tmp_path / "a.uxf").mkdir()
+        with pytest.raises(MachineError, match=r"a\.uxf: cannot be read"):
+            load_machine(tmp_path / "a.uxf")
+
+
+LAUGHS = "".join(f'<!ENTITY l{n} "{f"&l{n - 1};" * 10}">' for n in range(1, 12))
+BOMBS = {
+    "billion laughs": f'<!DOCTYPE d [<!ENTITY l0 "ha">{LAUGHS}]><diagram><help_text>&l11;</help_text></diagram>',
+    "quadratic blowup": f'<!DOCTYPE d [<!ENTITY a "{"a" * 100_000}">]><diagram>{"&a;" * 100_000}</diagram>',
+    "external entity": '<!DOCTYPE d [<!ENTITY a SYSTEM "file:///etc/passwd">]><diagram><help_text>&a;</help_text></diagram>',
+    "external document type": '<!DOCTYPE diagram SYSTEM "http://127.0.0.1:9/a.dtd"><diagram/>',
+    "parameter entity": '<!DOCTYPE d [<!ENTITY % a SYSTEM "http://127.0.0.1:9/a"> %a;]><diagram/>',
+    "after a comment": '<?xml version="1.0"?>\n<!-- a --><?b c?><!DOCTYPE d [<!ENTITY a "b">]><diagram>&a;</diagram>',
+}
+
+
+class TestRefused:
+    @pytest.mark.parametrize("name", BOMBS)
+    @pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+    def test_document_types_are_refused_at_once(self, name: str, encoding: str) -> None:
+        content = BOMBS[name].encode(encoding)
+        begin = time.perf_counter()
+        assert "document type" in message(content, ".uxf")
+        assert time.perf_counter() - begin < 0.1
+
+    def test_unknown_entities_are_no_xml(self) -> None:
+        assert "not XML: undefined entity" in message("<diagram><help_text>&a;</help_text></diagram>")
+
+    @pytest.mark.parametrize(
+        ("content", "told"),
+        [
+            ("{" + " " * LARGEST + "}", "at most 2097152 are read"),
+            ("<diagram>" + "<a>" * 50_000, "XML elements nested more than 100 deep"),
+            ("<diagram>" + "<a/>" * 60_000 + "</diagram>", "more than 50000 XML elements"),
+            ("[" * 100_000, "nested too deeply"),
+            (json.dumps({"root": 0, "states": [{"id": n, "type": "Stop"} for n in range(501)]}), "at most 500 are"),
+        ],
+    )
+    def test_what_is_too_much(self, content: str, told: str) -> None:
+        begin = time.perf_counter()
+        assert told in message(content)
+        assert time.perf_counter() - begin < 1.0
+
+    def test_no_more_problems_are_told_than_can_be_read(self) -> None:
+        told = message(json.dumps({"root": 0, "states": [{"id": n, "type": "Stopp"} for n in range(400)]}))
+        assert told.count("\n") == 100
+        assert told.endswith("there may be more than these 100 problems")
+
+    def test_long_names_do_not_make_an_error_slow(self) -> None:
+        names = [f"{n}{'ab' * 1000}" for n in range(300)]
+        raw = {
+            "root": 0,
+            "states": [{"id": name, "type": "Stop"} for name in names],
+            "transitions": [
+                {"id": n, "type": "Always", "from": f"x{name}", "to": name} for n, name in enumerate(names)
+            ],
+        }
+        begin = time.perf_counter()
+        assert "which is no state" in message(json.dumps(raw))
+        assert time.perf_counter() - begin < 2.0
+
+
+def of_2016(**changes: Any) -> dict[str, Any]:
+    drive = {"id": "0", "type": "Motor", "throttle": "0.2", "distance": "1500"}
+    wall = {"id": "1", "type": "WandFolgen", "p": "12", "i": "0", "d": "30", "throttle": "0.3"}
+    ways = [
+        {"type": "Distance", "from": "0", "to": "1", "distance": "750"},
+        {"type": "Any", "from": "1", "to": "0", "of": [{"type": "Distance", "distance": 3000}]},
+    ]
+    return {"units": "2016", "root": "0", "states": [drive, wall], "transitions": ways, **changes}
+
+
+class TestOf2016:
+    def got(self, **changes: Any) -> MachineDefinition:
+        return read(json.dumps(of_2016(**changes)), "a")
+
+    def test_distances_are_in_hall_units(self) -> None:
+        machine = self.got()
+        assert machine.states[0].distance == pytest.approx(1.60)  # type: ignore[attr-defined]
+        assert machine.transitions[0].when.distance == pytest.approx(0.80)  # type: ignore[attr-defined]
+        assert machine.transitions[1].when.of[0].distance == pytest.approx(3.20)  # type: ignore[attr-defined]
+        assert HALL_UNITS == 937.5
+
+    def test_numbers_may_stand_in_quotes(self) -> None:
+        machine = self.got()
+        assert (machine.root, machine.states[1].id, machine.states[1].p) == (0, 1, 12.0)  # type: ignore[attr-defined]
+
+    def test_transitions_get_the_ids_that_they_lack(self) -> None:
+        assert [way.id for way in self.got().transitions] == [0, 1]
+        first = {**of_2016()["transitions"][0], "id": 1}
+        assert [way.id for way in self.got(transitions=[first, of_2016()["transitions"][1]]).transitions] == [1, 0]
+
+    def test_the_wall_follower_had_another_name(self) -> None:
+        assert self.got().states[1].type == "BasicFollowWall"
+
+    def test_nothing_is_guessed(self) -> None:
+        told = message(json.dumps({key: value for key, value in of_2016().items() if key != "units"}))
+        assert 'got "1500": Input should be a valid number' in told
+        assert 'but in files that say "units": "2016"' in told
+        assert "the key 'id' is missing" in told
+
+    def test_units_are_si_or_2016(self) -> None:
+        assert "/units: got 'hall': Allowed: SI, 2016" in message(json.dumps(of_2016(units="hall")))
+        assert read(json.dumps({"units": "SI", **json.loads(write(WALL, "json"))}), "a") == WALL
+
+    def test_a_diagram_says_it_in_its_text(self) -> None:
+        text = write(read(json.dumps(of_2016()), "a"), "uxf")
+        text = text.replace("<zoom_level>", "<help_text>units: 2016</help_text><zoom_level>")
+        assert read(text, "a").transitions[0].when.distance == pytest.approx(0.8 / 937.5)  # type: ignore[attr-defined]
+
+
+class TestPictures:
+    MACHINE = read(
+        json.dumps(
+            {
+                "root": 0,
+                "name": "two",
+                "states": [
+                    {
+                        "id": 0, "type": "FSMState", "label": 'a "b"; c',
+                        "machine": {"root": 0, "states": [{"id": 0, "type": "Stop"}]},
+                    },
+                    {"id": 1, "type": "Stop"},
+                ],
+                "transitions": [
+                    {
+                        "id": "x: y", "type": "All", "from": 0, "to": 1,
+                        "of": [{"type": "Finished"}, {"type": "SensorLevel", "below": 0.5}],
+                    }
+                ],
+            }
+        ),
+        "a",
+    )  # fmt: skip
+
+    def test_mermaid(self) -> None:
+        assert write(self.MACHINE, "mermaid") == (
+            '---\ntitle: "two"\n---\nstateDiagram-v2\n'
+            '  state "a #34;b#34;#59; c" as s0\n'
+            "  state s0 {\n"
+            '    state "0" as s0_0\n'
+            "    s0_0 : Stop\n"
+            "    [*] --> s0_0\n"
+            "    s0_0 --> [*]\n"
+            "  }\n"
+            '  state "1" as s1\n'
+            "  s1 : Stop\n"
+            "  [*] --> s0\n"
+            "  s0 --> s1 : x#58; y#58; (Finished and SensorLevel sensor front below 0.5 m)\n"
+            "  s1 --> [*]\n"
+        )
+
+    def test_plantuml(self) -> None:
+        lines = write(self.MACHINE, "plantuml").splitlines()
+        assert (lines[0], lines[1], lines[-1]) == ("@startuml", "title two", "@enduml")
+        assert 'state "a &#34;b&#34;&#59; c" as s0' in lines
+        assert "s0 --> s1 : x: y: (Finished and SensorLevel sensor front below 0.5 m)" in lines
+
+
+class TestScxml:
+    def told(self, body: str, attributes: str = "") -> str:
+        return message(
+            '<scxml xmlns="http://www.w3.org/2005/07/scxml" xmlns:tral="urn:tral:machine" version="1.0" '
+            f"{attributes}>\n{body}\n</scxml>"
+        )
+
+    def test_the_first_state_is_the_root_unless_initial_names_one(self) -> None:
+        text = write(WALL, "scxml")
+        assert read(text.replace(' initial="s0"', ""), "a") == WALL
+        within = "<initial><transition target='s0'/></initial><tral:machine"
+        assert read(text.replace(' initial="s0"', "").replace("<tral:machine", within), "a") == WALL
+        assert "/root" in message(text.replace('initial="s0"', 'initial="s9"'))
+
+    def test_what_a_machine_has_not_is_told_with_its_line(self) -> None:
+        assert "parallel 'p' (line 2): got <parallel> in it. Allowed: state, final" in self.told('<parallel id="p"/>')
+        assert "onentry (line 2): got <onentry> in it" in self.told('<state id="a" tral:type="Stop"><onentry/></state>')
+        assert "transition (line 2): got cond, which is not read" in self.told(
+            '<state id="a" tral:type="Stop"><transition target="a" cond="x"/></state>'
+        )
+
+    def test_problems_name_element_and_line(self) -> None:
+        told = self.told('<state id="a" tral:type="Stopp"/>\n<state id="b" tral:type="Stop" tral:brake="2"/>')
+        assert "state 'a' (line 2) /type: got \"Stopp\"" in told
+        assert "state 'b' (line 3) /brake: got 2: Input should be less than or equal to 1" in told

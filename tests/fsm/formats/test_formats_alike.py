@@ -1,0 +1,47 @@
+"""All formats give the same definition, and lose nothing."""
+
+import json
+
+import pytest
+from any_machine import machines
+from hypothesis import HealthCheck, given, settings
+from to_json import xml2json
+
+from tral_fsm import MachineDefinition, load_machine, machine_names
+from tral_fsm.definition import CONDITIONS, STATES
+from tral_fsm.formats import FORMATS, read, write
+from tral_fsm.formats.tral_json import as_json
+
+THERE_AND_BACK = [name for name, entry in FORMATS.items() if entry.reads and entry.writes]
+
+
+def again(machine: MachineDefinition, name: str) -> MachineDefinition:
+    if name == "xml2json":
+        return read(xml2json(write(machine, "uxf")), "again")
+    return read(write(machine, name), "again")
+
+
+def test_the_formats_that_are_read_and_written() -> None:
+    assert THERE_AND_BACK == ["json", "uxf", "scxml"]
+
+
+@pytest.mark.parametrize("machine", machine_names())
+@pytest.mark.parametrize("name", [*THERE_AND_BACK, "xml2json"])
+def test_every_packaged_machine_is_the_same_in_every_format(name: str, machine: str) -> None:
+    definition = load_machine(machine)
+    assert again(definition, name) == definition
+
+
+@pytest.mark.parametrize("name", [*THERE_AND_BACK, "xml2json"])
+def test_round_trips_lose_nothing(name: str) -> None:
+    seen: set[str] = set()
+
+    @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+    @given(machines())
+    def lose_nothing(machine: MachineDefinition) -> None:
+        assert again(machine, name) == machine
+        text = json.dumps(as_json(machine))
+        seen.update(kind for kind in (*STATES, *CONDITIONS) if f'"type": "{kind}"' in text)
+
+    lose_nothing()
+    assert len(seen) > 0.8 * (len(STATES) + len(CONDITIONS))

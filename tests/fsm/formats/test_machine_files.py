@@ -1,0 +1,82 @@
+"""Machine files that are shipped: each machine also as a diagram, and the palette to draw machines with."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import tral_fsm
+from tral_fsm import load_machine, machine_names
+from tral_fsm.definition import CONDITIONS, STATES, TransitionSpec
+from tral_fsm.formats import members, palette
+from tral_fsm.formats.umlet import sections
+from tral_fsm.formats.xml_tree import Node, parse
+
+PACKAGE = Path(tral_fsm.__file__).parent
+FOLDER = PACKAGE / "machines"
+PALETTE = PACKAGE / palette.FILE
+
+
+@pytest.mark.parametrize("name", machine_names())
+def test_each_machine_is_also_a_diagram(name: str) -> None:
+    path = FOLDER / f"{name}.uxf"
+    command = f"tral fsm convert {path.with_suffix('.json')} {path}"
+    assert path.exists(), f"{path} is missing: {command}"
+    assert load_machine(path) == load_machine(name), f"{path} is out of step: {command}"
+
+
+def test_each_diagram_is_also_a_machine() -> None:
+    assert sorted(path.stem for path in FOLDER.glob("*.uxf")) == machine_names()
+
+
+def test_the_palette_is_in_step_with_the_definition() -> None:
+    write = f"python -c \"from tral_fsm.formats import palette as p; print(p.dumps(), end='')\" > {PALETTE}"
+    assert PALETTE.read_text("utf-8") == palette.dumps(), f"out of step: {write}"
+
+
+def elements(kind: str) -> list[Node]:
+    root = parse(PALETTE.read_text("utf-8"))
+    return [node for node in root.all("element") if node.child_text("id") == kind]
+
+
+def values(text: str) -> dict[str, Any]:
+    faults: list[str] = []
+    found = members.parse("\n".join(line for line in text.split("\n") if not line.startswith("//")), faults.append)
+    assert not faults
+    return found
+
+
+def plain_values(found: dict[str, Any]) -> dict[str, Any]:
+    """Without what only a whole machine can check."""
+    return {key: value for key, value in found.items() if key not in ("id", "of")}
+
+
+@pytest.mark.parametrize("name", STATES)
+def test_the_palette_has_every_state_with_every_parameter(name: str) -> None:
+    (found,) = [
+        v for n in elements("UMLState") if (v := values(sections(n.child_text("panel_attributes"))[1]))["type"] == name
+    ]
+    spec = STATES[name]
+    assert set(found) == set(spec.model_fields) - set(spec.exactly_one[1:])
+    made = spec(**found)
+    for key, field in spec.model_fields.items():
+        if key not in ("id", *spec.exactly_one) and not field.is_required():
+            assert getattr(made, key) == field.default
+
+
+@pytest.mark.parametrize("name", CONDITIONS)
+def test_the_palette_has_every_transition_with_every_parameter(name: str) -> None:
+    texts = [node.child_text("panel_attributes").removeprefix("lt=->\n") for node in elements("Relation")]
+    (found,) = [v for text in texts if (v := values(text))["type"] == name]
+    spec = CONDITIONS[name]
+    assert set(found) - {"id"} == set(spec.model_fields) - set(spec.exactly_one[1:])
+    inner = {"of": tuple(CONDITIONS[part.pop("type")](**part) for part in found["of"])} if "of" in found else {}
+    made = spec(**plain_values(found), **inner)
+    assert TransitionSpec(id=found["id"], source=0, target=1, when=made).when == made
+
+
+def test_the_palette_has_both_nodes() -> None:
+    assert [node.child_text("panel_attributes") for node in elements("UMLSpecialState")] == [
+        "type=initial",
+        "type=final",
+    ]
