@@ -25,7 +25,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_show_locals=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-    epilog="Exit codes: 0 all is well, 1 an episode failed or a file is bad, 2 bad usage, 3 this machine lacks something.",
+    epilog="Exit codes: 0 all is well, 1 an episode failed or a file is bad, 2 bad usage, 3 something is lacking.",
 )
 app.command("drive")(drive_command)
 app.command("courses")(courses_command)

@@ -35,7 +35,7 @@ _DESCRIPTION = (
     "A starting point: follows the right wall, turns where the corridor does, waits before what is in its way.",
     "All is in metres, seconds and degrees; steering is + to the left.",
     "A state drives; try another clearance or speed in 'follow'. A state's label is its name in tables and pictures.",
-    "A transition leads from a state to another when its type holds; those that leave a state are asked in their order.",
+    "A transition leads from a state to another when its type holds; those of a state are asked in their order.",
     "What else there is: tral fsm states. What is wrong: tral fsm check.",
 )
 

@@ -132,9 +132,9 @@ def layout(
     best: tuple[float, Layout] | None = None
     for order in orders(n, plan.edges, plan.root):
         rank = ranks(n, plan.edges, order)
+        layers, crossed = untangled(plan.graph(rank, ways[0]))  # sizes make no difference to it
         for way in ways:
-            graph = plan.graph(rank, way)
-            found, crossed = _placed(plan, graph, way)
+            found = _placed(plan, plan.graph(rank, way), layers, way)
             cost = max(found.width / _PAGE[0], found.height / _PAGE[1]) + _CROSSING * crossed
             if best is None or cost < best[0]:
                 best = cost, found
@@ -179,9 +179,7 @@ class _Plan:
         sides = [rank[b] > rank[a] if a == state else rank[a] > rank[b] for a, b in self.edges if state in (a, b)]
         arrows = max(sides.count(True), sides.count(False))
         loops = len(self.loops.get(state, ()))
-        return _up(max(along, 40 * loops if way == "right" else 0)), _up(
-            max(across, 2 * GRID * (arrows + 1), 40 * loops if way == "down" else 0), 2 * GRID
-        )
+        return _up(max(along, 4 * GRID * loops)), _up(max(across, 2 * GRID * (arrows + 1)), 2 * GRID)
 
     def graph(self, rank: Sequence[int], way: Direction) -> Graph:
         """The slots for a way to draw it."""
@@ -211,15 +209,14 @@ def _up(length: int, step: int = GRID) -> int:
     return -(-length // step) * step
 
 
-def _placed(plan: _Plan, graph: Graph, way: Direction) -> tuple[Layout, int]:
-    """A layout of a layered graph, and how often arrows cross."""
-    layers, crossed = untangled(graph)
+def _placed(plan: _Plan, graph: Graph, layers: Sequence[Sequence[int]], way: Direction) -> Layout:
+    """A layout of a layered graph whose slots stand in this order."""
     position, ends = places(graph, layers)
     low = min(position[i] - slot.before for i, slot in enumerate(graph.slots))
     shift = _up(_MARGIN - low)
     position = [p + shift for p in position]
     ends = {key: end + shift for key, end in ends.items()}
-    return _Drawing(plan, graph, way, position, ends).layout(), crossed
+    return _Drawing(plan, graph, way, position, ends).layout()
 
 
 class _Drawing:
@@ -266,10 +263,7 @@ class _Drawing:
         slot = self.graph.slots[state]
         begin = self.start[slot.layer] + (self.extent[slot.layer] - slot.along) // (2 * GRID) * GRID
         w, h = self.plan.sizes[state]
-        length = max(_up(w if self.way == "right" else h), 0)
-        loops = len(self.plan.loops.get(state, ()))
-        if self.way == "right":
-            length = max(length, 40 * loops)
+        length = _up(max(w if self.way == "right" else h, 4 * GRID * len(self.plan.loops.get(state, ()))))
         return begin, self.position[state] - slot.before, length, 2 * slot.before
 
     def layout(self) -> Layout:
