@@ -6,11 +6,12 @@ import json
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 from xml.sax.saxutils import escape
 
 from tral_fsm.definition import MachineDefinition, StateSpec, TransitionSpec
-from tral_fsm.draw.layout import Layout, layout
+from tral_fsm.draw.layout import Layout, Route, layout
 from tral_fsm.formats.tral_json import members, state_json
 from tral_fsm.formats.xml_tree import json_text, legal
 
@@ -43,7 +44,7 @@ def dumps(machine: MachineDefinition) -> str:
     Returns:
         XML text, laid out: an arrow for each transition, its ends on the outlines of its states.
     """
-    drawn = layout(machine, bundled=False, state_size=_state_size, label_size=_label_size)
+    drawn = layout(machine, direction="right", bundled=False, state_size=_state_size, label_size=_label_size)
     boxes = [Box(box.x, box.y, box.w, box.h) for box in drawn.boxes]
     found = [element("UMLState", box, _state_text(state)) for box, state in zip(boxes, machine.states, strict=True)]
     found += _root(drawn)
@@ -52,16 +53,47 @@ def dumps(machine: MachineDefinition) -> str:
     for transition, route in zip(machine.transitions, drawn.routes, strict=True):
         order[transition.source] += 1
         number = order[transition.source] if leaving[transition.source] > 1 else None
-        found.append(relation(_transition_text(transition, number), route.points))
+        found.append(_arrow(_transition_text(transition, number), route))
     return diagram(found, _head(machine))
 
 
 def _root(drawn: Layout) -> list[str]:
     """The initial node and its arrow."""
     x, y = drawn.root[0]
-    right = drawn.direction == "right"
-    node = Box(x - _NODE, y - _NODE / 2, _NODE, _NODE) if right else Box(x - _NODE / 2, y - _NODE, _NODE, _NODE)
+    node = Box(x - _NODE, y - _NODE / 2, _NODE, _NODE)
     return [element("UMLSpecialState", node, "type=initial"), relation("lt=->", drawn.root)]
+
+
+def _arrow(text: str, route: Route) -> str:
+    """An arrow whose text stands where the layout has room for it.
+
+    UMLet centres the text on the middle one of the arrow's lines. So that line runs along the room, and as many empty
+    lines as the text has push it above the line, or below for an arrow from a state to itself.
+    """
+    label, points = route.label, [(float(x), float(y)) for x, y in route.points]
+    line, _, rest = text.partition("\n")
+    empty = "\n" * (text.count("\n") + 1)
+    for index, ((x, y), (u, v)) in enumerate(pairwise(points)):
+        begin, end = label.x, label.x + label.w
+        if y == v and 0 <= y - label.y - label.h <= 4 and min(x, u) <= begin and end <= max(x, u):
+            first, last = ((begin, y), (end, y)) if x < u else ((end, y), (begin, y))
+            before, after = _parted([*points[: index + 1], first]), _parted([*reversed(points[index + 1 :]), last])
+            most = max(len(before), len(after))
+            return relation(text + empty, [*_longer(before, most), *reversed(_longer(after, most))])
+    return relation(f"{line}\n{empty}{rest}", points)
+
+
+def _parted(points: list[Point]) -> list[Point]:
+    """Without points that repeat the one before."""
+    return [point for index, point in enumerate(points) if index == 0 or point != points[index - 1]]
+
+
+def _longer(points: list[Point], count: int) -> list[Point]:
+    """The same way with so many points: its first line is halved."""
+    while len(points) < count:
+        (x, y), (u, v) = points[:2] if len(points) > 1 else points * 2
+        points = [points[0], ((x + u) / 2.0, (y + v) / 2.0), *points[1:]]
+    return points
 
 
 def diagram(elements: list[str], text: str = "") -> str:
@@ -96,8 +128,21 @@ def relation(text: str, points: Sequence[Point]) -> str:
 
 def parameters(values: dict[str, Any]) -> str:
     """JSON members, one a line."""
-    lines = [f"{json.dumps(name)}: {json.dumps(value, ensure_ascii=False)}" for name, value in values.items()]
+    lines = [f"{json.dumps(name, ensure_ascii=False)}: {_broken(value)}" for name, value in values.items()]
     return json_text(",\n".join(lines))
+
+
+def _broken(value: Any) -> str:
+    """JSON in which each object of an array has a line of its own."""
+    if isinstance(value, dict):
+        return (
+            "{"
+            + ", ".join(f"{json.dumps(key, ensure_ascii=False)}: {_broken(item)}" for key, item in value.items())
+            + "}"
+        )
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        return "[\n" + ",\n".join(_broken(item) for item in value) + "]"
+    return json.dumps(value, ensure_ascii=False)
 
 
 def state_text(title: str, values: dict[str, Any]) -> str:
@@ -127,7 +172,7 @@ def _state_size(state: StateSpec) -> tuple[int, int]:
 
 
 def _label_size(transitions: Sequence[TransitionSpec], places: Sequence[str]) -> tuple[int, int]:
-    return size("\n".join(_transition_text(transition, 1) for transition in transitions))
+    return size("\n".join(_transition_text(transition, 1) for transition in transitions))  # "lt=->" is not drawn
 
 
 def size(text: str) -> tuple[int, int]:
