@@ -26,6 +26,9 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
+Drawn = tuple[Course, Plan, dict[str, float]]
+"""What is drawn for an episode: the course, its plan, the car's parameters."""
+
 CAMERAS = ("projected", "rendered")
 RESET_OPTIONS = ("course", "car")
 """What ``reset(options=...)`` understands."""
@@ -113,15 +116,22 @@ class Step:
 class Corridor:
     """n cars on n courses."""
 
-    def __init__(self, n: int, config: CorridorConfig, *, nthread: int = 1) -> None:
-        """Build the simulation; `reset` must come first."""
+    def __init__(self, n: int, config: CorridorConfig, *, nthread: int = 1, pool: Pool | None = None) -> None:
+        """Build the simulation; `reset` must come first.
+
+        Args:
+            n: number of cars.
+            config: what they drive.
+            nthread: threads that step them.
+            pool: room for courses of more than one family; None: for those of `config`.
+        """
         self.n, self.config, self._nthread = n, config, nthread
         self.layout = Layout.of(config.groups)
         self._randomization = level(config.randomization)
         fixed = config.fixed_course()
         self._fixed = None if fixed is None else (fixed, build_plan(fixed))
-        pool = Pool.for_scenario(config.scenario) if self._fixed is None else Pool.of(self._fixed[1])
-        self.sim = self._simulation(pool)
+        own = Pool.for_scenario(config.scenario) if self._fixed is None else Pool.of(self._fixed[1])
+        self.sim = self._simulation(own if pool is None else own.union(pool))
         self.track = task.empty_track(n)
         self._started = False
         self._bank: dict[int, tuple[Course, Plan]] = {}
@@ -175,7 +185,20 @@ class Corridor:
         fixed = self._fixed if given is None else (given, build_plan(given))
         if not len(rows):
             return self._parameters()
-        drawn = [self._draw(rngs[row], fixed, cars(int(row))) for row in rows]
+        self.begin(rows, [self._draw(rngs[row], fixed, cars(int(row))) for row in rows], rngs)
+        return self._parameters()
+
+    def begin(self, rows: Index, drawn: Sequence[Drawn], rngs: Sequence[np.random.Generator]) -> None:
+        """Put cars at the start of courses that were drawn already; the first time all cars.
+
+        Args:
+            rows: (k,) which cars.
+            drawn: k courses, their plans and the parameters of the cars.
+            rngs: generator of each of all n rows, for the noise; only those of the rows are used.
+
+        Raises:
+            ConfigError: a course does not fit beside the other rows.
+        """
         self._fit([plan for _, plan, _ in drawn], rows)
         for row, (course, plan, _) in zip(rows, drawn, strict=True):
             self.courses[row], self.plans[row] = course, plan
@@ -183,7 +206,6 @@ class Corridor:
         self.sim.reset(rows, [plan for _, plan, _ in drawn], [car for _, _, car in drawn], rngs)
         self._line_up(rows)
         self._started = True
-        return self._parameters()
 
     def _line_up(self, rows: Index) -> None:
         """Begin the task of the rows anew."""
@@ -210,7 +232,7 @@ class Corridor:
 
     def _draw(
         self, rng: np.random.Generator, fixed: tuple[Course, Plan] | None, randomization: Randomization
-    ) -> tuple[Course, Plan, dict[str, float]]:
+    ) -> Drawn:
         course, plan = self._generate(rng) if fixed is None else fixed
         return course, plan, randomization.draw(rng)
 

@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from lane import Lane
 from typer.testing import CliRunner, Result
 
 import tral_env
@@ -101,10 +100,13 @@ def test_a_course_file_is_driven_under_its_name(driven: tuple[Path, Result]) -> 
         (["courses", "--scenario", "ofice"], "did you mean 'office'?"),
         (["courses", "--out", "a.json"], "a course file holds one course, so --scenario is needed"),
         (["courses", "--out", "a.bmp"], "unknown suffix '.bmp'. Allowed: .png, .json"),
-        (["tune", "--p", "3"], "--p 3: expected LOW:HIGH"),
-        (["tune", "--d", "3:1"], "--d 3:1: expected the lower end first"),
-        (["tune", "--p", "1:inf"], "--p 1:inf: expected finite numbers"),
-        (["tune", "--d", "-1:2"], "d: Input should be greater than or equal to 0"),
+        (["tune", "--params", "*.p=3"], "*.p=3: expected LOW:HIGH"),
+        (["tune", "--params", "*.d=3:1"], "*.d=3:1: expected the lower end first"),
+        (["tune", "--params", "*.p=1:inf"], "*.p=1:inf: expected finite numbers"),
+        (["tune", "--params", "*.d=-1:2"], "state[0].d=-1:2: the definition allows 0 to 1000"),
+        (["tune", "--params", "*.q"], "no parameter of the machine is called '*.q'"),
+        (["tune", "--seeds", "5"], "--seeds 5: expected FIRST:END"),
+        (["tune", "--seeds", "0:8", "--report-seeds", "4:9"], "seeds 4 to 8 are for tuning and for the report"),
         (["tune", "--scenario", "strait"], "did you mean 'straight'?"),
     ],
 )
@@ -203,37 +205,6 @@ def test_courses_are_drawn(arguments: list[str], tmp_path: Path) -> None:
     out = tmp_path / "sheet.png"
     assert tral("courses", *arguments, "--out", out).exit_code == 0
     assert out.read_bytes().startswith(b"\x89PNG")
-
-
-def test_tune_prints_the_table_and_writes_the_sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tral_fsm.tune.gym.make", lambda *_, **__: Lane())
-    arguments = ["--grid", 2, "--episodes", 1, "--p", "1:2", "--d", "0.5:1", "--processes", 1, "--out", tmp_path]
-    result = tral("tune", *arguments)
-    assert result.exit_code == 0
-    report = json.loads((tmp_path / "sweep.json").read_text())
-    assert [(cell["p"], cell["d"]) for cell in report["cells"]] == [(1, 0.5), (1, 1), (2, 0.5), (2, 1)]
-    assert (tmp_path / "sweep.png").exists()
-    assert report["complete"]
-    assert "Best: p = 1, d = 0.5" in result.stdout
-    assert "Clearance RMSE [cm]" in result.stdout
-
-
-def test_a_sweep_that_was_interrupted_keeps_the_pairs_it_has_driven(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made = []
-
-    def make(*_: object, **__: object) -> Lane:
-        made.append(Lane())
-        if len(made) == 3:
-            raise KeyboardInterrupt
-        return made[-1]
-
-    monkeypatch.setattr("tral_fsm.tune.gym.make", make)
-    result = tral("tune", "--grid", 2, "--episodes", 1, "--processes", 1, "--out", tmp_path)
-    assert result.exit_code == 130
-    report = json.loads((tmp_path / "sweep.json").read_text())
-    assert (report["complete"], len(report["cells"])) == (False, 2)
 
 
 def test_the_doctor_finds_the_core_working_and_says_a_remedy_for_all_that_is_not(

@@ -1,0 +1,107 @@
+"""What drives cost, and what a race and a comparison make of it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from courses import drive
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tral_env.errors import ConfigError
+from tral_fsm.tuning.heldout import bootstrap, compare, figures, mean_of, sign_test
+from tral_fsm.tuning.objective import Objective, Weights, parts
+
+
+def test_the_parts_are_what_they_say() -> None:
+    assert parts(drive()) == pytest.approx([0.0, 0.0, 0.03, 1.0, 0.5])
+    assert parts(drive("collision", progress=0.25, time_s=5.0)) == pytest.approx([1.0, 0.75, 0.03, 2.0, 2.0])
+
+
+def test_a_drive_without_a_measured_clearance_pays_nothing_for_it() -> None:
+    assert parts(drive(clearance_rmse=math.nan, clearance_samples=0))[2] == 0.0
+
+
+def test_the_cost_is_the_weighted_sum() -> None:
+    assert Objective().costs([drive()]) == pytest.approx([20 * 0.03 + 0.5 * 1.0 + 0.05 * 0.5])
+    only = Objective(weights=Weights(failure=0, unfinished=0, clearance=0, time=1, steering=0))
+    assert only.cost([drive(time_s=12.0), drive(time_s=14.0)]) == pytest.approx(1.3)
+
+
+def test_failing_later_is_better_and_arriving_best() -> None:
+    early, late, arrived = drive("collision", progress=0.2), drive("collision", progress=0.9), drive()
+    costs = Objective().costs([early, late, arrived])
+    assert costs[0] > costs[1] > costs[2] + 10.0
+
+
+@pytest.mark.parametrize(("pooling", "cost"), [("mean", 2.5), ("worst", 4.0), ("cvar", 3.5)])
+def test_drives_are_pooled_by_their_mean_the_worst_or_the_mean_of_the_worst_half(pooling: str, cost: float) -> None:
+    objective = Objective(pooling=pooling, tail=0.5)  # type: ignore[arg-type]
+    assert objective.pool(np.array([3.0, 1.0, 4.0, 2.0])) == cost
+
+
+@given(st.lists(st.floats(0.0, 100.0), min_size=1, max_size=20))
+def test_cvar_lies_between_mean_and_worst(costs: list[float]) -> None:
+    mean, cvar, worst = (Objective(pooling=name).pool(np.array(costs)) for name in ("mean", "cvar", "worst"))  # type: ignore[arg-type]
+    assert mean <= cvar + 1e-9
+    assert cvar <= worst + 1e-9
+
+
+def test_weights_below_0_are_refused() -> None:
+    with pytest.raises(ConfigError, match=r"Weights.time = -1: expected a finite number, 0 or more"):
+        Weights(time=-1)
+
+
+def test_the_sign_test_is_exact() -> None:
+    assert sign_test(0, 0) == 1.0
+    assert sign_test(0, 5) == pytest.approx(2 / 32)
+    assert sign_test(1, 5) == pytest.approx(2 * (1 + 6) / 64)
+
+
+def test_the_same_drives_are_within_noise() -> None:
+    drives = [drive(seed=k, time_s=10.0 + k) for k in range(20)]
+    same = compare(drives, drives, Objective())
+    assert same.within_noise
+    assert (same.cost.value, same.only_old, same.only_new, same.sign_p) == (0.0, 0, 0, 1.0)
+    assert "within noise" in same.verdict
+
+
+def test_a_gain_on_every_course_is_seen_however_much_courses_differ() -> None:
+    rng = np.random.default_rng(0)
+    hard = rng.uniform(0.01, 0.2, 20)
+    old = [drive(seed=k, clearance_rmse=each + 0.01) for k, each in enumerate(hard)]
+    new = [drive(seed=k, clearance_rmse=each) for k, each in enumerate(hard)]
+    found = compare(old, new, Objective())
+    assert found.clearance_m.value == pytest.approx(-0.01)
+    assert found.clearance_m.high == pytest.approx(-0.01)
+    assert "better" in found.verdict
+    assert "worse" in compare(new, old, Objective()).verdict
+
+
+def test_courses_that_only_one_machine_arrives_on_are_counted() -> None:
+    old = [drive(), drive("collision"), drive("timeout"), drive()]
+    new = [drive(), drive(), drive(), drive("collision")]
+    found = compare(old, new, Objective())
+    assert (found.only_old, found.only_new) == (1, 2)
+    assert found.old.success.value == 0.5
+
+
+def test_the_rmse_of_many_drives_counts_ticks() -> None:
+    long, short = drive(clearance_rmse=0.02, clearance_samples=300), drive(clearance_rmse=0.06, clearance_samples=100)
+    got = figures([long, short], Objective()).clearance_rmse_m.value
+    assert got == pytest.approx(math.sqrt((300 * 0.02**2 + 100 * 0.06**2) / 400))
+
+
+def test_the_bootstrap_interval_of_a_mean_is_near_the_normal_one() -> None:
+    values = np.random.default_rng(1).normal(5.0, 1.0, 100)
+    got = mean_of(values.tolist())
+    half = 1.96 * values.std() / 10
+    assert got.low == pytest.approx(values.mean() - half, abs=0.03)
+    assert got.high == pytest.approx(values.mean() + half, abs=0.03)
+
+
+def test_one_drive_or_none_has_no_interval() -> None:
+    assert bootstrap(lambda index: np.zeros(len(index)), 0).value is None
+    assert mean_of([3.0]).low is None

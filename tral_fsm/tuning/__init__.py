@@ -1,0 +1,11 @@
+"""Tuning: numbers of a machine are searched, on thousands of drives, and checked on courses that are new to them."""
+
+from tral_fsm.tuning.evaluate import Evaluator, Racing, Task
+from tral_fsm.tuning.objective import Objective, Weights
+from tral_fsm.tuning.parameters import apply, find
+from tral_fsm.tuning.study import Progress, Settings, Tuned, check_apart, save, tune
+
+__all__ = [
+    "Evaluator", "Objective", "Progress", "Racing", "Settings", "Task", "Tuned", "Weights", "check_apart", "apply", "find", "save",
+    "tune",
+]  # fmt: skip

@@ -1,0 +1,258 @@
+"""Parameters of a machine by path: which a pattern names, where to look for them, and the machine with other values.
+
+A path is `state[3].p`; for what leaves a state `transition[7].distance` or `transition[7].of[0].below`; in a machine
+within a state `state[outer]/state[3].p`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic import ValidationError
+
+from tral_env.errors import ConfigError, nearest
+from tral_fsm.checks import check
+from tral_fsm.definition import MachineDefinition, Spec, unit_of
+from tral_fsm.tuning.ranges import Span, limits, span_of
+
+Value = float | int | bool | str
+Place = tuple[str | int, ...]
+"""Where a parameter stands in the dumped definition: keys and indices."""
+_NEVER = ("type", "id", "label", "final", "machine", "of", "ids", "hand_over")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Site:
+    """One parameter of a machine."""
+
+    path: str
+    """As `state[3].p`."""
+    names: tuple[str, ...]
+    """All that a pattern may call it: the path, and short names by id and label."""
+    place: Place
+    spec: type[Spec]
+    name: str
+    value: Value | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """What is searched: one number, or one choice, for one or several sites."""
+
+    label: str
+    """Path of its site; of several that share a value the pattern that named them."""
+    sites: tuple[Site, ...]
+    unit: str
+    kind: Literal["float", "int", "choice"]
+    low: float = 0.0
+    high: float = 1.0
+    log: bool = False
+    choices: tuple[Value, ...] = ()
+    start: Value = 0.0
+    """Its value in the machine; of several sites the one in the middle."""
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Paths of its sites."""
+        return tuple(site.path for site in self.sites)
+
+    def record(self) -> dict[str, Any]:
+        """For the files of a study."""
+        ends = {"choices": list(self.choices)} if self.kind == "choice" else {"low": self.low, "high": self.high}
+        return {"label": self.label, "paths": list(self.paths), "unit": self.unit, "kind": self.kind, **ends} | {
+            "log": self.log,
+            "start": self.start,
+        }
+
+
+def sites(machine: MachineDefinition) -> list[Site]:
+    """Every parameter of a machine that could be searched, in the order of the file; those that are null too."""
+    return list(_machine_sites(machine, (), [""]))
+
+
+def _machine_sites(machine: MachineDefinition, place: Place, before: list[str]) -> Iterator[Site]:
+    for k, state in enumerate(machine.states):
+        calls = [f"state[{state.id}]", str(state.id), *([state.label] if state.label else [])]
+        names = [f"{outer}{call}" for outer in before for call in calls]
+        yield from _spec_sites(state, (*place, "states", k), names)
+        inner = getattr(state, "machine", None)
+        if isinstance(inner, MachineDefinition):
+            yield from _machine_sites(inner, (*place, "states", k, "machine"), [f"{name}/" for name in names])
+    for k, transition in enumerate(machine.transitions):
+        names = [f"{outer}transition[{transition.id}]" for outer in before]
+        yield from _spec_sites(transition.when, (*place, "transitions", k, "when"), names)
+
+
+def _spec_sites(spec: Spec, place: Place, names: list[str]) -> Iterator[Site]:
+    for name in type(spec).model_fields:
+        if name not in _NEVER:
+            called = tuple(f"{each}.{name}" for each in names)
+            yield Site(
+                path=called[0],
+                names=called,
+                place=(*place, name),
+                spec=type(spec),
+                name=name,
+                value=getattr(spec, name),
+            )
+    for k, part in enumerate(getattr(spec, "of", ())):
+        yield from _spec_sites(part, (*place, "of", k), [f"{each}.of[{k}]" for each in names])
+
+
+def find(machine: MachineDefinition, patterns: Sequence[str], *, tie: bool = False) -> list[Parameter]:
+    """The parameters that patterns name.
+
+    Args:
+        machine: whose.
+        patterns: paths or short names (`state[3].p`, `3.p`, `follow.p`); `*` stands for anything, so `*.p` for the p of
+            every state, but for transitions only behind `transition`. `=LOW:HIGH` behind it gives a range. Parameters
+            that are null in the machine are passed over unless named alone.
+        tie: all that one pattern names share one value; else each has its own.
+
+    Raises:
+        ConfigError: a pattern names nothing, or what cannot be searched; two patterns name the same.
+    """
+    known = sites(machine)
+    found: list[Parameter] = []
+    taken: dict[str, str] = {}
+    for pattern in patterns:
+        name, ends = _split(pattern)
+        matched = _matching(known, name)
+        for site in matched:
+            if site.path in taken:
+                raise ConfigError(f"{site.path} is named by both '{taken[site.path]}' and '{name}': give it once")
+            taken[site.path] = name
+        groups = [matched] if tie else [[site] for site in matched]
+        found += [_parameter(group, name if len(group) > 1 else group[0].path, ends) for group in groups]
+    if not found:
+        raise ConfigError("no parameters were named: expected paths such as state[0].p or *.p")
+    return found
+
+
+def _split(pattern: str) -> tuple[str, tuple[float, float] | None]:
+    """Name and range of a pattern."""
+    name, equals, span = pattern.strip().partition("=")
+    if not equals:
+        return name, None
+    low, _, high = span.partition(":")
+    try:
+        ends = float(low), float(high)
+    except ValueError:
+        raise ConfigError(f"{pattern}: expected LOW:HIGH behind =, such as {name}=0.5:8") from None
+    if not (math.isfinite(ends[0]) and math.isfinite(ends[1])):
+        raise ConfigError(f"{pattern}: expected finite numbers, such as {name}=0.5:8")
+    if not ends[0] < ends[1]:
+        raise ConfigError(f"{pattern}: expected the lower end first")
+    return name, ends
+
+
+def _matching(known: Sequence[Site], pattern: str) -> list[Site]:
+    regex = re.compile(re.escape(pattern).replace(r"\*", ".*").replace(r"\?", "."))
+    wild = "*" in pattern or "?" in pattern
+    of_transitions = "transition" in pattern
+    here = [site for site in known if of_transitions or not site.path.rpartition("/")[2].startswith("transition")]
+    matched = [site for site in here if any(regex.fullmatch(name) for name in site.names)]
+    if not matched:
+        allowed = [site.names[-1] for site in here if site.value is not None]
+        raise ConfigError(f"no parameter of the machine is called '{pattern}': {nearest(pattern, allowed)}")
+    usable = [site for site in matched if site.value is not None]
+    if not usable:
+        raise ConfigError(f"{matched[0].path} is null in the machine: give it a value there first")
+    if wild:
+        usable = [site for site in usable if _kind(site) == "float"] or usable
+    return usable
+
+
+def _kind(site: Site) -> Literal["float", "int", "choice"]:
+    if isinstance(site.value, bool | str):
+        return "choice"
+    return "int" if isinstance(site.value, int) and _declared(site) is int else "float"
+
+
+def _declared(site: Site) -> Any:
+    return site.spec.model_fields[site.name].annotation
+
+
+def _parameter(group: Sequence[Site], label: str, ends: tuple[float, float] | None) -> Parameter:
+    first = group[0]
+    kinds = {_kind(site) for site in group}
+    if len(kinds) > 1:
+        raise ConfigError(f"'{label}' names numbers and choices together: name them apart")
+    kind = kinds.pop()
+    unit = unit_of(first.spec, first.name)
+    if kind == "choice":
+        choices = _choices(first)
+        return Parameter(
+            label=label, sites=tuple(group), unit=unit, kind=kind, choices=choices, start=first.value or ""
+        )
+    values = sorted(float(site.value) for site in group if site.value is not None)
+    middle = values[len(values) // 2]
+    span = span_of(first.spec, first.name, middle)
+    if ends is not None:
+        lowest, highest = limits(first.spec, first.name)
+        if ends[0] < lowest or ends[1] > highest:
+            raise ConfigError(f"{label}={ends[0]:g}:{ends[1]:g}: the definition allows {lowest:.6g} to {highest:.6g}")
+        span = Span(*ends, log=span is not None and span.log and ends[0] > 0.0)
+    if span is None:
+        raise ConfigError(f"{label} is 0, so its range must be given: {label}=LOW:HIGH")
+    start = min(max(middle, span.low), span.high)
+    return Parameter(
+        label=label,
+        sites=tuple(group),
+        unit=unit,
+        kind=kind,
+        low=span.low,
+        high=span.high,
+        log=span.log,
+        start=round(start) if kind == "int" else start,
+    )
+
+
+def _choices(site: Site) -> tuple[Value, ...]:
+    declared = _declared(site)
+    if declared is bool:
+        return (False, True)
+    if get_origin(declared) is Literal:
+        return tuple(get_args(declared))
+    raise ConfigError(f"{site.path} = {site.value!r} is neither a number nor one of a few words: it cannot be searched")
+
+
+def apply(machine: MachineDefinition, parameters: Sequence[Parameter], values: Sequence[Value]) -> MachineDefinition:
+    """The machine with other values.
+
+    Args:
+        machine: as it is.
+        parameters: what is changed.
+        values: as many.
+
+    Raises:
+        ConfigError: the definition does not allow them.
+    """
+    changes = {
+        site.place: value for parameter, value in zip(parameters, values, strict=True) for site in parameter.sites
+    }
+    try:
+        changed: MachineDefinition = _rebuilt(machine, changes)
+    except ValidationError as error:
+        faults = "; ".join(f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors())
+        raise ConfigError(f"these values cannot be used: {faults}") from error
+    problems = check(changed)
+    if problems:
+        raise ConfigError(f"these values cannot be used: {problems[0]}")
+    return changed
+
+
+def _rebuilt(part: Any, changes: Mapping[Place, Value]) -> Any:
+    """A part of a definition with the changes inside it; places are counted from the part."""
+    if () in changes:
+        return changes[()]
+    heads = {place[0] for place in changes}
+    inside = {head: {place[1:]: value for place, value in changes.items() if place[0] == head} for head in heads}
+    if isinstance(part, tuple):
+        return tuple(_rebuilt(item, inside[k]) if k in inside else item for k, item in enumerate(part))
+    updated = {name: _rebuilt(getattr(part, str(name)), inner) for name, inner in inside.items()}
+    return type(part)(**{name: getattr(part, name) for name in type(part).model_fields} | updated)

@@ -1,0 +1,95 @@
+"""Where to look for a parameter: sensible ends and scale, by its name, within the limits of the definition."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from annotated_types import Ge, Gt, Le, Lt
+
+from tral_fsm.definition import Spec
+
+
+@dataclass(frozen=True)
+class Span:
+    """Ends and scale of a search."""
+
+    low: float
+    high: float
+    log: bool = False
+    """Steps are factors, not sums: for gains and lengths, whose order of size is what matters."""
+
+
+SPANS = {
+    "p": Span(0.2, 20.0, True),
+    "i": Span(0.01, 2.0, True),
+    "d": Span(0.05, 20.0, True),
+    "speed": Span(0.3, 1.6),
+    "slow_speed": Span(0.2, 1.0),
+    "throttle": Span(0.12, 0.6),
+    "clearance": Span(0.3, 1.2),
+    "steering_trim": Span(-0.25, 0.25),
+    "steering": Span(-1.0, 1.0),
+    "learn_trim": Span(0.02, 2.0, True),
+    "max_error": Span(0.05, 1.0, True),
+    "max_angle_deg": Span(5.0, 22.0),
+    "max_rate": Span(0.1, 2.0, True),
+    "ignore_jump": Span(0.01, 0.2, True),
+    "slow_front": Span(0.6, 4.0),
+    "length": Span(0.15, 1.5, True),
+    "slope": Span(0.05, 0.8, True),
+    "above": Span(0.3, 4.0),
+    "below": Span(0.3, 4.0),
+}
+"""By name. Source: choice; a gain of 20 answers one step of the ultrasonic's jitter with a sixth of full lock."""
+_FACTOR = 4.0
+"""What has no span is looked for between a quarter of its value and four times it."""
+_ABOVE = 1.0 + 1e-6
+
+
+def limits(spec: type[Spec], name: str) -> tuple[float, float]:
+    """What the definition allows for a parameter; an end that is not allowed itself is moved by a millionth."""
+    low, high = -math.inf, math.inf
+    for limit in spec.model_fields[name].metadata:
+        if isinstance(limit, Ge):
+            low = float(limit.ge)  # type: ignore[arg-type]
+        elif isinstance(limit, Gt):
+            low = _past(float(limit.gt), 1.0)  # type: ignore[arg-type]
+        elif isinstance(limit, Le):
+            high = float(limit.le)  # type: ignore[arg-type]
+        elif isinstance(limit, Lt):
+            high = _past(float(limit.lt), -1.0)  # type: ignore[arg-type]
+    return low, high
+
+
+def _past(end: float, sign: float) -> float:
+    return end + sign * max(abs(end), 1.0) * (_ABOVE - 1.0)
+
+
+def span_of(spec: type[Spec], name: str, value: float) -> Span | None:
+    """Where to look for a parameter that has a value now; None: nobody can say, as its value is 0.
+
+    A spec says it itself with ``json_schema_extra={"tune": [low, high]}``; else `SPANS` does. The span is widened to
+    hold the value, so that what is there now is never out of reach, and narrowed to what the definition allows.
+    """
+    own = _own_span(spec.model_fields[name].json_schema_extra)
+    span = own or SPANS.get(name)
+    if span is None and value == 0.0:
+        return None
+    if span is None:
+        ends = sorted((value / _FACTOR, value * _FACTOR))
+        span = Span(ends[0], ends[1], log=value > 0.0)
+    lowest, highest = limits(spec, name)
+    low, high = span.low, span.high
+    if value > 0.0 or not span.log:  # 0 has no place on a scale of factors
+        low, high = min(low, value), max(high, value)
+    return Span(max(low, lowest), min(high, highest), span.log)
+
+
+def _own_span(extra: Any) -> Span | None:
+    ends = extra.get("tune") if isinstance(extra, dict) else None
+    if ends is None:
+        return None
+    low, high = float(ends[0]), float(ends[1])
+    return Span(low, high, log=low > 0.0 and high / low >= 10.0)

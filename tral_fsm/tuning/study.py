@@ -1,0 +1,381 @@
+"""A search from beginning to end: generations until the budget is spent, finals, and the held-out check."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tral_env.errors import ConfigError
+from tral_fsm import library
+from tral_fsm.definition import MachineDefinition
+from tral_fsm.fleet import Drive
+from tral_fsm.formats import by_suffix, write
+from tral_fsm.tuning.evaluate import Course, Evaluator, Racing, Scored, Task
+from tral_fsm.tuning.heldout import Comparison, compare
+from tral_fsm.tuning.journal import Journal
+from tral_fsm.tuning.objective import Objective, parts
+from tral_fsm.tuning.optuna_search import OBJECTIVES, OptunaSearch, front
+from tral_fsm.tuning.parameters import Parameter, apply, find
+from tral_fsm.tuning.search import CmaSearch, Search, Trial, Values
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How to search."""
+
+    budget: int = 3000
+    """Drives that the search may cost; the last generation is finished. Finals and held-out check come on top."""
+    sampler: str = "cmaes"
+    """"cmaes", or one of Optuna's: "tpe", "nsga2", "random"."""
+    objectives: tuple[str, ...] = ()
+    """With "nsga2": two or more of "clearance", "time", "steering", for a Pareto front."""
+    population: int | None = None
+    """Candidates in a generation."""
+    racing: Racing = field(default_factory=Racing)
+    finalists: int = 4
+    """So many of the best drive again, on courses of their own, so that the luckiest does not win."""
+    final_seeds: int | None = None
+    """How many seeds the finals have, next to those of the search; None: twice as many."""
+    report_seeds: tuple[int, ...] = tuple(range(500, 600))
+    """Of the held-out check; none: no check."""
+    seed: int = 0
+    """Of the sampler."""
+
+    def __post_init__(self) -> None:
+        for name in ("budget", "finalists", "final_seeds"):
+            value = getattr(self, name)
+            if value is None:
+                continue
+            if not isinstance(value, int) or value < 1:
+                raise ConfigError(f"{name} = {value!r}: expected a whole number, 1 or more")
+        if self.population is not None and self.population < 4:
+            raise ConfigError(f"population = {self.population!r}: expected 4 or more")
+        for name in self.objectives:
+            if name not in OBJECTIVES:
+                raise ConfigError(f"unknown objective '{name}'. Allowed: {', '.join(OBJECTIVES)}")
+        if self.objectives and self.sampler != "nsga2":
+            raise ConfigError(f"objectives = {','.join(self.objectives)}: several need the sampler nsga2")
+        if len(self.objectives) == 1:
+            raise ConfigError(f"objectives = {self.objectives[0]}: expected two or more, or none")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """Where a search is."""
+
+    generation: int
+    drives: int
+    budget: int
+    best: Trial
+    old: Trial
+
+
+@dataclass(kw_only=True)
+class Tuned:
+    """What a search has found."""
+
+    old: MachineDefinition
+    new: MachineDefinition
+    parameters: list[Parameter]
+    values: Values | None
+    """Of the parameters in `new`; None: the old machine was not beaten."""
+    old_trial: Trial
+    trials: list[Trial]
+    generations: list[int]
+    """Trials in each generation."""
+    front: list[Trial] = field(default_factory=list)
+    finals: list[tuple[Values | None, float]] = field(default_factory=list)
+    """Who drove in the finals and their cost there; None: the old machine."""
+    old_drives: list[Drive] = field(default_factory=list)
+    new_drives: list[Drive] = field(default_factory=list)
+    """On the held-out courses."""
+    comparison: Comparison | None = None
+    complete: bool = False
+    seconds: float = 0.0
+
+    def record(self) -> dict[str, Any]:
+        """As plain values."""
+        return {
+            "complete": self.complete,
+            "parameters": [each.record() for each in self.parameters],
+            "values": None if self.values is None else list(self.values),
+            "old": self.old_trial.record(),
+            "best": None if not self.trials else best_of(self.trials).record(),
+            "trials": len(self.trials),
+            "drives": sum(each.drives for each in self.trials),
+            "seconds": round(self.seconds, 1),
+            "front": [each.record() for each in self.front],
+            "finals": [{"values": None if v is None else list(v), "cost": cost} for v, cost in self.finals],
+            "held_out": None if self.comparison is None else self.comparison.record(),
+        }
+
+
+def best_of(trials: Sequence[Trial]) -> Trial:
+    """The cheapest of those that drove all courses."""
+    return min((each for each in trials if each.full), key=lambda each: each.cost)
+
+
+class Study:
+    """One search."""
+
+    def __init__(
+        self,
+        machine: MachineDefinition,
+        parameters: list[Parameter],
+        task: Task,
+        objective: Objective,
+        settings: Settings,
+        *,
+        out: Path | None = None,
+        resume: bool = False,
+        storage: str | None = None,
+    ) -> None:
+        """Prepare; see `tune` for the arguments."""
+        self.machine, self.parameters, self.task = machine, parameters, task
+        self.objective, self.settings, self.out = objective, settings, out
+        header = self.header()
+        self.shared: OptunaSearch | None = None
+        self.search: Search
+        if settings.sampler == "cmaes":
+            if storage is not None:
+                raise ConfigError("--storage is Optuna's: choose --sampler tpe, nsga2 or random with it")
+            self.search = CmaSearch(parameters, seed=settings.seed, population=settings.population)
+        else:
+            self.search = self.shared = OptunaSearch(
+                parameters,
+                settings.sampler,
+                seed=settings.seed,
+                population=settings.population,
+                objectives=settings.objectives,
+                weights=objective.weights,
+                storage=storage,
+                header=header,
+            )
+        self.in_storage = storage is not None
+        self.journal = Journal(None if self.in_storage else out, header, resume=resume and not self.in_storage)
+        for trials in self.journal.generations:
+            self._replay(trials)
+
+    def _replay(self, trials: list[Trial]) -> None:
+        """Tell the searcher what is known already."""
+        asked = self.search.ask()
+        if [each.values for each in trials] != asked:
+            raise ConfigError(
+                f"{self.journal.path}: the study was written by another version of the sampler: begin a new one"
+            )
+        self.search.tell(trials)
+
+    def header(self) -> dict[str, Any]:
+        """All that decides what a search finds; the budget may grow."""
+        settings = self.settings
+        whole = {
+            "machine": write(self.machine, "json"),
+            "parameters": [each.record() for each in self.parameters],
+            "task": self.task.record(),
+            "weights": self.objective.weights.record(),
+            "pooling": [self.objective.pooling, self.objective.tail],
+            "racing": [settings.racing.share, settings.racing.keep],
+            "sampler": [settings.sampler, settings.seed, settings.population, list(settings.objectives)],
+        }
+        plain: dict[str, Any] = json.loads(json.dumps(whole))
+        return plain
+
+    @property
+    def trials(self) -> list[Trial]:
+        """All candidates so far."""
+        if self.in_storage and self.shared is not None:
+            return self.shared.trials
+        return [each for generation in self.journal.generations for each in generation]
+
+    def generation(self, evaluator: Evaluator) -> list[Trial]:
+        """Ask, drive, tell."""
+        asked = self.search.ask()
+        machines = [apply(self.machine, self.parameters, values) for values in asked]
+        racing = Racing(keep=1.0) if self.settings.objectives else self.settings.racing
+        scored = evaluator.race(machines, self.task.courses, self.objective, racing)
+        trials = [_trial(values, each) for values, each in zip(asked, scored, strict=True)]
+        self.search.tell(trials)
+        self.journal.add(trials)
+        return trials
+
+
+def _trial(values: Values, scored: Scored) -> Trial:
+    return Trial(
+        values=values,
+        cost=scored.cost,
+        full=scored.full,
+        drives=len(scored.drives),
+        successes=sum(drive.success for drive in scored.drives),
+        parts=tuple(np.mean([parts(drive) for drive in scored.drives], axis=0).tolist()),
+    )
+
+
+def tune(
+    machine: MachineDefinition | str | Path,
+    params: Sequence[str],
+    task: Task,
+    *,
+    objective: Objective | None = None,
+    settings: Settings | None = None,
+    tie: bool = False,
+    processes: int | None = None,
+    out: Path | None = None,
+    resume: bool = False,
+    storage: str | None = None,
+    origin: str = "tral_fsm.tuning.tune",
+    on_progress: Callable[[Progress], None] | None = None,
+) -> Tuned:
+    """Search numeric parameters of a machine; the same as `tral tune`.
+
+    Args:
+        machine: a definition, the name of a packaged machine, or a file.
+        params: patterns of parameters, see `parameters.find`.
+        task: on what candidates are tried.
+        objective: what a drive costs, and how drives are pooled.
+        settings: how to search.
+        tie: what one pattern names shares one value.
+        processes: how many work; None: one a processor. The result does not depend on it.
+        out: folder of study.jsonl and machine.json, both up to date after each generation; None: no files.
+        resume: go on with the study in `out`.
+        storage: URL of a database or path of a journal file that other processes may work on too.
+        origin: command, for the description of the machine.
+        on_progress: called after each generation.
+
+    Returns:
+        What was found. Where it was interrupted (KeyboardInterrupt), that is passed on, and `out` has what was found.
+
+    Raises:
+        ConfigError: anything that cannot be used.
+        MachineError: the machine cannot be read or run.
+        MissingExtraError: a sampler of Optuna without the extra `tune`.
+    """
+    definition = machine if isinstance(machine, MachineDefinition) else library.load(machine)
+    objective, settings = objective or Objective(), settings or Settings()
+    check_apart(task, settings)
+    parameters = find(definition, list(params), tie=tie)
+    study = Study(definition, parameters, task, objective, settings, out=out, resume=resume, storage=storage)
+    began = time.perf_counter()
+    with Evaluator(task, processes=processes or os.cpu_count() or 1) as evaluator:
+        tuned = _search(study, evaluator, origin, on_progress)
+        _finals(study, tuned, evaluator)
+    if settings.report_seeds:
+        _hold_out(study, tuned, processes or os.cpu_count() or 1)
+    tuned.complete, tuned.seconds = True, time.perf_counter() - began
+    if out is not None:
+        save(tuned, out / "machine.json", origin)
+    return tuned
+
+
+def check_apart(task: Task, settings: Settings) -> None:
+    """Courses of the report must be new.
+
+    Raises:
+        ConfigError: they are not.
+    """
+    both = sorted({*task.seeds, *final_seeds(task, settings)} & {*settings.report_seeds})
+    if both:
+        raise ConfigError(
+            f"seeds {both[0]} to {both[-1]} are for tuning and for the report: choose other --report-seeds"
+        )
+
+
+def final_seeds(task: Task, settings: Settings) -> tuple[int, ...]:
+    """Seeds of the finals: next to those of the search."""
+    after = max(task.seeds) + 1
+    count = 2 * len(task.seeds) if settings.final_seeds is None else settings.final_seeds
+    return tuple(range(after, after + count))
+
+
+def _search(study: Study, evaluator: Evaluator, origin: str, on_progress: Callable[[Progress], None] | None) -> Tuned:
+    """Generations until the budget is spent."""
+    task, settings = study.task, study.settings
+    (old,) = evaluator.race([study.machine], task.courses, study.objective, Racing(keep=1.0))
+    old_trial = _trial((), old)
+    while True:
+        trials = study.trials
+        drives = sum(each.drives for each in trials)
+        if any(each.full for each in trials):
+            best = best_of(trials)
+            tuned = _found(study, best.values, old_trial, trials)
+            if study.out is not None:
+                save(tuned, study.out / "machine.json", origin)
+            if on_progress is not None:
+                count = len(study.journal.generations)
+                on_progress(Progress(generation=count, drives=drives, budget=settings.budget, best=best, old=old_trial))
+            if drives >= settings.budget:
+                return tuned
+        study.generation(evaluator)
+
+
+def _found(study: Study, values: Values | None, old_trial: Trial, trials: list[Trial]) -> Tuned:
+    new = study.machine if values is None else apply(study.machine, study.parameters, values)
+    return Tuned(
+        old=study.machine,
+        new=new,
+        parameters=study.parameters,
+        values=values,
+        old_trial=old_trial,
+        trials=trials,
+        generations=[len(each) for each in study.journal.generations],
+        front=front(trials, study.settings.objectives or OBJECTIVES),
+    )
+
+
+def _finals(study: Study, tuned: Tuned, evaluator: Evaluator) -> None:
+    """The best of the search and the old machine once more, on courses that are new to all of them."""
+    ranked = sorted((each for each in tuned.trials if each.full), key=lambda each: each.cost)
+    values: list[Values | None] = [None]
+    for each in ranked:
+        if each.values not in values and len(values) <= study.settings.finalists:
+            values.append(each.values)
+    seeds = final_seeds(study.task, study.settings)
+    courses: list[Course] = [(scenario, seed) for seed in seeds for scenario in study.task.scenarios]
+    machines = [study.machine if each is None else apply(study.machine, study.parameters, each) for each in values]
+    costs = [study.objective.cost(drives) for drives in evaluator.on_courses(machines, courses)]
+    tuned.finals = list(zip(values, costs, strict=True))
+    tuned.values, _ = min(tuned.finals, key=lambda each: each[1])
+    tuned.new = machines[values.index(tuned.values)]
+
+
+def _hold_out(study: Study, tuned: Tuned, processes: int) -> None:
+    """Old and new on the courses of the report, to the time limit."""
+    task = Task(
+        scenarios=study.task.scenarios,
+        seeds=study.settings.report_seeds,
+        randomization=study.task.randomization,
+        camera=study.task.camera,
+        stuck_s=None,
+    )
+    with Evaluator(task, processes=processes) as evaluator:
+        tuned.old_drives, tuned.new_drives = evaluator.on_courses([tuned.old, tuned.new], task.courses)
+    tuned.comparison = compare(tuned.old_drives, tuned.new_drives, study.objective)
+
+
+def described(tuned: Tuned, origin: str) -> MachineDefinition:
+    """The new machine; its description says where its numbers come from."""
+    if tuned.values is None:
+        return tuned.new
+    pairs = zip(tuned.parameters, tuned.values, strict=True)
+    numbers = ", ".join(f"{each.label} = {value}" for each, value in pairs)
+    note = f"Tuned by `{origin}` (tral-env {metadata.version('tral-env')}): {numbers}."
+    text = tuned.old.description.split(" Tuned by `")[0]
+    return tuned.new.model_copy(update={"description": f"{text} {note}".strip()})
+
+
+def save(tuned: Tuned, path: Path, origin: str) -> None:
+    """Write the new machine, in the format of the suffix.
+
+    Raises:
+        MachineError: no format has this suffix.
+    """
+    part = path.with_name(f"{path.name}.part")
+    part.write_text(write(described(tuned, origin), by_suffix(path.suffix)), encoding="utf-8")
+    part.replace(path)
