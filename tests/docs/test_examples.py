@@ -34,6 +34,8 @@ LITERAL = (
     "tral print board --out board.pdf",
     "tral print gate 3 --out gate.pdf",
     "tral print marker 40 41 42 --out turns.svg",
+    "tral fsm convert office office.uxf",
+    "tral fsm convert office office.mmd",
     "ruff format --check .",
     "ruff check .",
     "mypy",

@@ -1,6 +1,7 @@
 """All formats give the same definition, and lose nothing."""
 
 import json
+import re
 
 import pytest
 from any_machine import machines
@@ -30,6 +31,13 @@ def test_the_formats_that_are_read_and_written() -> None:
 def test_every_packaged_machine_is_the_same_in_every_format(name: str, machine: str) -> None:
     definition = load_machine(machine)
     assert again(definition, name) == definition
+
+
+@pytest.mark.parametrize("machine", machine_names())
+def test_ends_of_written_arrows_are_where_they_are_drawn(machine: str) -> None:
+    text, count = re.subn(r'^"(from|to)": .*\n', "", write(load_machine(machine), "uxf"), flags=re.MULTILINE)
+    assert count == 2 * len(load_machine(machine).transitions)
+    assert read(text, "drawn") == load_machine(machine)
 
 
 @pytest.mark.parametrize("name", [*THERE_AND_BACK, "xml2json"])
