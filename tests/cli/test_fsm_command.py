@@ -1,0 +1,229 @@
+"""`tral fsm`: exit codes, messages, files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from tral_fsm import load_machine, machine_names
+from tral_fsm.cli import app
+from tral_fsm.definition import CONDITIONS, STATES
+
+BAD = """{"root": 0, "states": [
+  {"id": 0, "type": "FolowWall", "speed": 0.5},
+  {"id": 1, "type": "Motor", "speed": 99}
+]}"""
+
+
+def tral(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["fsm", *(str(argument) for argument in arguments)])
+
+
+def flat(text: str) -> str:
+    return " ".join(text.split())
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def bad(folder: Path) -> Path:
+    (folder / "bad.json").write_text(BAD)
+    return Path("bad.json")
+
+
+def test_packaged_machines_are_fine() -> None:
+    result = tral("check", *machine_names())
+    assert result.exit_code == 0
+    assert "gate: fine: 4 states, 4 transitions\n" in result.stdout
+    assert result.stderr == ""
+
+
+def test_a_bad_file_exits_with_1_and_all_problems_each_with_file_and_place(bad: Path) -> None:
+    result = tral("check", "gate", bad)
+    assert result.exit_code == 1
+    assert result.stdout == "gate: fine: 4 states, 4 transitions\n"
+    lines = result.stderr.splitlines()
+    assert len(lines) == 2
+    assert lines[0].startswith("bad.json: /states/0/type: ")
+    assert "did you mean 'FollowWall'?" in lines[0]
+    assert lines[1].startswith("bad.json: /states/1/speed: ")
+
+
+def test_a_file_that_is_not_there_exits_with_2_and_the_others_are_told_all_the_same(bad: Path) -> None:
+    result = tral("check", "nowhere.json", bad)
+    assert result.exit_code == 2
+    assert result.stderr.startswith("nowhere.json: cannot be read: No such file")
+    assert "bad.json: /states/0/type" in result.stderr
+
+
+def test_json_is_one_object_and_nothing_else(bad: Path) -> None:
+    result = tral("check", "--json", "gate", bad)
+    assert result.exit_code == 1
+    assert result.stderr == ""
+    report = json.loads(result.stdout)
+    assert report["ok"] is False
+    assert [(entry["file"], entry["ok"]) for entry in report["files"]] == [("gate", True), ("bad.json", False)]
+    assert [p["pointer"] for p in report["files"][1]["problems"]] == ["/states/0/type", "/states/1/speed"]
+
+
+def test_without_a_file_it_is_bad_usage() -> None:
+    assert tral("check").exit_code == 2
+
+
+@pytest.mark.parametrize("suffix", ["json", "uxf", "scxml"])
+def test_what_is_converted_is_the_same_machine(suffix: str) -> None:
+    assert tral("convert", "gate", f"mine.{suffix}").exit_code == 0
+    assert load_machine(f"mine.{suffix}") == load_machine("gate")
+
+
+@pytest.mark.parametrize(("suffix", "start"), [("mmd", "---"), ("puml", "@startuml")])
+def test_pages_are_drawn_from_text(suffix: str, start: str) -> None:
+    assert tral("convert", "gate", f"mine.{suffix}").exit_code == 0
+    assert Path(f"mine.{suffix}").read_text().startswith(start)
+
+
+def test_the_format_may_be_named() -> None:
+    assert tral("convert", "gate", "gate.txt", "--to", "mermaid").exit_code == 0
+    assert "stateDiagram-v2" in Path("gate.txt").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["convert", "gate", "gate.dot"], "gate.dot: got suffix '.dot': "),
+        (["convert", "gate", "gate.json", "--to", "scmxl"], "--to scmxl: did you mean 'scxml'? Allowed: json, uxf"),
+        (["convert", "gate", "gate.json", "--to", "xml2json"], "--to xml2json: "),
+        (["convert", "gatte", "gate.json"], "did you mean 'gate'?"),
+        (["convert", "nowhere.uxf", "gate.json"], "nowhere.uxf: cannot be read"),
+        (["convert", "gate", ".", "--to", "json"], ".: is a folder"),
+        (["draw", "gate", "-o", "gate.gif"], "--out gate.gif: got suffix '.gif': "),
+        (["draw", "gate"], "Missing option"),
+        (["new", "mine.puml"], "mine.puml: got suffix '.puml': "),
+        (["states", "Folow"], "unknown state or condition 'Folow': did you mean 'FollowWall'?"),
+    ],
+)
+def test_bad_usage_is_said_in_a_line_exits_with_2_and_leaves_no_file(
+    arguments: list[str], message: str, folder: Path
+) -> None:
+    result = tral(*arguments)
+    assert result.exit_code == 2
+    assert message in flat(result.stderr)
+    assert result.stdout == ""
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("arguments", [["convert", "bad.json", "kept.uxf"], ["draw", "bad.json", "-o", "kept.svg"]])
+def test_a_bad_file_replaces_nothing(arguments: list[str], bad: Path, folder: Path) -> None:
+    kept = folder / arguments[-1]
+    kept.write_text("mine")
+    result = tral(*arguments)
+    assert result.exit_code == 1
+    assert "bad.json: 2 problems" in flat(result.stderr)
+    assert kept.read_text() == "mine"
+    assert sorted(path.name for path in folder.iterdir()) == sorted(["bad.json", kept.name])
+
+
+def test_a_file_is_converted_onto_itself(folder: Path) -> None:
+    tral("convert", "gate", "mine.json")
+    assert tral("convert", "mine.json", "mine.json").exit_code == 0
+    assert load_machine("mine.json") == load_machine("gate")
+    assert [path.name for path in folder.iterdir()] == ["mine.json"]
+
+
+def test_a_folder_that_cannot_be_made_is_said(folder: Path) -> None:
+    (folder / "file").write_text("")
+    result = tral("convert", "gate", "file/gate.json")
+    assert result.exit_code == 2
+    assert flat(result.stderr).startswith("Error: file/gate.json: cannot be written")
+
+
+def test_pictures_are_drawn_by_suffix(folder: Path) -> None:
+    assert tral("draw", "gate", "-o", "deep/gate.svg").exit_code == 0
+    assert tral("draw", "gate", "-o", "gate.PNG").exit_code == 0
+    assert ET.parse("deep/gate.svg").getroot().tag.endswith("svg")
+    assert Path("gate.PNG").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_direction_may_be_chosen() -> None:
+    size = {}
+    for direction in ("right", "down"):
+        tral("draw", "gate", "-o", "gate.svg", "--direction", direction)
+        root = ET.parse("gate.svg").getroot()
+        size[direction] = int(root.attrib["width"]) > int(root.attrib["height"])
+    assert size == {"right": True, "down": False}
+
+
+@pytest.mark.parametrize("name", ["mine", "mine.json", "mine.uxf", "mine.scxml"])
+def test_a_new_machine_is_fine_and_named(name: str) -> None:
+    result = tral("new", name)
+    path = name if "." in name else f"{name}.json"
+    assert f"tral drive --policy {path}" in result.stdout
+    assert tral("check", path).exit_code == 0
+    machine = load_machine(path)
+    assert machine.name == "mine"
+    assert "tral fsm states" in machine.description
+    assert all(state.label for state in machine.states)
+
+
+def test_a_new_machine_replaces_a_file_only_by_force() -> None:
+    Path("mine.json").write_text("all my work")
+    result = tral("new", "mine")
+    assert result.exit_code == 2
+    assert "mine.json: is there already" in flat(result.stderr)
+    assert Path("mine.json").read_text() == "all my work"
+    assert tral("new", "mine", "--force").exit_code == 0
+    assert load_machine("mine.json").name == "mine"
+
+
+@pytest.mark.parametrize("policy", ["mine.json", "mine.uxf"])
+def test_a_new_machine_drives(policy: str) -> None:
+    tral("new", policy)
+    arguments = ["drive", "--policy", policy, "--scenario", "straight", "--seed", "3", "--camera", "projected"]
+    result = CliRunner().invoke(app, [*arguments, "--no-video", "--json"])
+    assert result.exit_code == 0
+    assert json.loads(result.stdout)["figures"]["successes"] == 1
+
+
+def test_the_catalogue_lists_every_type() -> None:
+    result = tral("states")
+    assert result.exit_code == 0
+    assert all(name in result.stdout for name in [*STATES, *CONDITIONS])
+
+
+def test_the_catalogue_as_json_has_every_parameter() -> None:
+    report: dict[str, Any] = json.loads(tral("states", "--json").stdout)
+    for kind, known in (("states", STATES), ("conditions", CONDITIONS)):
+        assert [entry["type"] for entry in report[kind]] == list(known)
+        for entry in report[kind]:
+            names = [name for name in known[entry["type"]].model_fields if name not in ("type", "id")]
+            assert [parameter["name"] for parameter in entry["parameters"]] == names
+
+
+def test_one_type_in_detail_whatever_its_case() -> None:
+    entry = json.loads(tral("states", "followwallramp", "--json").stdout)["states"][0]
+    assert (entry["type"], entry["finishable"], entry["targetable"]) == ("FollowWallRamp", True, True)
+    target = next(parameter for parameter in entry["parameters"] if parameter["name"] == "target")
+    assert target == {
+        "name": "target", "description": "clearance at the end", "unit": "m", "required": False, "default": 0.5,
+        "exclusiveMinimum": 0.0, "maximum": 5.0,
+    }  # fmt: skip
+    shown = flat(tral("states", "FollowWallRamp").stdout)
+    assert "It can be handed a target." in shown
+    assert "target 0.5 m > 0, ≤ 5 clearance at the end" in shown
+
+
+def test_a_parameter_without_default_is_called_required() -> None:
+    assert "seconds required s" in flat(tral("states", "Timer").stdout)
+
+
+def test_a_type_without_parameters_says_so() -> None:
+    assert "It has no parameters." in tral("states", "Always").stdout
