@@ -6,9 +6,11 @@ from importlib.resources import files
 from pathlib import Path
 
 from tral_env.errors import MachineError, nearest
+from tral_fsm import formats
 from tral_fsm.checks import FormatError, check_inner
 from tral_fsm.definition import MachineDefinition
 from tral_fsm.formats import FORMATS, read_file, tral_json
+from tral_fsm.formats.plain import located
 
 SUFFIXES = tuple(dict.fromkeys(suffix for entry in FORMATS.values() if entry.reads for suffix in entry.suffixes))
 """Files that can be read."""
@@ -38,7 +40,8 @@ def load(name_or_path: str | Path) -> MachineDefinition:
     definition = _read(name_or_path)
     problems = check_inner(definition, names(), _read, (str(name_or_path),))
     if problems:
-        raise FormatError(str(name_or_path), problems)
+        places = {} if str(name_or_path) in names() else formats.places(Path(name_or_path))
+        raise FormatError(str(name_or_path), [located(problem, places) for problem in problems])
     return definition
 
 

@@ -7,7 +7,7 @@ alike, and all give the same definition.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -143,6 +143,15 @@ def _plain(text: str, suffix: str, problems: Problems) -> Plain:
     raise xml_tree.XMLError(f"got <{root.tag[:60]}> as the outermost element: {expected}")
 
 
+def places(path: Path) -> Mapping[str, str]:
+    """JSON pointer -> where that stands in a file that can be read, in words; empty for TRAL JSON.
+
+    Raises:
+        MachineError: it cannot be opened.
+    """
+    return _plain(_decoded(_content(path)), path.suffix, Problems()).places
+
+
 def read_file(path: Path) -> MachineDefinition:
     """Read a file in any format that can be read.
 
@@ -150,9 +159,13 @@ def read_file(path: Path) -> MachineDefinition:
         MachineError: it cannot be opened.
         FormatError: it is no machine that can run.
     """
+    return read(_content(path), str(path), path.suffix)
+
+
+def _content(path: Path) -> bytes:
+    """No more of a file than is needed to see that it is too large."""
     try:
         with path.open("rb") as file:
-            content = file.read(LARGEST + 1)
+            return file.read(LARGEST + 1)
     except OSError as error:
         raise MachineError(f"{path}: cannot be read: {error.strerror}") from error
-    return read(content, str(path), path.suffix)

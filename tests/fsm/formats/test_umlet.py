@@ -2,12 +2,13 @@
 
 import json
 import re
+from pathlib import Path
 from typing import Any
 
 import pytest
 from to_json import xml2json
 
-from tral_fsm import FormatError, MachineDefinition
+from tral_fsm import FormatError, MachineDefinition, load_machine
 from tral_fsm.formats import read, write
 
 STATES = {"go": (0, 0, 100, 60), "rest": (300, 0, 100, 60)}
@@ -232,6 +233,12 @@ class TestTold:
         inner = {"root": 0, "states": [{"id": 0, "type": "Stop"}, {"id": 0, "type": "Stop"}]}
         told = problems(diagram(state("go", f"id: 0\ntype: FSMState\nmachine: {json.dumps(inner)}"), ROOT))
         assert "UMLState 'go' (element 1) /machine/states/1/id: got id 0, which /states/0 has already" in told
+
+    def test_an_unknown_inner_machine_names_the_state_that_holds_it(self, tmp_path: Path) -> None:
+        path = tmp_path / "my.uxf"
+        path.write_text(diagram(state("go", "id: 0\ntype: FSMState\nmachine: wal\nfinal: true"), ROOT), "utf-8")
+        with pytest.raises(FormatError, match=r"my\.uxf: 1 problem\n  UMLState 'go' \(element 1\) /machine: got 'wal'"):
+            load_machine(path)
 
     def test_an_empty_diagram(self) -> None:
         assert problems(diagram())[0].startswith("diagram: 'root' is missing")
