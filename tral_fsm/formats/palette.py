@@ -38,7 +38,12 @@ def dumps() -> str:
 def _texts(specs: dict[str, Any], kind: str) -> list[str]:
     if kind == "state":
         return [f"{name}\n--\n{_parameters(spec)}\n--\nhalign=left" for name, spec in specs.items()]
-    return [f"lt=->\n{_parameters(spec)}\n" for spec in specs.values()]
+    return [f"lt=->\n{text}{_below(text)}" for text in map(_parameters, specs.values())]
+
+
+def _below(text: str) -> str:
+    """Empty lines that push an arrow's text above it."""
+    return "\n" * (1 + sum(not line.startswith("//") for line in text.split("\n")))
 
 
 def _state(x: float, y: float, height: int, text: str) -> str:
