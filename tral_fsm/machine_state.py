@@ -21,6 +21,8 @@ _STEERING_LAG_S = 0.06
 """Time constant of the servo in dead reckoning. Source: choice."""
 _TRIM_LIMIT = 0.25
 """A larger fault is no matter of trim: 5.5 degrees. Source: choice."""
+_LOCK_LIMIT = 0.2
+"""Share of the lock that may be the car's fault. Source: choice."""
 _STALL_TICKS, _NEUTRAL_TICKS = 80, 16
 """A car that stands for so long although it should drive gets neutral for so long. Source: choice; 2016's motor
 controllers want 100 ms."""
@@ -115,6 +117,7 @@ class MachineState:
         "front",
         "gate",
         "left",
+        "lock_scale",
         "marker",
         "path",
         "right",
@@ -172,6 +175,8 @@ class MachineState:
         """+1 forward, -1 after reverse gear was ordered at standstill: the hall sensor does not know."""
         self.trim = 0.0
         """Steering at which the car drives straight, as far as the states have learnt it."""
+        self.lock_scale = 1.0
+        """Curvature that the car drives over the one that its steering should give, as far as gates have taught it."""
         self.trim_fault = 0.0
         """By how much the side range that came in this tick says that the trim is wrong."""
         self.steering = 0.0
@@ -224,7 +229,7 @@ class MachineState:
         if self.speed < 0.05 and self.applied_throttle != 0.0:
             self.direction = -1.0 if self.applied_throttle < 0.0 else 1.0
         if step > 0.0:  # also false for NaN, at the first tick
-            bend = curvature(self._wheel)
+            bend = self.lock_scale * curvature(self._wheel)
             # the magnets sit on the rear left wheel, which runs on the inner circle of a left turn
             step = self.direction * step / (1.0 - bend * TRACK / 2.0)
             self.path += step
@@ -257,9 +262,9 @@ class MachineState:
         if track is None:
             self._tracks[gate.id] = Track(gate.x, gate.y, gate.heading, car, yaw, self.path, self.doubt)
             return
-        fault = track.take(gate.x, gate.y, gate.heading, car, yaw, self.path, self.doubt)
-        if fault:
-            self.set_trim(self.trim + fault)
+        trim, lock = track.take(gate.x, gate.y, gate.heading, car, yaw, self.path, self.doubt)
+        self.set_trim(self.trim + trim)
+        self.lock_scale = 1.0 + clip(self.lock_scale + lock - 1.0, _LOCK_LIMIT)
         gate.x, gate.y, gate.heading = track.x, track.y, track.heading
 
     def _pose_before(self, age: float) -> Pose:

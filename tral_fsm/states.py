@@ -98,8 +98,8 @@ class DrivingState(State[D]):
     """A state that moves the car."""
 
     def steer(self, m: MachineState, steering: float) -> None:
-        """Set the steering, with the trims of the spec and of what was learnt."""
-        m.steering = clip(steering + self.spec.steering_trim + m.trim)
+        """Set the steering, with the spec's trim, and the trim and lock that were learnt."""
+        m.steering = clip(steering / m.lock_scale + self.spec.steering_trim + m.trim)
 
     def drive(self, m: MachineState, speed: float | None = None) -> None:
         """Set the throttle: open loop, or regulated to the spec's speed or to the one given [m/s]."""

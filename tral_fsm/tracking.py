@@ -1,9 +1,10 @@
 """A gate kept in the frame of dead reckoning, and what its sightings say about the car's own steering.
 
-An extended Kalman filter (Welch and Bishop, 2006) with four unknowns: the gate's place (x, y), the heading of its axis,
-and by how much the trim is wrong. A car whose wheels stand a degree off turns by 4 degrees a metre without knowing;
-then in the frame of dead reckoning the gate seems to turn about the car. The camera tells a bearing to a tenth of a degree, so
-half a metre of approach is enough to learn the trim, and a gate that has left the image is still known well.
+An extended Kalman filter (Welch and Bishop, 2006) with five unknowns: the gate's place (x, y), the heading of its axis,
+and by how much the trim and the lock are wrong. A car whose wheels stand a degree off turns by 4 degrees a metre
+without knowing; then in the frame of dead reckoning the gate seems to turn about the car. The camera tells a bearing to
+a tenth of a degree, so half a metre of approach is enough to learn the trim, and a gate that has left the image is
+still known well.
 """
 
 from __future__ import annotations
@@ -21,8 +22,10 @@ _TRIM_WALK = 0.01
 """How far the trim may wander in a metre."""
 _HEADING_WALK = 0.01
 """How far dead reckoning's heading wanders in a metre of straight driving, rad."""
-_BEND_FAULT = 0.08
-"""Share of a turn that dead reckoning may be wrong by: lock, slip."""
+LOCK_DEVIATION = 0.08
+"""Of the lock's scale before anything is known. Source: choice, between the levels of randomization."""
+_BEND_FAULT = 0.03
+"""Share of a turn that dead reckoning may be wrong by, whatever the lock: slip, the linkage's shape."""
 _LATE_FAULT = 0.7
 """Share of what it turns while the wheels are under way: latency, the servo's speed."""
 _PLACE_WALK = 0.02
@@ -70,18 +73,19 @@ class Track:
         a, b = along * along, across * across
         shared = (a - b) * sin * cos
         self._covariance: list[Row] = [
-            [a * cos * cos + b * sin * sin, shared, 0.0, 0.0],
-            [shared, a * sin * sin + b * cos * cos, 0.0, 0.0],
-            [0.0, 0.0, turned * turned, 0.0],
-            [0.0, 0.0, 0.0, TRIM_DEVIATION * TRIM_DEVIATION],
+            [a * cos * cos + b * sin * sin, shared, 0.0, 0.0, 0.0],
+            [shared, a * sin * sin + b * cos * cos, 0.0, 0.0, 0.0],
+            [0.0, 0.0, turned * turned, 0.0, 0.0],
+            [0.0, 0.0, 0.0, TRIM_DEVIATION * TRIM_DEVIATION, 0.0],
+            [0.0, 0.0, 0.0, 0.0, LOCK_DEVIATION * LOCK_DEVIATION],
         ]
         self._misfits = 0
 
-    def take(self, x: float, y: float, heading: float, car: Place, yaw: float, path: float, doubt: float) -> float:
+    def take(self, x: float, y: float, heading: float, car: Place, yaw: float, path: float, doubt: float) -> tuple[float, float]:
         """Correct by a new sighting, with the arguments of the first.
 
         Returns:
-            What to add to the trim.
+            What to add to the trim and to the scale of the lock.
         """
         dx, dy = self.x - car[0], self.y - car[1]
         self._drift(path - self._path, dx, dy, yaw - self._yaw, doubt - self._doubt)
@@ -99,29 +103,29 @@ class Track:
             self._misfits += 1
             if self._misfits >= _ANEW:
                 self.begin(x, y, heading, car, yaw, path, doubt)
-            return 0.0
+            return 0.0, 0.0
         self._misfits = 0
-        state = [0.0, 0.0, 0.0, 0.0]
+        state = [0.0] * 5
         for direction, error, sigma in seen:
             self._correct(state, direction, error, sigma * sigma)
         self.x += state[0]
         self.y += state[1]
         self.heading += state[2]
-        return state[3]
+        return state[3], state[4]
 
     def _drift(self, driven: float, dx: float, dy: float, turned: float, doubt: float) -> None:
-        """A wrong trim turns the gate about the car; the rest of dead reckoning's faults wander."""
-        step = BEND_PER_STEERING * driven
-        fx, fy, fh = -step * dy, step * dx, step
+        """A wrong trim and a wrong lock turn the gate about the car; the rest of dead reckoning's faults wander."""
         p = self._covariance
-        for row in p:  # P F'
-            row[0] += fx * row[3]
-            row[1] += fy * row[3]
-            row[2] += fh * row[3]
-        last = p[3]
-        for row, f in zip(p, (fx, fy, fh), strict=False):  # F P
-            for column in range(4):
-                row[column] += f * last[column]
+        for fault, turn in ((3, BEND_PER_STEERING * driven), (4, -turned)):
+            fx, fy = -turn * dy, turn * dx
+            for row in p:  # P F'
+                row[0] += fx * row[fault]
+                row[1] += fy * row[fault]
+                row[2] += turn * row[fault]
+            last = p[fault]
+            for row, f in zip(p, (fx, fy, turn), strict=False):  # F P
+                for column in range(5):
+                    row[column] += f * last[column]
         # A wandering heading turns the gate about the car, too.
         wander = _HEADING_WALK**2 * abs(driven) + (_BEND_FAULT * turned) ** 2 + (_LATE_FAULT * doubt) ** 2
         place = _PLACE_WALK**2 * abs(driven)
@@ -157,11 +161,10 @@ class Track:
         ph = [a * row[0] + b * row[1] + c * row[2] for row in p]
         innovation = error - (a * state[0] + b * state[1] + c * state[2])
         spread = a * ph[0] + b * ph[1] + c * ph[2] + variance
-        for i in range(4):
+        for i, row in enumerate(p):
             gain = ph[i] / spread
             state[i] += gain * innovation
-            row = p[i]
-            for j in range(4):
+            for j in range(5):
                 row[j] -= gain * ph[j]
 
     @property
