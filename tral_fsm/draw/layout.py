@@ -8,13 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import islice
 from typing import Literal
 
 from tral_fsm.definition import MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.draw import text
 from tral_fsm.draw.graph import GRID, Edge, Graph, Slot, layered, orders, ranks
 from tral_fsm.draw.order import untangled
-from tral_fsm.draw.place import places
+from tral_fsm.draw.place import link_ends, places
+from tral_fsm.draw.polish import polished
 from tral_fsm.draw.tracks import tracks
 
 Point = tuple[int, int]
@@ -29,6 +32,8 @@ _LOOP = 20
 """How far an arrow from a state to itself leads away from it."""
 _PAGE = (1400.0, 900.0)
 """What a picture should fit in, px. Source: choice."""
+_MANY = 150
+"""With more states and arrows one order is tried, not several, so that the time stays bearable. Source: choice."""
 _CROSSING = 0.01
 """A crossing is as bad as a picture that is larger by so much of a page. Source: choice."""
 
@@ -129,17 +134,18 @@ def layout(
     plan = _Plan(machine, bundled, state_size, label_size)
     ways: tuple[Direction, ...] = ("right", "down") if direction is None else (direction,)
     n = len(machine.states)
-    best: tuple[float, Layout] | None = None
-    for order in orders(n, plan.edges, plan.root):
+    best: tuple[float, Callable[[bool], Layout]] | None = None
+    for order in islice(orders(n, plan.edges, plan.root), None if n + len(plan.edges) <= _MANY else 1):
         rank = ranks(n, plan.edges, order)
         layers, crossed = untangled(plan.graph(rank, ways[0]))  # sizes make no difference to it
         for way in ways:
-            found = _placed(plan, plan.graph(rank, way), layers, way)
+            draw = partial(_placed, plan, plan.graph(rank, way), layers, way)
+            found = draw(False)
             cost = max(found.width / _PAGE[0], found.height / _PAGE[1]) + _CROSSING * crossed
             if best is None or cost < best[0]:
-                best = cost, found
+                best = cost, draw
     assert best is not None
-    return best[1]
+    return best[1](n + len(plan.edges) <= _MANY)
 
 
 class _Plan:
@@ -209,14 +215,15 @@ def _up(length: int, step: int = GRID) -> int:
     return -(-length // step) * step
 
 
-def _placed(plan: _Plan, graph: Graph, layers: Sequence[Sequence[int]], way: Direction) -> Layout:
+def _placed(plan: _Plan, graph: Graph, layers: Sequence[Sequence[int]], way: Direction, polish: bool) -> Layout:
     """A layout of a layered graph whose slots stand in this order."""
-    position, ends = places(graph, layers)
-    low = min(position[i] - slot.before for i, slot in enumerate(graph.slots))
-    shift = _up(_MARGIN - low)
-    position = [p + shift for p in position]
-    ends = {key: end + shift for key, end in ends.items()}
-    return _Drawing(plan, graph, way, position, ends).layout()
+    found = places(graph, layers)
+    if polish:
+        found = polished(graph, layers, found)
+    low = min(p - slot.before for p, slot in zip(found, graph.slots, strict=True))
+    shift = _up(_MARGIN - int(low))
+    ends = {key: round(end / GRID) * GRID + shift for key, end in link_ends(graph, found).items()}
+    return _Drawing(plan, graph, way, [int(p) + shift for p in found], ends).layout()
 
 
 class _Drawing:

@@ -5,13 +5,15 @@ from __future__ import annotations
 from tral_fsm.draw.graph import Graph
 
 _SWEEPS = 12
+_MANY = 1000
+"""With more slots there are fewer sweeps, so that the time stays bearable. Source: choice."""
 
 
 def untangled(graph: Graph) -> tuple[list[list[int]], int]:
     """Slots of each layer in order across, and how often arrows cross."""
     layers = _first(graph)
     best, least = layers, crossings(graph, layers)
-    for sweep in range(_SWEEPS):
+    for sweep in range(max(2, min(_SWEEPS, _SWEEPS * _MANY // len(graph.slots)))):
         _sort_by_neighbours(graph, layers, down=sweep % 2 == 0)
         _swap(graph, layers)
         now = crossings(graph, layers)

@@ -9,6 +9,8 @@ from tral_fsm.draw.graph import GRID, Graph
 
 _SWEEPS = 40
 _STRAIGHTENING = 16
+_MANY = 1000
+"""With more slots there are fewer sweeps, so that the time stays bearable. Source: choice."""
 _PASSING, _ENDING = 4.0, 1.0
 """How much a bend counts between two passing pieces of an arrow, and at a box. Source: choice."""
 _PLACED = 1.3
@@ -17,34 +19,31 @@ Wish = tuple[float, float]
 """A place and how much it counts."""
 
 
-def places(graph: Graph, layers: Sequence[Sequence[int]]) -> tuple[list[int], dict[tuple[int, int], int]]:
-    """Positions across, multiples of the grid, and where each link ends.
+def places(graph: Graph, layers: Sequence[Sequence[int]]) -> list[float]:
+    """Positions across of each slot's middle or line, multiples of the grid.
 
     Args:
         graph: the slots.
         layers: slots of each layer in order.
-
-    Returns:
-        Position of each slot's middle or line; (link, slot) -> position of the link's end at that slot.
     """
     position = [0.0] * len(graph.slots)
     for layer in layers:
         for one, two in itertools.pairwise(layer):
-            position[two] = position[one] + _gap(graph, one, two)
-    for sweep in range(_SWEEPS + _STRAIGHTENING):
+            position[two] = position[one] + gap(graph, one, two)
+    finding, straightening = (max(2, min(n, n * _MANY // len(graph.slots))) for n in (_SWEEPS, _STRAIGHTENING))
+    for sweep in range(finding + straightening):
         ends = link_ends(graph, position)
-        straighten = sweep >= _SWEEPS
+        straighten = sweep >= finding
         forth = sweep % 2 == 1
         for layer in layers if forth else reversed(layers):
             wishes = [_wishes(graph, slot, position, ends, forth) for slot in layer]
-            gaps = [_gap(graph, one, two) for one, two in itertools.pairwise(layer)]
+            gaps = [gap(graph, one, two) for one, two in itertools.pairwise(layer)]
             for slot, now in zip(layer, settled(wishes, gaps, straighten), strict=True):
                 position[slot] = now
     # Gaps are multiples of the grid, so rounding all alike keeps them.
     exact = [float(GRID * int(p // GRID + (p % GRID >= GRID / 2))) for p in position]
     _align(graph, layers, exact)
-    ends = link_ends(graph, exact)
-    return [int(p) for p in exact], {key: int(round(end / GRID) * GRID) for key, end in ends.items()}
+    return exact
 
 
 def _align(graph: Graph, layers: Sequence[Sequence[int]], position: list[float]) -> None:
@@ -87,12 +86,13 @@ class _Room:
 
     def _fits(self, slot: int, to: float) -> bool:
         one, two = self.before.get(slot), self.after.get(slot)
-        return (one is None or self.position[one] + _gap(self.graph, one, slot) <= to) and (
-            two is None or to + _gap(self.graph, slot, two) <= self.position[two]
+        return (one is None or self.position[one] + gap(self.graph, one, slot) <= to) and (
+            two is None or to + gap(self.graph, slot, two) <= self.position[two]
         )
 
 
-def _gap(graph: Graph, one: int, two: int) -> int:
+def gap(graph: Graph, one: int, two: int) -> int:
+    """Least distance of two slots of a layer that stand side by side."""
     a, b = graph.slots[one], graph.slots[two]
     boxes = (a.state is not None) + (b.state is not None)
     return -(-(a.after + b.before + GRID * boxes) // GRID) * GRID
@@ -111,7 +111,9 @@ def _wishes(
         *((link, graph.links[link].far, not forth) for link in graph.farther[slot]),
     ]:
         passing = graph.slots[slot].state is None and graph.slots[other].state is None
-        own = ends[link, slot] - position[slot]
+        # A side's only arrow best ends in its middle.
+        alone = len(graph.nearer[slot] if link in graph.nearer[slot] else graph.farther[slot]) == 1
+        own = 0.0 if alone else ends[link, slot] - position[slot]
         weight = (_PASSING if passing else _ENDING) * (_PLACED if placed else 1.0)
         wishes.append((ends[link, other] - own, weight))
     return wishes, position[slot]

@@ -14,6 +14,8 @@ from tral_fsm.draw.text import SIZE
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_LARGEST = 12000.0
+"""Dots along a side: more fit into no screen, and soon into no memory. Source: choice."""
 _COLOURS = 128
 _DPI = 72
 """At which a px is a point."""
@@ -24,12 +26,13 @@ def png(picture: Picture, scale: float = 1.5) -> bytes:
 
     Args:
         picture: what to draw.
-        scale: dots a px.
+        scale: dots a px; fewer if the image would become larger than 12000 x 12000.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from PIL import Image
 
+    scale = min(scale, _LARGEST / max(picture.width, picture.height))
     figure = Figure(figsize=(picture.width / _DPI, picture.height / _DPI), dpi=_DPI * scale, facecolor="white")
     canvas: Any = FigureCanvasAgg(figure)
     ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))

@@ -132,3 +132,8 @@ def test_an_arrow_is_drawn_in_its_colour_where_it_stands() -> None:
 
 def test_letters_that_the_font_lacks_are_no_error() -> None:
     assert png(picture(MachineDefinition(root="廊下 $x$", states=(StopSpec(id="廊下 $x$"),)))).startswith(b"\x89PNG")
+
+
+def test_a_huge_picture_becomes_an_image_that_can_be_opened() -> None:
+    image = Image.open(io.BytesIO(png(Picture(60000, 100, (Words((10, 50), "far"),), "long"))))
+    assert image.size == (12000, 20)
