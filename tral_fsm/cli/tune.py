@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shlex
 import sys
 from pathlib import Path
@@ -63,6 +64,12 @@ def command(
     save_as: Annotated[
         Path | None, typer.Option("--save", dir_okay=False, help="Write the machine here too, in the suffix's format.")
     ] = None,
+    grid: Annotated[
+        int, typer.Option(min=0, max=40, help="Points along a side of the report's plane of cost; 0: no plane.")
+    ] = 9,
+    classical: Annotated[
+        bool, typer.Option("--classical", help="Print classical gains and the margins of the machine's; no search.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Write tune.json to stdout too, and nothing else.")] = False,
 ) -> None:
     """Search numbers of a machine, and check them on courses that are new to them.
@@ -70,7 +77,9 @@ def command(
     Writes machine.json, tune.json, report.html and study.jsonl into the folder. Ctrl-C keeps what was found; --resume
     goes on.
     """
+    from tral_fsm.cli.classical import print_classical
     from tral_fsm.library import load as load_machine
+    from tral_fsm.report.tuning_page import Page, save_report
     from tral_fsm.tuning import Objective, Settings, Task, check_apart, find, save, tune
 
     task = Task(
@@ -85,17 +94,21 @@ def command(
         seed=seed,
     )
     machine = load_machine(policy)
+    if classical:
+        print_classical(machine)
+        return
     check_apart(task, settings)
     find(machine, _listed(params), tie=tie)  # what cannot be used is said before anything is written
     if camera == "rendered":
         opengl.require_loadable()
+    pooled = Objective(pooling=objective)
     prepare_folder(out)
     _check_suffix(save_as)
     origin = _origin()
     with _Bar(budget) as bar:
         try:
             tuned = tune(
-                machine, _listed(params), task, objective=Objective(pooling=objective), settings=settings, tie=tie,
+                machine, _listed(params), task, objective=pooled, settings=settings, tie=tie,
                 processes=processes, out=out, resume=resume, storage=storage, origin=origin, on_progress=bar,
             )  # fmt: skip
         except KeyboardInterrupt:
@@ -106,6 +119,8 @@ def command(
     write_json(out / "tune.json", report)
     if save_as is not None:
         save(tuned, save_as, origin)
+    page = Page(tuned=tuned, task=task, objective=pooled, command=origin, version=report["versions"]["tral-env"])
+    save_report(page, out / "report.html", processes=processes or os.cpu_count() or 1, size=grid)
     if as_json:
         typer.echo(json.dumps(report, indent=2))
     else:

@@ -6,6 +6,17 @@ from tral_fsm.tuning.parameters import apply, find
 from tral_fsm.tuning.study import Progress, Settings, Tuned, check_apart, save, tune
 
 __all__ = [
-    "Evaluator", "Objective", "Progress", "Racing", "Settings", "Task", "Tuned", "Weights", "check_apart", "apply", "find", "save",
+    "Evaluator",
+    "Objective",
+    "Progress",
+    "Racing",
+    "Settings",
+    "Task",
+    "Tuned",
+    "Weights",
+    "apply",
+    "check_apart",
+    "find",
+    "save",
     "tune",
-]  # fmt: skip
+]

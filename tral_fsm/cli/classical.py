@@ -1,0 +1,49 @@
+"""`tral tune --classical`: gains from a linear model, a relay experiment, and the margins of a machine's own gains."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tral_fsm.cli.console import print_figures
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from tral_fsm.definition import MachineDefinition
+    from tral_fsm.tuning.experiments import WallState
+
+_SPEEDS = (0.3, 0.5, 0.7, 1.0, 1.3, 1.6, 2.0)
+
+
+def print_classical(machine: MachineDefinition) -> None:
+    """Print classical gains beside those of a machine, with their margins."""
+    from tral_fsm.tuning.classical import lqr
+    from tral_fsm.tuning.experiments import WallState, relay, wall_states
+
+    states = wall_states(machine)
+    if states:
+        print_figures(_table("Its own gains", states))
+    scheduled = [WallState(name=f"LQR at {speed:g} m/s", gains=lqr(speed), speed=speed) for speed in _SPEEDS]
+    print_figures(_table("LQR with kp = 1 rad/m, by speed", scheduled))
+    found = []
+    for speed in sorted({0.5, *(state.speed for state in states)}):
+        swing = relay(speed)
+        if swing is not None:
+            name = f"Ku = {swing.ultimate_gain:.3g} 1/m, Tu = {swing.period_s:.2f} s"
+            found.append(WallState(name=name, gains=swing.ziegler_nichols(), speed=speed))
+    if found:
+        print_figures(_table("Relay experiment and Ziegler-Nichols", found))
+
+
+def _table(title: str, states: list[WallState]) -> Table:
+    from rich.table import Table
+    from rich.text import Text
+
+    from tral_fsm.report.tuning_page import MARGIN_HEADER, margin_row
+
+    table = Table(title=Text(title), title_justify="left")
+    for heading in MARGIN_HEADER:
+        table.add_column(Text(heading), justify="left" if heading == "gains" else "right", no_wrap=True)
+    for state in states:
+        table.add_row(*(Text(cell) for cell in margin_row(state.name, state)))
+    return table

@@ -1,0 +1,190 @@
+"""Pictures of a search: how it went, what lies around, what became of the clearance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
+from numpy.typing import NDArray
+
+from tral_fsm.fleet import ERROR_BINS, Drive
+from tral_fsm.tuning.objective import PARTS
+from tral_fsm.tuning.parameters import Parameter
+from tral_fsm.tuning.probe import Line, Plane
+from tral_fsm.tuning.search import Trial
+
+Array = NDArray[np.float64]
+
+OLD, NEW, QUIET, BAD = "#7f7f7f", "#1f77b4", "#c7c7c7", "#d62728"
+"""Colours: the old machine, the new one, what stays in the background, what failed."""
+_UNITS = {"clearance": ("clearance RMSE [cm]", 100.0), "time": ("time [s/m]", 1.0), "steering": ("steering [1/m]", 1.0)}
+
+
+def figure(width: float = 7.0, height: float = 3.6) -> tuple[Figure, Axes]:
+    """A figure with one plot."""
+    whole = Figure(figsize=(width, height), layout="constrained")
+    ax = whole.subplots()
+    _plain(ax)
+    return whole, ax
+
+
+def _plain(ax: Axes) -> None:
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.grid(True, alpha=0.25, linewidth=0.6)
+    ax.set_axisbelow(True)
+
+
+def named(parameter: Parameter) -> str:
+    """Label of an axis."""
+    return f"{parameter.label} [{parameter.unit}]" if parameter.unit else parameter.label
+
+
+def convergence(trials: Sequence[Trial], old: Trial) -> Figure:
+    """Cost of every candidate over the drives spent, and the best so far."""
+    whole, ax = figure()
+    drives = np.cumsum([each.drives for each in trials])
+    cost = np.array([each.cost for each in trials])
+    full = np.array([each.full for each in trials])
+    failed = np.array([each.successes < each.drives for each in trials])
+    ax.scatter(drives[~full], cost[~full], s=9, color=QUIET, label="dropped out of its race")
+    for mask, colour, name in ((full & ~failed, NEW, "all drives arrived"), (full & failed, BAD, "some failed")):
+        ax.scatter(drives[mask], cost[mask], s=13, color=colour, alpha=0.7, label=name)
+    best = np.minimum.accumulate(np.where(full, cost, np.inf))
+    ax.step(drives, best, where="post", color="black", linewidth=1.4, label="best so far")
+    ax.axhline(old.cost, color=OLD, linestyle="--", label="machine as it was")
+    if cost.max() > 4.0 * cost.min():
+        ax.set_yscale("log")
+    ax.set_xlabel("drives")
+    ax.set_ylabel("cost")
+    ax.legend(fontsize=8, ncols=2)
+    return whole
+
+
+def plane(found: Plane, marks: Mapping[str, tuple[float, float]]) -> Figure:
+    """Cost over two parameters; where drives end at a wall is hatched.
+
+    Args:
+        found: the grid.
+        marks: points to show, name -> (x, y).
+    """
+    whole, ax = figure(7.0, 5.2)
+    arrived = found.cost[found.failed == 0.0]
+    top = float(np.max(arrived)) if arrived.size else float(np.max(found.cost))
+    low = float(np.min(found.cost))
+    levels = np.linspace(low, max(top, low + 1e-6), 15)
+    shown = ax.contourf(found.xs, found.ys, found.cost, levels=levels, cmap="viridis_r", extend="max")
+    shown.cmap.set_over("#e8e8e8")
+    whole.colorbar(shown, ax=ax, label="cost; grey: more, since drives fail")
+    _hatch(ax, found, found.failed, "..", "some drives fail")
+    _hatch(ax, found, found.collided, "xx", "some hit a wall")
+    for k, (name, (x, y)) in enumerate(marks.items()):
+        if found.xs[0] <= x <= found.xs[-1] and found.ys[0] <= y <= found.ys[-1]:
+            ax.plot(
+                x, y, "Xo*sPD"[k % 6], markersize=11, markeredgecolor="white", label=name, linestyle="none", zorder=5
+            )
+    if found.x.log:
+        ax.set_xscale("log")
+    if found.y.log:
+        ax.set_yscale("log")
+    _plain_ticks(ax, found)
+    ax.grid(False)
+    ax.set_xlabel(named(found.x), parse_math=False)
+    ax.set_ylabel(named(found.y), parse_math=False)
+    ax.legend(fontsize=8, loc="upper left", bbox_to_anchor=(0.0, 1.14), ncols=4, frameon=False)
+    return whole
+
+
+def _plain_ticks(ax: Axes, found: Plane) -> None:
+    for axis, values in ((ax.xaxis, found.xs), (ax.yaxis, found.ys)):
+        axis.set_ticks(values[::2], [f"{value:.3g}" for value in values[::2]])
+        axis.set_minor_locator(NullLocator())
+
+
+def _hatch(ax: Axes, found: Plane, share: Array, pattern: str, name: str) -> None:
+    if not (share > 0.0).any():
+        return
+    ax.contourf(found.xs, found.ys, share, levels=[1e-9, 1.1], colors="none", hatches=[pattern])
+    if not (share > 0.0).all():
+        ax.contour(found.xs, found.ys, share, levels=[1e-9], colors=BAD, linewidths=0.9)
+    ax.fill_between([], [], [], facecolor="none", edgecolor="black", hatch=pattern, linewidth=0.0, label=name)
+
+
+def sensitivity(lines: Sequence[Line], values: Sequence[float], before: Sequence[float]) -> Figure:
+    """Cost along each parameter, the others as found.
+
+    Args:
+        lines: one a parameter.
+        values: what was found, in the order of the lines.
+        before: what was there.
+    """
+    columns = min(len(lines), 3)
+    rows = -(-len(lines) // columns)
+    whole = Figure(figsize=(1.0 + 2.9 * columns, 0.5 + 2.4 * rows), layout="constrained")
+    axes = np.atleast_1d(whole.subplots(rows, columns, sharey=True)).ravel()
+    top = min(max(float(np.max(line.cost)) for line in lines), 4.0 * min(float(np.min(line.cost)) for line in lines))
+    low = min(float(np.min(line.cost)) for line in lines)
+    for ax, line, value, old in zip(axes, lines, values, before, strict=False):
+        _plain(ax)
+        ax.plot(line.values, line.cost, "-o", color=NEW, markersize=3)
+        bad = line.failed > 0.0
+        ax.plot(line.values[bad], np.minimum(line.cost[bad], top), "x", color=BAD, markersize=6)
+        ax.axvline(value, color="black", linewidth=1.2)
+        ax.axvline(old, color=OLD, linestyle="--", linewidth=1.0)
+        if line.parameter.log:
+            ax.set_xscale("log")
+        ax.set_ylim(low - 0.06 * (top - low), top + 0.06 * (top - low))
+        ax.set_xlabel(named(line.parameter), fontsize=8, parse_math=False)
+    for ax in axes[::columns]:
+        ax.set_ylabel("cost")
+    for ax in axes[len(lines) :]:
+        ax.set_visible(False)
+    return whole
+
+
+def pareto(trials: Sequence[Trial], front: Sequence[Trial], old: Trial, chosen: Trial | None) -> Figure:
+    """Clearance error against time of all that drove everything, coloured by steering; the front is ringed."""
+    whole, ax = figure(7.0, 4.2)
+    arrived = [each for each in trials if each.full and each.successes == each.drives] or list(front)
+    x, y, colour = (_column(arrived, name) for name in ("time", "clearance", "steering"))
+    dots = ax.scatter(x, y, c=colour, s=18, cmap="plasma")
+    whole.colorbar(dots, ax=ax, label=_UNITS["steering"][0])
+    ax.scatter(
+        _column(front, "time"), _column(front, "clearance"), s=70, facecolors="none", edgecolors="black",
+        linewidths=0.8, label="not beaten in clearance, time and steering together",
+    )  # fmt: skip
+    ax.plot(_column([old], "time"), _column([old], "clearance"), "X", color=OLD, markersize=10, label="as it was")
+    if chosen is not None:
+        ax.plot(
+            _column([chosen], "time"), _column([chosen], "clearance"), "*", color=BAD, markersize=14, label="chosen"
+        )
+    ax.set_xlabel(_UNITS["time"][0])
+    ax.set_ylabel(_UNITS["clearance"][0])
+    ax.legend(fontsize=8)
+    return whole
+
+
+def _column(trials: Sequence[Trial], name: str) -> Array:
+    return np.array([each.parts[PARTS.index(name)] for each in trials]) * _UNITS[name][1]
+
+
+def histogram(old: Sequence[Drive], new: Sequence[Drive]) -> Figure:
+    """Clearance errors of all measured ticks on the held-out courses."""
+    whole, ax = figure()
+    counts = {name: np.sum([drive.errors for drive in drives], axis=0) for name, drives in (("was", old), ("now", new))}
+    edges = 100.0 * ERROR_BINS
+    most = 5
+    for (name, count), colour in zip(counts.items(), (OLD, NEW), strict=True):
+        share = 100.0 * count / max(count.sum(), 1)
+        ax.stairs(share, edges, color=colour, fill=name == "now", alpha=0.55 if name == "now" else 1.0, label=name)
+        big = np.flatnonzero(share > 0.05)
+        if big.size:
+            most = max(most, *np.abs(edges[[big[0], big[-1] + 1]]).astype(int))
+    ax.axvline(0.0, color="black", linewidth=0.8)
+    ax.set_xlim(-most - 1, most + 1)
+    ax.set_xlabel("true clearance minus wanted [cm]")
+    ax.set_ylabel("share of ticks [%]")
+    ax.legend(fontsize=8)
+    return whole

@@ -1,0 +1,241 @@
+"""Gains and margins from a linear model of the car along a wall, to compare with what a search finds.
+
+Small angles, constant speed v, kinematic bicycle of wheelbase L; the side ultrasonic stands m ahead of the rear axle.
+From steering angle to e, range minus wanted clearance: G(s) = v^2 / (L s^2) + m v / (L s). The machine's law
+steering = p e + d e' (share of full lock) comes late: by the ultrasonic's cadence, by half of it again since a range is
+held, by half of it once more for e', which is taken between two ranges; then by the command's latency and the servo.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.errors import ConfigError
+
+Array = NDArray[np.float64]
+
+KP = 1.0
+"""Steering angle for a metre of deviation, rad/m, that `lqr` takes if not told otherwise: the car comes to its line
+within about 1 m. Source: choice."""
+_FREQUENCIES = np.geomspace(0.02, 200.0, 4000)
+_STEP_S = 0.002
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearCar:
+    """The car and its delays. Defaults: the nominal car of the simulation."""
+
+    wheelbase: float = 0.258
+    """L, m."""
+    lock: float = math.radians(22.0)
+    """Steering angle at command 1, rad."""
+    sonar_x: float = 0.129
+    """m, side ultrasonic ahead of the rear axle, m."""
+    cadence_s: float = 0.065
+    """Time between two ranges, s; a range is that old when it arrives. Source: SRF08."""
+    latency_s: float = 0.02
+    """Command to pulse, s."""
+    servo_s: float = 0.04
+    """Time constant of the servo, s. Source: measured in the simulation, from pulse to yaw rate."""
+
+    @property
+    def delay_s(self) -> float:
+        """From a deviation to the pulse that answers it, without the servo, s."""
+        return 1.5 * self.cadence_s + self.latency_s
+
+    @property
+    def rate_delay_s(self) -> float:
+        """How much later e' is than e, s."""
+        return 0.5 * self.cadence_s
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gains:
+    """p [1/m] and d [s/m] of a machine."""
+
+    p: float
+    d: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Margins:
+    """How far a loop is from swinging."""
+
+    speed: float
+    """m/s"""
+    phase_deg: float
+    """Least phase margin over all crossings, deg; infinite without one."""
+    gain: float
+    """Factor on both gains at which the loop swings for ever; infinite: none."""
+    delay_s: float
+    """More delay than this makes the loop swing, s."""
+    damping: float
+    """Damping ratio of the slowest pair of poles; 1: none swings; below 0: it grows."""
+    frequency: float
+    """Of that pair, rad/s; 0: none."""
+
+    @property
+    def stable(self) -> bool:
+        """Swings die away."""
+        return self.damping > 0.0
+
+
+def lqr(speed: float, kp: float = KP, car: LinearCar | None = None) -> Gains:
+    """Gains that minimize the integral of q e^2 + r delta^2 for a car without delays, kp = sqrt(q / r).
+
+    y'' = (v^2 / L) delta gives kd = sqrt(2 L kp) / v, and with it the damping 0.707 at any speed. Divided by full lock,
+    since the command is a share of it.
+
+    Args:
+        speed: m/s.
+        kp: rad/m.
+        car: its wheelbase and lock.
+
+    Raises:
+        ConfigError: a number that is not above 0.
+    """
+    car = car or LinearCar()
+    if not (speed > 0.0 and kp > 0.0):
+        raise ConfigError(f"speed = {speed:g} m/s, kp = {kp:g} rad/m: expected numbers above 0")
+    return Gains(p=kp / car.lock, d=math.sqrt(2.0 * car.wheelbase * kp) / (speed * car.lock))
+
+
+def ideal_damping(gains: Gains, speed: float, car: LinearCar | None = None) -> float:
+    """Damping ratio without delays, seen at the rear axle: kd v / (2 sqrt(L kp))."""
+    car = car or LinearCar()
+    kp, kd = gains.p * car.lock, gains.d * car.lock
+    return kd * speed / (2.0 * math.sqrt(car.wheelbase * kp))
+
+
+def loop(gains: Gains, speed: float, frequency: Array, car: LinearCar | None = None) -> NDArray[np.complex128]:
+    """Open loop at frequencies [rad/s], (n,) complex."""
+    car = car or LinearCar()
+    s = 1j * frequency
+    plant = speed**2 / (car.wheelbase * s**2) + car.sonar_x * speed / (car.wheelbase * s)
+    law = gains.p + gains.d * s * np.exp(-s * car.rate_delay_s)
+    result: NDArray[np.complex128] = car.lock * plant * law * np.exp(-s * car.delay_s) / (1.0 + car.servo_s * s)
+    return result
+
+
+def margins(gains: Gains, speed: float, car: LinearCar | None = None) -> Margins:
+    """Phase, gain and delay margin and the damping of the slowest pair of poles."""
+    car = car or LinearCar()
+    response = loop(gains, speed, _FREQUENCIES, car)
+    size, phase = np.abs(response), np.unwrap(np.angle(response))
+    phase += 2.0 * math.pi * round((-math.pi - phase[0]) / (2.0 * math.pi))  # it begins at -180 deg
+    down = np.flatnonzero((size[:-1] >= 1.0) & (size[1:] < 1.0))
+    beyond = np.flatnonzero((phase[:-1] > -math.pi) & (phase[1:] <= -math.pi))
+    at = [float(math.pi + phase[k]) for k in down]
+    late = [margin / _FREQUENCIES[k] for margin, k in zip(at, down, strict=True)]
+    damping, frequency = dominant(gains, speed, car)
+    return Margins(
+        speed=speed,
+        phase_deg=math.degrees(min(at, default=math.inf)),
+        gain=min((float(1.0 / size[k]) for k in beyond), default=math.inf),
+        delay_s=float(min(late, default=math.inf)),
+        damping=damping,
+        frequency=frequency,
+    )
+
+
+def dominant(gains: Gains, speed: float, car: LinearCar | None = None) -> tuple[float, float]:
+    """Damping ratio and frequency [rad/s] of the pair of poles that dies away slowest; delays as Pade (3, 3)."""
+    car = car or LinearCar()
+    numerator, denominator = _pade(car.delay_s)
+    rate_up, rate_down = _pade(car.rate_delay_s)
+    law = np.polyadd(gains.p * rate_down, np.polymul([gains.d, 0.0], rate_up))
+    plant = car.lock / car.wheelbase * np.array([car.sonar_x * speed, speed**2])
+    up = np.polymul(np.polymul(plant, law), numerator)
+    down = np.polymul(np.polymul([car.servo_s, 1.0], [1.0, 0.0, 0.0]), np.polymul(denominator, rate_down))
+    poles = np.roots(np.polyadd(down, up))
+    pairs = poles[poles.imag > 1e-9]
+    if not len(pairs):
+        return (1.0 if poles.real.max() < 0.0 else -1.0), 0.0
+    pole = pairs[pairs.real.argmax()]
+    return float(-pole.real / abs(pole)), float(abs(pole))
+
+
+def _pade(delay: float) -> tuple[Array, Array]:
+    """Numerator and denominator of e^(-s delay), Pade (3, 3)."""
+    t = delay
+    even, odd = np.array([0.0, 12.0 * t**2, 0.0, 120.0]), np.array([t**3, 0.0, 60.0 * t, 0.0])
+    return even - odd, even + odd
+
+
+def step_response(gains: Gains, speed: float, seconds: float, car: LinearCar | None = None) -> tuple[Array, Array]:
+    """How the clearance follows a step of the wanted clearance by 1, in the linear model.
+
+    Returns:
+        (k,) time [s] and (k,) clearance at the ultrasonic, 0 before the step, 1 wanted after it.
+    """
+    car = car or LinearCar()
+    count, dt = math.ceil(seconds / _STEP_S), _STEP_S
+    late, later = round(car.delay_s / dt), round((car.delay_s + car.rate_delay_s) / dt)
+    latency = round(car.latency_s / dt)
+    clearance = np.zeros(count)
+    y = heading = angle = 0.0
+    for k in range(1, count):
+        e = (clearance[k - 1 - late] if k - 1 >= late else 0.0) - (1.0 if k - 1 >= latency else 0.0)
+        rate = (clearance[k - 1 - later] - clearance[k - 2 - later]) / dt if k - 2 >= later else 0.0
+        angle += ((-car.lock * (gains.p * e + gains.d * rate)) - angle) * dt / car.servo_s
+        heading += speed / car.wheelbase * angle * dt
+        y += speed * heading * dt
+        clearance[k] = y + car.sonar_x * heading
+    return dt * np.arange(count, dtype=np.float64), clearance
+
+
+def overshoot(response: Array) -> float:
+    """By how much a response to a step of 1 goes beyond it; 0: it does not."""
+    return max(float(np.max(response)) - 1.0, 0.0)
+
+
+def damping_of(beyond: float) -> float:
+    """Damping ratio of a second order system with this overshoot: -ln h / sqrt(pi^2 + ln^2 h); 1 without one."""
+    if beyond <= 1e-6:
+        return 1.0
+    log = math.log(min(beyond, 1.0))
+    return -log / math.hypot(math.pi, log)
+
+
+def schedule(speeds: Sequence[float], kp: float = KP, car: LinearCar | None = None) -> list[tuple[Gains, Margins]]:
+    """LQR gains over speed, with the margins that the delays leave them."""
+    return [(gains := lqr(speed, kp, car), margins(gains, speed, car)) for speed in speeds]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Swing:
+    """What the relay experiment found."""
+
+    speed: float
+    ultimate_gain: float
+    """Ku: the p at which the loop swings for ever, 1/m."""
+    period_s: float
+    """Tu, s."""
+    amplitude_m: float
+
+    def ziegler_nichols(self) -> Gains:
+        """PD gains of Ziegler and Nichols: p = 0.8 Ku, d = p Tu / 8."""
+        p = 0.8 * self.ultimate_gain
+        return Gains(p=p, d=p * self.period_s / 8.0)
+
+
+def predicted_swing(speed: float, car: LinearCar | None = None) -> Swing | None:
+    """Where p alone swings for ever, in the linear model; None: nowhere, every p grows swings (or none does)."""
+    response = loop(Gains(p=1.0, d=0.0), speed, _FREQUENCIES, car)
+    phase = np.unwrap(np.angle(response))
+    phase += 2.0 * math.pi * round((-math.pi - phase[0]) / (2.0 * math.pi))
+    crossings = np.flatnonzero((phase[:-1] > -math.pi) & (phase[1:] <= -math.pi))
+    if not len(crossings):
+        return None
+    k = int(crossings[0])
+    return Swing(
+        speed=speed,
+        ultimate_gain=float(1.0 / abs(response[k])),
+        period_s=float(2.0 * math.pi / _FREQUENCIES[k]),
+        amplitude_m=math.nan,
+    )
