@@ -118,6 +118,10 @@ class FollowWallRampSpec(WallSpec):
     start: float | None = quantity(None, "m", "clearance at entry; null: the range then", gt=0.0, le=5.0)
     target: float = quantity(0.5, "m", "clearance at the end", gt=0.0, le=5.0)
     distance: float = quantity(1.5, "m", "hall distance in which it changes", gt=0.0, le=100.0)
+    before: float = quantity(0.0, "m", "ends this far before a point that is handed over", ge=0.0, le=5.0)
+    along_wall: bool = Field(
+        False, description="turn a point that is handed over by the car's angle to the wall; false: as 2016 did, not"
+    )
 
     @property
     def finishable(self) -> bool:

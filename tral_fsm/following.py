@@ -158,8 +158,11 @@ class FollowWallRamp(WallState[FollowWallRampSpec]):
 
     def set_target(self, m: MachineState, x: float, y: float, heading: float, gate: int = NO_GATE) -> None:
         """Ramp to a point: its clearance is start - x_camera at a right wall, + at a left one; x_camera = -y."""
+        if self.spec.along_wall:
+            cos, sin = math.cos(m.heading), math.sin(m.heading)
+            x, y = cos * x - sin * y, sin * x + cos * y
         self.target = max(self.start - self.sign * y, 0.05)
-        self.length = max(x, 0.05)
+        self.length = max(x - self.spec.before, 0.05)
 
     def unreachable(self, m: MachineState) -> str:
         """Why the clearance cannot change so fast."""

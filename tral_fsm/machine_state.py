@@ -112,8 +112,8 @@ class MachineState:
         "applied_throttle",
         "corridor_yaw",
         "direction",
-        "doubt",
         "distance",
+        "doubt",
         "front",
         "gate",
         "left",
@@ -296,9 +296,7 @@ class MachineState:
         if wall.range != wall.range:
             return math.nan
         along = self.yaw - self.heading
-        return wall.seen_from(
-            self.x + SENSOR_X * math.cos(self.yaw), self.y + SENSOR_X * math.sin(self.yaw), along
-        )
+        return wall.seen_from(self.x + SENSOR_X * math.cos(self.yaw), self.y + SENSOR_X * math.sin(self.yaw), along)
 
     def side(self, is_left: bool) -> Sonar:
         """Side ultrasonic of that side."""

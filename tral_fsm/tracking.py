@@ -81,7 +81,9 @@ class Track:
         ]
         self._misfits = 0
 
-    def take(self, x: float, y: float, heading: float, car: Place, yaw: float, path: float, doubt: float) -> tuple[float, float]:
+    def take(
+        self, x: float, y: float, heading: float, car: Place, yaw: float, path: float, doubt: float
+    ) -> tuple[float, float]:
         """Correct by a new sighting, with the arguments of the first.
 
         Returns:

@@ -85,10 +85,10 @@ def test_it_says_which_clearance_it_wants() -> None:
 
 
 def test_a_state_without_a_wall_wants_no_clearance() -> None:
-    policy = load_policy("gate")
+    policy = load_policy("gate_scurve")
     for _ in range(2):
         policy.act(observation(1, gate_id=0, gate_x=3.0, gate_age=0.05))
-    assert policy.active_states == ["approach"]
+    assert policy.active_states == ["gate"]
     assert np.isnan(policy.wanted_clearance).all()
 
 
@@ -97,7 +97,7 @@ def test_the_trace_tells_of_the_first_car() -> None:
     policy = load_policy("gate", fired.append)
     policy.reset(2)
     policy.act(observation(2, gate_id=0, gate_x=3.0, gate_age=0.05))
-    assert [transit.transition for transit in fired] == ["gate seen"]
+    assert [transit.transition for transit in fired] == ["gate seen, follow"]
 
 
 @pytest.mark.parametrize("rows", [np.array([True]), np.array([0, 1]), np.array([[True, False]])])

@@ -169,6 +169,22 @@ class TestFollowWallRamp:
         bench.tick(distance=3.3)
         assert bench.m.wanted_clearance == pytest.approx(0.8 + (target - 0.8) * 2.3 / 2.4)
 
+    def test_it_may_end_before_a_target(self) -> None:
+        bench = self.ramp(before=1.0)
+        bench.tick(right=0.6, distance=1.0)
+        bench.machine.active.set_target(bench.m, 2.4, 0.3, 0.0)
+        bench.tick(distance=1.0 + 1.4)
+        assert bench.m.wanted_clearance == pytest.approx(0.8 + 0.3)
+        assert bench.active == "b"
+
+    def test_a_target_may_be_turned_by_the_cars_angle_to_the_wall(self) -> None:
+        bench = self.ramp(along_wall=True)
+        bench.tick(right=0.6, distance=1.0)
+        bench.m.yaw += 0.1  # the car points 0.1 rad to the left of the corridor: the point lies farther to the left
+        bench.machine.active.set_target(bench.m, 2.0, 0.0, 0.0)
+        bench.tick(distance=1.0 + 2.0 * math.cos(0.1))
+        assert bench.m.wanted_clearance == pytest.approx(0.8 + 2.0 * math.sin(0.1))
+
     @pytest.mark.parametrize(("side", "sign"), [("right", -1.0), ("left", 1.0)])
     def test_the_target_of_2016_in_the_cameras_frame_and_hall_units(self, side: str, sign: float) -> None:
         # setTarget(x, y, z): clearance start - x at a right wall, + x at a left one, after 1500 / 1.60 z hall units
