@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
@@ -20,6 +22,7 @@ Array = NDArray[np.float64]
 
 OLD, NEW, QUIET, BAD = "#7f7f7f", "#1f77b4", "#c7c7c7", "#d62728"
 """Colours: the old machine, the new one, what stays in the background, what failed."""
+_MARKS = ("#ffffff", "#ff7f0e", "#2ca02c", "#e377c2", "#17becf")
 _UNITS = {"clearance": ("clearance RMSE [cm]", 100.0), "time": ("time [s/m]", 1.0), "steering": ("steering [1/m]", 1.0)}
 
 
@@ -57,59 +60,55 @@ def convergence(trials: Sequence[Trial], old: Trial) -> Figure:
     ax.axhline(old.cost, color=OLD, linestyle="--", label="machine as it was")
     if cost.max() > 4.0 * cost.min():
         ax.set_yscale("log")
+        for formatter in (ax.yaxis.set_major_formatter, ax.yaxis.set_minor_formatter):
+            formatter(lambda value, _: f"{value:.3g}" if f"{value:e}"[0] in "125" else "")
     ax.set_xlabel("drives")
     ax.set_ylabel("cost")
-    ax.legend(fontsize=8, ncols=2)
+    ax.legend(fontsize=8, ncols=5, loc="lower left", bbox_to_anchor=(-0.05, 1.0), frameon=False, handletextpad=0.3)
     return whole
 
 
 def plane(found: Plane, marks: Mapping[str, tuple[float, float]]) -> Figure:
-    """Cost over two parameters; where drives end at a wall is hatched.
+    """Cost over two parameters; a cell in which drives end at a wall has a cross, in which others fail a dot.
 
     Args:
         found: the grid.
         marks: points to show, name -> (x, y).
     """
-    whole, ax = figure(7.0, 5.2)
+    whole, ax = figure(7.2, 5.4)
     arrived = found.cost[found.failed == 0.0]
-    top = float(np.max(arrived)) if arrived.size else float(np.max(found.cost))
-    low = float(np.min(found.cost))
-    levels = np.linspace(low, max(top, low + 1e-6), 15)
-    shown = ax.contourf(found.xs, found.ys, found.cost, levels=levels, cmap="viridis_r", extend="max")
-    shown.cmap.set_over("#e8e8e8")
-    whole.colorbar(shown, ax=ax, label="cost; grey: more, since drives fail")
-    _hatch(ax, found, found.failed, "..", "some drives fail")
-    _hatch(ax, found, found.collided, "xx", "some hit a wall")
-    for k, (name, (x, y)) in enumerate(marks.items()):
-        if found.xs[0] <= x <= found.xs[-1] and found.ys[0] <= y <= found.ys[-1]:
-            ax.plot(
-                x, y, "Xo*sPD"[k % 6], markersize=11, markeredgecolor="white", label=name, linestyle="none", zorder=5
-            )
+    low, top = float(np.min(found.cost)), float(np.max(arrived if arrived.size else found.cost))
+    colours = colormaps["viridis_r"].with_extremes(over="#dddddd")
+    shown = ax.pcolormesh(found.xs, found.ys, found.cost, cmap=colours, vmin=low, vmax=max(top, low + 1e-6))
+    whole.colorbar(shown, ax=ax, label="cost; grey: more than any that arrives", extend="max")
+    x, y = np.meshgrid(found.xs, found.ys)
+    hit = found.collided > 0.0
+    missed = (found.failed > 0.0) & ~hit
+    ax.scatter(x[hit], y[hit], s=20 + 50 * found.collided[hit], marker="x", color=BAD, label="drives hit a wall")
+    if missed.any():
+        ax.scatter(x[missed], y[missed], s=14, color=BAD, label="drives do not arrive")
+    for k, (name, (at, up)) in enumerate(marks.items()):
+        inside = found.xs[0] <= at <= found.xs[-1] and found.ys[0] <= up <= found.ys[-1]
+        style: dict[str, Any] = {
+            "marker": "X*sPD"[k % 5],
+            "markersize": 13,
+            "markeredgecolor": "black",
+            "color": _MARKS[k % 5],
+        }
+        ax.plot(*((at, up) if inside else (np.nan, np.nan)), label=name if inside else f"{name} (outside)",
+                linestyle="none", zorder=5, **style)  # fmt: skip
     if found.x.log:
         ax.set_xscale("log")
     if found.y.log:
         ax.set_yscale("log")
-    _plain_ticks(ax, found)
-    ax.grid(False)
-    ax.set_xlabel(named(found.x), parse_math=False)
-    ax.set_ylabel(named(found.y), parse_math=False)
-    ax.legend(fontsize=8, loc="upper left", bbox_to_anchor=(0.0, 1.14), ncols=4, frameon=False)
-    return whole
-
-
-def _plain_ticks(ax: Axes, found: Plane) -> None:
     for axis, values in ((ax.xaxis, found.xs), (ax.yaxis, found.ys)):
         axis.set_ticks(values[::2], [f"{value:.3g}" for value in values[::2]])
         axis.set_minor_locator(NullLocator())
-
-
-def _hatch(ax: Axes, found: Plane, share: Array, pattern: str, name: str) -> None:
-    if not (share > 0.0).any():
-        return
-    ax.contourf(found.xs, found.ys, share, levels=[1e-9, 1.1], colors="none", hatches=[pattern])
-    if not (share > 0.0).all():
-        ax.contour(found.xs, found.ys, share, levels=[1e-9], colors=BAD, linewidths=0.9)
-    ax.fill_between([], [], [], facecolor="none", edgecolor="black", hatch=pattern, linewidth=0.0, label=name)
+    ax.grid(False)
+    ax.set_xlabel(named(found.x), parse_math=False)
+    ax.set_ylabel(named(found.y), parse_math=False)
+    ax.legend(fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False)
+    return whole
 
 
 def sensitivity(lines: Sequence[Line], values: Sequence[float], before: Sequence[float]) -> Figure:
@@ -171,7 +170,7 @@ def _column(trials: Sequence[Trial], name: str) -> Array:
 
 
 def histogram(old: Sequence[Drive], new: Sequence[Drive]) -> Figure:
-    """Clearance errors of all measured ticks on the held-out courses."""
+    """Clearance errors of all measured ticks on the held-out courses; the outer hundredth on either side is cut off."""
     whole, ax = figure()
     counts = {name: np.sum([drive.errors for drive in drives], axis=0) for name, drives in (("was", old), ("now", new))}
     edges = 100.0 * ERROR_BINS
@@ -179,9 +178,9 @@ def histogram(old: Sequence[Drive], new: Sequence[Drive]) -> Figure:
     for (name, count), colour in zip(counts.items(), (OLD, NEW), strict=True):
         share = 100.0 * count / max(count.sum(), 1)
         ax.stairs(share, edges, color=colour, fill=name == "now", alpha=0.55 if name == "now" else 1.0, label=name)
-        big = np.flatnonzero(share > 0.05)
-        if big.size:
-            most = max(most, *np.abs(edges[[big[0], big[-1] + 1]]).astype(int))
+        inside = np.flatnonzero((np.cumsum(share) > 1.0) & (np.cumsum(share) < 99.0))
+        if inside.size:
+            most = max(most, *np.abs(edges[[inside[0], inside[-1] + 1]]).astype(int))
     ax.axvline(0.0, color="black", linewidth=0.8)
     ax.set_xlim(-most - 1, most + 1)
     ax.set_xlabel("true clearance minus wanted [cm]")

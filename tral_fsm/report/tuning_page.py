@@ -76,7 +76,7 @@ def save_report(page: Page, path: Path, *, processes: int = 1, size: int = 9) ->
 def _probe(page: Page, processes: int, size: int) -> Probe | None:
     tuned = page.tuned
     values = [each.start for each in tuned.parameters] if tuned.values is None else list(tuned.values)
-    real = [k for k, each in enumerate(tuned.parameters) if each.kind == "float"][:_MOST_LINES]
+    real = _order(tuned.parameters)[:_MOST_LINES]
     if not real:
         return None
     with Evaluator(page.task, processes=processes) as evaluator:
@@ -89,6 +89,18 @@ def _probe(page: Page, processes: int, size: int) -> Probe | None:
             page.objective,
             size=size,
         )
+
+
+def _order(parameters: Sequence[Parameter]) -> list[int]:
+    """The real parameters; p and d of one state first, if there are such."""
+    real = [k for k, each in enumerate(parameters) if each.kind == "float"]
+    places = {(each.sites[0].name, each.sites[0].place[:-1]): k for k, each in enumerate(parameters)}
+    for k in real:
+        site = parameters[k].sites[0]
+        other = places.get(("d", site.place[:-1]))
+        if site.name == "p" and other is not None:
+            return [k, other, *(each for each in real if each not in (k, other))]
+    return real
 
 
 def _head(page: Page) -> str:
@@ -242,12 +254,12 @@ def _around(page: Page, around: Probe) -> list[str]:
 
 def _marks(page: Page, found: Sequence[float], before: Sequence[float]) -> dict[str, tuple[float, float]]:
     marks = {"as it was": (before[0], before[1]), "tuned": (found[0], found[1])}
-    names = [each.sites[0].name for each in page.tuned.parameters if each.kind == "float"][:2]
-    states = wall_states(page.tuned.new)
-    if names == ["p", "d"] and states:
-        gains = lqr(states[0].speed)
-        marks[f"LQR at {states[0].speed:.3g} m/s"] = (gains.p, gains.d)
-        swing = relay(states[0].speed)
+    first, second = (page.tuned.parameters[k].sites[0] for k in _order(page.tuned.parameters)[:2])
+    state = next((each for each in wall_states(page.tuned.new) if each.place == first.place[:-1]), None)
+    if (first.name, second.name) == ("p", "d") and state is not None:
+        gains = lqr(state.speed)
+        marks[f"LQR at {state.speed:.3g} m/s"] = (gains.p, gains.d)
+        swing = relay(state.speed)
         if swing is not None:
             gains = swing.ziegler_nichols()
             marks["Ziegler-Nichols"] = (gains.p, gains.d)
@@ -272,7 +284,7 @@ def _classical(page: Page) -> list[str]:
         picture(
             tuning_model.stability(gains),
             "How far from swinging",
-            "Linear model: phase margin and damping of the slowest pair of poles. Dots: the machine's own speed.",
+            "Linear model: phase margin and damping of the least damped pair of poles. Dots: the machine's own speed.",
         ),
         table(
             MARGIN_HEADER,

@@ -75,7 +75,7 @@ class Margins:
     delay_s: float
     """More delay than this makes the loop swing, s."""
     damping: float
-    """Damping ratio of the slowest pair of poles; 1: none swings; below 0: it grows."""
+    """Damping ratio of the least damped pair of poles; 1: none swings; below 0: it grows."""
     frequency: float
     """Of that pair, rad/s; 0: none."""
 
@@ -123,7 +123,7 @@ def loop(gains: Gains, speed: float, frequency: Array, car: LinearCar | None = N
 
 
 def margins(gains: Gains, speed: float, car: LinearCar | None = None) -> Margins:
-    """Phase, gain and delay margin and the damping of the slowest pair of poles."""
+    """Phase, gain and delay margin and the damping of the least damped pair of poles."""
     car = car or LinearCar()
     response = loop(gains, speed, _FREQUENCIES, car)
     size, phase = np.abs(response), np.unwrap(np.angle(response))
@@ -144,7 +144,10 @@ def margins(gains: Gains, speed: float, car: LinearCar | None = None) -> Margins
 
 
 def dominant(gains: Gains, speed: float, car: LinearCar | None = None) -> tuple[float, float]:
-    """Damping ratio and frequency [rad/s] of the pair of poles that dies away slowest; delays as Pade (3, 3)."""
+    """Damping ratio and frequency [rad/s] of the least damped pair of poles; delays as Pade (3, 3).
+
+    What swings faster than half the rate of the ranges is left out: there the model means nothing.
+    """
     car = car or LinearCar()
     numerator, denominator = _pade(car.delay_s)
     rate_up, rate_down = _pade(car.rate_delay_s)
@@ -153,11 +156,12 @@ def dominant(gains: Gains, speed: float, car: LinearCar | None = None) -> tuple[
     up = np.polymul(np.polymul(plant, law), numerator)
     down = np.polymul(np.polymul([car.servo_s, 1.0], [1.0, 0.0, 0.0]), np.polymul(denominator, rate_down))
     poles = np.roots(np.polyadd(down, up))
-    pairs = poles[poles.imag > 1e-9]
+    pairs = poles[(poles.imag > 1e-9) & (np.abs(poles) < math.pi / (2.0 * car.cadence_s))]
     if not len(pairs):
         return (1.0 if poles.real.max() < 0.0 else -1.0), 0.0
-    pole = pairs[pairs.real.argmax()]
-    return float(-pole.real / abs(pole)), float(abs(pole))
+    damping = -pairs.real / np.abs(pairs)
+    worst = int(damping.argmin())
+    return float(damping[worst]), float(abs(pairs[worst]))
 
 
 def _pade(delay: float) -> tuple[Array, Array]:
@@ -179,10 +183,11 @@ def step_response(gains: Gains, speed: float, seconds: float, car: LinearCar | N
     latency = round(car.latency_s / dt)
     clearance = np.zeros(count)
     y = heading = angle = 0.0
+    follow = min(dt / car.servo_s, 1.0)
     for k in range(1, count):
         e = (clearance[k - 1 - late] if k - 1 >= late else 0.0) - (1.0 if k - 1 >= latency else 0.0)
         rate = (clearance[k - 1 - later] - clearance[k - 2 - later]) / dt if k - 2 >= later else 0.0
-        angle += ((-car.lock * (gains.p * e + gains.d * rate)) - angle) * dt / car.servo_s
+        angle += ((-car.lock * (gains.p * e + gains.d * rate)) - angle) * follow
         heading += speed / car.wheelbase * angle * dt
         y += speed * heading * dt
         clearance[k] = y + car.sonar_x * heading

@@ -182,12 +182,19 @@ class WallState:
     name: str
     gains: Gains
     speed: float
+    place: tuple[str | int, ...] = ()
+    """In the definition, as `parameters.Site` has it."""
 
 
 def wall_states(machine: MachineDefinition) -> list[WallState]:
     """The states of a machine that follow a wall by p and d at a regulated speed; machines within it aside."""
     return [
-        WallState(name=state.label or str(state.id), gains=Gains(p=state.p, d=state.d), speed=state.speed)
-        for state in machine.states
+        WallState(
+            name=state.label or str(state.id),
+            gains=Gains(p=state.p, d=state.d),
+            speed=state.speed,
+            place=("states", k),
+        )
+        for k, state in enumerate(machine.states)
         if isinstance(state, WallSpec) and state.speed
     ]

@@ -1,0 +1,317 @@
+"""A search from beginning to end: resumed, interrupted, shared, the same whoever drives."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from courses import blind
+
+from tral_env.errors import ConfigError, MissingExtraError
+from tral_fsm.definition import MachineDefinition
+from tral_fsm.library import load
+from tral_fsm.tuning import Objective, Progress, Racing, Settings, Task, Tuned, tune
+from tral_fsm.tuning.evaluate import Evaluator
+from tral_fsm.tuning.journal import NAME
+from tral_fsm.tuning.optuna_search import front
+from tral_fsm.tuning.parameters import find
+from tral_fsm.tuning.search import CmaSearch, Trial
+from tral_fsm.tuning.study import check_apart
+
+CRASHING = blind(0.5, 1.0)
+"""Hits the wall within two seconds, whatever is tuned: cheap to drive."""
+PARAMS = ["0.steering=0.3:0.9", "0.speed=0.8:1.6"]
+TASK = Task(scenarios=("straight",), seeds=(0, 1))
+SETTINGS = Settings(budget=24, population=4, report_seeds=(500, 501), finalists=1, final_seeds=1)
+
+
+def search(
+    out: Path | None, *, resume: bool = False, settings: Settings = SETTINGS, processes: int = 1, stop_at: int = 0
+) -> Tuned:
+    """A search that is interrupted once it has spent `stop_at` drives."""
+
+    def on_progress(progress: Progress) -> None:
+        if stop_at and progress.drives >= stop_at:
+            raise KeyboardInterrupt
+
+    return tune(
+        CRASHING, PARAMS, TASK, settings=settings, processes=processes, out=out, resume=resume, on_progress=on_progress
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Tuned]:
+    out = tmp_path_factory.mktemp("whole")
+    return out, search(out)
+
+
+def test_a_search_finds_something_better(whole: tuple[Path, Tuned]) -> None:
+    _, tuned = whole
+    assert tuned.complete
+    assert min(each.cost for each in tuned.trials if each.full) < tuned.old_trial.cost
+    assert tuned.finals[0][0] is None  # the old machine drives in the finals too
+    assert min(cost for _, cost in tuned.finals) == next(c for v, c in tuned.finals if v == tuned.values)
+
+
+def test_the_budget_counts_drives_and_the_last_generation_is_finished(whole: tuple[Path, Tuned]) -> None:
+    drives = sum(each.drives for each in whole[1].trials)
+    assert 24 <= drives < 24 + 8
+
+
+def test_the_machine_file_drives_and_says_where_its_numbers_come_from(whole: tuple[Path, Tuned]) -> None:
+    out, tuned = whole
+    machine = load(out / "machine.json")
+    assert machine.states == tuned.new.states
+    if tuned.values is not None:
+        assert f"state[0].steering = {tuned.values[0]}" in machine.description
+        assert "tral-env" in machine.description
+
+
+def test_it_is_checked_on_other_courses(whole: tuple[Path, Tuned]) -> None:
+    tuned = whole[1]
+    assert [drive.seed for drive in tuned.new_drives] == [500, 501]
+    assert tuned.comparison is not None
+    assert json.loads(json.dumps(tuned.record(), allow_nan=False))["held_out"]["verdict"]
+
+
+@pytest.mark.parametrize("stop_at", [1, 10])
+def test_an_interrupted_search_that_is_resumed_is_the_uninterrupted_one(
+    stop_at: int, whole: tuple[Path, Tuned], tmp_path: Path
+) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        search(tmp_path, stop_at=stop_at)
+    assert load(tmp_path / "machine.json").name == CRASHING.name  # what was found is kept
+    again = search(tmp_path, resume=True)
+    assert again.trials == whole[1].trials
+    assert (again.values, again.finals, again.comparison) == (
+        whole[1].values, whole[1].finals, whole[1].comparison,
+    )  # fmt: skip
+    assert (tmp_path / NAME).read_bytes() == (whole[0] / NAME).read_bytes()
+
+
+def test_half_a_last_line_does_no_harm(whole: tuple[Path, Tuned], tmp_path: Path) -> None:
+    text = (whole[0] / NAME).read_text()
+    (tmp_path / NAME).write_text(text[: len(text) - 40])
+    assert search(tmp_path, resume=True).trials == whole[1].trials
+
+
+def test_a_resumed_search_may_have_a_larger_budget(whole: tuple[Path, Tuned], tmp_path: Path) -> None:
+    (tmp_path / NAME).write_text((whole[0] / NAME).read_text())
+    more = search(tmp_path, resume=True, settings=replace(SETTINGS, budget=40))
+    assert more.trials[: len(whole[1].trials)] == whole[1].trials
+    assert len(more.trials) > len(whole[1].trials)
+
+
+def test_what_was_asked_differently_is_not_resumed(whole: tuple[Path, Tuned], tmp_path: Path) -> None:
+    (tmp_path / NAME).write_text((whole[0] / NAME).read_text())
+    with pytest.raises(ConfigError, match="the study has sampler"):
+        search(tmp_path, resume=True, settings=replace(SETTINGS, seed=1))
+    with pytest.raises(ConfigError, match="there is no study to resume"):
+        search(tmp_path / "nowhere", resume=True)
+
+
+@pytest.mark.slow
+def test_two_processes_find_what_one_does(whole: tuple[Path, Tuned]) -> None:
+    assert search(None, processes=2).trials == whole[1].trials
+
+
+def test_a_race_drops_the_weaker_half_after_the_first_courses() -> None:
+    task = Task(scenarios=("straight",), seeds=(0, 1, 2, 3))
+    machines = [blind(steering, 1.0) for steering in (0.9, 0.02, 0.5, 0.01)]
+    with Evaluator(task) as evaluator:
+        scored = evaluator.race(machines, task.courses, Objective(), Racing(share=0.25, keep=0.5))
+    assert [each.full for each in scored] == [False, True, False, True]
+    assert [len(each.drives) for each in scored] == [1, 4, 1, 4]
+    assert min(scored[0].cost, scored[2].cost) >= max(scored[1].cost, scored[3].cost)
+
+
+def test_a_race_has_something_of_each_scenario_in_its_first_round() -> None:
+    task = Task(scenarios=("straight", "doors", "corners"), seeds=(0, 1))
+    first, rest = Racing(share=0.1).rounds(task.courses, 3)
+    assert [scenario for scenario, _ in first] == ["straight", "doors", "corners"]
+    assert len(rest) == 3
+    assert Racing(keep=1.0).rounds(task.courses, 3) == [task.courses]
+
+
+def test_courses_of_the_report_must_be_new() -> None:
+    with pytest.raises(ConfigError, match="seeds 4 to 5 are for tuning and for the report"):
+        check_apart(TASK, Settings(report_seeds=(4, 5, 6)))  # finals of seeds 0, 1 have 2 to 5
+
+
+def trial(values: tuple[float, ...], cost: float, parts: tuple[float, ...] = (0, 0, 0, 0, 0)) -> Trial:
+    return Trial(values=values, cost=cost, full=True, drives=1, successes=1, parts=parts)
+
+
+def test_cma_begins_at_the_machine_and_goes_where_it_is_cheap() -> None:
+    parameters = find(CRASHING, PARAMS)
+    cma = CmaSearch(parameters, seed=3)
+    for _ in range(25):
+        asked = cma.ask()
+        assert all(0.3 <= float(a) <= 0.9 and 0.8 <= float(b) <= 1.6 for a, b in asked)
+        cma.tell([trial(each, (float(each[0]) - 0.72) ** 2 + (float(each[1]) - 1.5) ** 2) for each in asked])
+    best = min(asked, key=lambda each: abs(float(each[0]) - 0.72) + abs(float(each[1]) - 1.5))
+    assert best == pytest.approx((0.72, 1.5), abs=0.02)
+
+
+def test_cma_begins_anew_with_twice_the_population_when_it_rests() -> None:
+    cma = CmaSearch(find(CRASHING, PARAMS), population=6)
+    sizes = set()
+    for _ in range(120):
+        asked = cma.ask()
+        sizes.add(len(asked))
+        cma.tell([trial(each, (float(each[0]) - 0.6) ** 2) for each in asked])
+    assert {6, 12} <= sizes
+
+
+def test_one_parameter_can_be_searched() -> None:
+    asked = CmaSearch(find(CRASHING, PARAMS[:1])).ask()
+    assert all(len(each) == 1 for each in asked)
+
+
+def test_cma_refuses_what_is_no_real_number() -> None:
+    from courses import TWO_WALLS
+
+    with pytest.raises(ConfigError, match=r"state\[right\].side is a choice of .*: --sampler tpe"):
+        CmaSearch(find(TWO_WALLS, ["right.side"]))
+
+
+def test_the_front_holds_what_nothing_beats() -> None:
+    a, b, c = (trial((k,), 0, (0, 0, *costs)) for k, costs in enumerate([(1, 3, 0), (2, 1, 0), (3, 2, 0)]))
+    failing = trial((9.0,), 0, (0.5, 0.2, 0, 0, 0))
+    assert front([c, b, a, failing], ("clearance", "time")) == [a, b]
+
+
+def test_without_optuna_the_remedy_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "optuna", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'tral-env\[tune\]'"):
+        search(None, settings=replace(SETTINGS, sampler="tpe"))
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"objectives": ("clearance", "time")}, "several need the sampler nsga2"),
+        ({"objectives": ("clearance",), "sampler": "nsga2"}, "expected two or more"),
+        ({"objectives": ("clarity", "time"), "sampler": "nsga2"}, "unknown objective 'clarity'"),
+        ({"budget": 0}, "budget = 0: expected a whole number, 1 or more"),
+        ({"population": 2}, "population = 2: expected 4 or more"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(changed: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        replace(SETTINGS, **changed)  # type: ignore[arg-type]
+
+
+class TestOptuna:
+    """The samplers of the extra."""
+
+    @pytest.fixture(autouse=True)
+    def _there(self) -> None:
+        pytest.importorskip("optuna")
+
+    @pytest.mark.parametrize("sampler", ["tpe", "random"])
+    def test_it_is_resumed_as_cma_is(self, sampler: str, tmp_path: Path) -> None:
+        settings = replace(SETTINGS, sampler=sampler, budget=16, report_seeds=())
+        uninterrupted = search(None, settings=settings)
+        with pytest.raises(KeyboardInterrupt):
+            search(tmp_path, settings=settings, stop_at=1)
+        assert search(tmp_path, settings=settings, resume=True).trials == uninterrupted.trials
+
+    def test_several_objectives_give_a_front(self) -> None:
+        settings = replace(SETTINGS, sampler="nsga2", objectives=("time", "steering"), report_seeds=())
+        tuned = search(None, settings=settings)
+        assert all(each.full for each in tuned.trials)  # no race
+        assert tuned.front
+
+    def test_choices_and_whole_numbers_are_searched(self) -> None:
+        from courses import TWO_WALLS
+
+        from tral_fsm.tuning.optuna_search import OptunaSearch
+
+        names = ["right.side", "transition[end].of[0].readings", "left.p"]
+        asked = OptunaSearch(find(TWO_WALLS, names), "tpe", population=20).ask()
+        assert asked[0] == ("right", 2, 3.0)  # the machine's own values come first
+        assert {each[0] for each in asked} == {"left", "right"}
+        assert all(isinstance(each[1], int) for each in asked)
+
+    def test_a_storage_of_another_study_is_refused(self, tmp_path: Path) -> None:
+        settings = replace(SETTINGS, sampler="random", budget=4, report_seeds=())
+        storage = str(tmp_path / "study.log")
+        tune(CRASHING, PARAMS, TASK, settings=settings, processes=1, storage=storage)
+        with pytest.raises(ConfigError, match="the study in the storage has task"):
+            tune(CRASHING, PARAMS, replace(TASK, seeds=(4,)), settings=settings, processes=1, storage=storage)
+
+    def test_what_a_dead_process_left_open_is_done_by_the_next(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        from tral_fsm.tuning import optuna_search
+
+        parameters, storage = find(CRASHING, PARAMS), str(tmp_path / "study.log")
+        lost = optuna_search.OptunaSearch(parameters, "random", storage=storage, population=4).ask()
+        other = optuna_search.OptunaSearch(parameters, "random", storage=storage, population=4)
+        assert not set(other.ask()) & set(lost)  # it may still be at work
+        monkeypatch.setattr(optuna_search, "LOST_AFTER_S", -1.0)
+        third = optuna_search.OptunaSearch(parameters, "random", storage=storage, population=8)
+        assert set(lost) <= set(third.ask())
+
+    @pytest.mark.slow
+    def test_two_processes_share_a_study_and_nothing_is_lost_when_one_is_killed(self, tmp_path: Path) -> None:
+        import optuna
+        from optuna.storages import JournalStorage
+        from optuna.storages.journal import JournalFileBackend
+
+        machine = write_machine(tmp_path, CRASHING)
+        storage = tmp_path / "study.log"
+
+        def process(name: str) -> subprocess.Popen[bytes]:
+            arguments = [
+                "tune", "--policy", machine, "--params", ",".join(PARAMS), "--seeds", "0:2", "--budget", "160",
+                "--population", "4", "--sampler", "tpe", "--storage", storage, "--processes", "1", "--grid", "0",
+                "--report-seeds", "500:501", "--out", tmp_path / name,
+            ]  # fmt: skip
+            code = "from tral_fsm.cli import app; app()"
+            return subprocess.Popen([sys.executable, "-c", code, *map(str, arguments)], stderr=subprocess.DEVNULL)
+
+        def told() -> dict[int, float]:
+            study = optuna.load_study(study_name="tral", storage=JournalStorage(JournalFileBackend(str(storage))))
+            return {each.number: each.value for each in study.trials if each.value is not None}
+
+        first, second = process("one"), process("two")
+        try:
+            while not storage.exists() or len(told()) < 8:
+                time.sleep(0.3)
+            os.kill(first.pid, signal.SIGKILL)
+            before = told()
+            assert second.wait(timeout=240) == 0
+        finally:
+            for each in (first, second):
+                if each.poll() is None:
+                    each.kill()
+                each.wait()
+        after = told()
+        assert before.items() <= after.items()
+        report = json.loads((tmp_path / "two" / "tune.json").read_text())
+        assert report["drives"] >= 160
+        assert report["trials"] == len(after)
+
+
+def write_machine(folder: Path, machine: MachineDefinition) -> Path:
+    from tral_fsm.formats import write
+
+    path = folder / "crashing.json"
+    path.write_text(write(machine, "json"))
+    return path
+
+
+def test_every_machine_drives_every_course() -> None:
+    with Evaluator(TASK) as evaluator:
+        drives = evaluator.on_courses([CRASHING, blind(-0.5, 1.0)], TASK.courses)
+    assert [[each.seed for each in mine] for mine in drives] == [[0, 1], [0, 1]]
+    assert drives[0] != drives[1]

@@ -1,0 +1,135 @@
+"""`tral tune` from its options to its files."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from courses import TWO_WALLS, blind
+from typer.testing import CliRunner, Result
+
+from tral_fsm.cli import app
+from tral_fsm.definition import MachineDefinition
+from tral_fsm.formats import write
+from tral_fsm.library import load
+from tral_fsm.tuning.journal import NAME
+
+PARAMS = "0.steering=0.3:0.9,0.speed=0.8:1.6"
+CHEAP = ["--seeds", "0:1", "--budget", "4", "--population", "4", "--report-seeds", "500:502", "--processes", "1"]
+
+
+def tral(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def file_of(machine: MachineDefinition, folder: Path) -> Path:
+    path = folder / "mine.json"
+    path.write_text(write(machine, "json"))
+    return path
+
+
+@pytest.fixture(scope="module")
+def tuned(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
+    folder = tmp_path_factory.mktemp("tuned")
+    machine = file_of(blind(0.5, 1.0).model_copy(update={"name": "<blind> & bold"}), folder)
+    arguments = ["--policy", machine, "--params", PARAMS, "--grid", 2, "--save", folder / "new.uxf"]
+    return folder, tral("tune", *arguments, *CHEAP, "--out", folder)
+
+
+def test_it_leaves_a_machine_the_figures_a_report_and_the_study(tuned: tuple[Path, Result]) -> None:
+    folder, result = tuned
+    assert result.exit_code == 0, result.output
+    written = {path.name for path in folder.iterdir()}
+    assert written == {"mine.json", "machine.json", "new.uxf", "report.html", "study.jsonl", "tune.json"}
+    report = json.loads((folder / "tune.json").read_text())
+    assert report["complete"]
+    assert report["task"]["seeds"] == [0]
+    assert load(folder / "new.uxf").states == load(folder / "machine.json").states
+
+
+def test_it_says_the_verdict(tuned: tuple[Path, Result]) -> None:
+    folder, result = tuned
+    report = json.loads((folder / "tune.json").read_text())
+    assert report["held_out"]["verdict"] in result.stdout
+    assert "clearance RMSE [cm]" in result.stdout
+
+
+class Tags(HTMLParser):
+    """Counts what is opened and closed."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.sources: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in ("meta", "img", "br"):
+            self.open.append(tag)
+        self.sources += [value or "" for name, value in attrs if name in ("src", "href")]
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def test_the_report_needs_no_network_and_is_well_formed(tuned: tuple[Path, Result]) -> None:
+    html = (tuned[0] / "report.html").read_text()
+    tags = Tags()
+    tags.feed(html)
+    assert tags.open == []
+    assert len(tags.sources) >= 4
+    for source in tags.sources:
+        assert base64.b64decode(source.removeprefix("data:image/png;base64,"))[:4] == b"\x89PNG"
+    assert "http" not in re.sub(r'base64,[^"]+', "", html)
+    assert "&lt;blind&gt; &amp; bold" in html
+    assert "<blind>" not in html
+
+
+def test_classical_gains_are_printed_without_a_search(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = tral("tune", "--classical", "--policy", file_of(TWO_WALLS, tmp_path))
+    assert result.exit_code == 0, result.output
+    for shown in ("along", "left", "LQR at 0.7 m/s", "damping"):
+        assert shown in result.stdout
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.slow
+def test_a_step_and_margins_are_shown_for_states_that_follow_a_wall(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    result = tral("tune", "--policy", "wall", *CHEAP, "--grid", 0, "--report-seeds", "none", "--json", "--out", out)
+    assert result.exit_code == 0, result.output
+    report = json.loads(result.stdout)
+    assert report["held_out"] is None
+    assert [each["label"] for each in report["parameters"]] == ["state[0].p", "state[0].d"]
+    html = (out / "report.html").read_text()
+    assert "A step of 15 cm in wanted clearance, state follow" in html
+    assert "There was no held-out check." in html
+
+
+@pytest.mark.slow
+def test_ctrl_c_ends_it_at_once_and_keeps_what_was_found(tmp_path: Path) -> None:
+    machine = file_of(blind(0.5, 1.0), tmp_path)
+    arguments = ["--policy", machine, "--params", PARAMS, "--seeds", "0:2", "--population", 4, "--processes", 2]
+    process = subprocess.Popen(
+        [sys.executable, "-c", "from tral_fsm.cli import app; app()", "tune", *map(str, arguments), "--out", tmp_path],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    study = tmp_path / NAME
+    while not study.exists() or len(study.read_text().splitlines()) < 3:
+        time.sleep(0.1)
+        assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert "the same command with --resume goes on" in said
+    assert "Traceback" not in said
+    assert load(tmp_path / "machine.json").states
