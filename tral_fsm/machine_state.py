@@ -278,6 +278,8 @@ class MachineState:
         for sonar, wall in ((self.left, self.walls.left), (self.right, self.walls.right)):
             if sonar.new:
                 x, y, yaw = self._pose_before(sonar.age)
+                if self._tracks and any(track.beside(x, y) for track in self._tracks.values()):
+                    continue  # a post is no wall
                 along = self.yaw - self.heading
                 turn, trim = self.walls.take(wall, sonar.range, x, y, yaw - along, along)
                 if self.walls.direction_known:

@@ -40,6 +40,9 @@ _GATE_SIGMA = 4.0
 _ANEW = 3
 """unless so many do not fit, one after the other: then the gate is there."""
 
+_POSTS, _POSTS_ASIDE = (0.8, 0.4), 1.5
+"""Posts are heard from so far before the gate to so far behind it, on a way that leads so near to its middle, m."""
+
 Row = list[float]
 Place = tuple[float, float]
 
@@ -168,6 +171,12 @@ class Track:
             state[i] += gain * innovation
             for j in range(5):
                 row[j] -= gain * ph[j]
+
+    def beside(self, x: float, y: float) -> bool:
+        """Whether a car at x, y [m] of dead reckoning is so near that its side ultrasonics may hear the posts."""
+        dx, dy = self.x - x, self.y - y
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        return -_POSTS[1] < cos * dx + sin * dy < _POSTS[0] and abs(cos * dy - sin * dx) < _POSTS_ASIDE
 
     @property
     def deviation(self) -> tuple[float, float, float]:
