@@ -19,6 +19,9 @@ _HISTORY_TICKS = 128
 """Poses kept for late camera images: 1.6 s."""
 _STEERING_LAG_S = 0.06
 """Time constant of the servo in dead reckoning. Source: choice."""
+_PLAY, _PLAY_SPEED = 0.3, 0.06
+"""The tyres' friction holds the wheels short of where a weak servo wants them, in units of steering at standstill, and
+the speed in m/s from which on it vanishes. Source: docs/car.md."""
 _TRIM_LIMIT = 0.25
 """A larger fault is no matter of trim: 5.5 degrees. Source: choice."""
 _LOCK_LIMIT = 0.2
@@ -223,6 +226,8 @@ class MachineState:
     def _reckon(self) -> None:
         """Move the pose by what the hall sensor counted, on the circle that the steering gives."""
         behind = self.applied_steering - self.trim - self._wheel
+        play = _PLAY / math.sqrt(1.0 + (self.speed / _PLAY_SPEED) ** 2)
+        behind -= clip(behind, play)
         self._wheel += behind * (CONTROL_PERIOD_S / _STEERING_LAG_S)
         step = self.distance - self._travelled
         self._travelled = self.distance
