@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import time
 import uuid
 from collections.abc import Sequence
@@ -55,7 +54,7 @@ class OptunaSearch:
         Args:
             parameters: what is searched.
             sampler: of `SAMPLERS`.
-            seed: of the sampler; in a storage each process adds its own number, or all would ask for the same.
+            seed: of the sampler; in a storage each process adds a number of its own, or all would ask for the same.
             population: candidates in a generation.
             objectives: of `OBJECTIVES`; none: the cost alone.
             weights: what a failed drive adds to every objective.
@@ -78,7 +77,7 @@ class OptunaSearch:
         self.study = optuna.create_study(
             study_name="tral",
             storage=None if storage is None else _storage(optuna, storage),
-            sampler=_sampler(optuna, sampler, seed + (os.getpid() if storage else 0), self.population),
+            sampler=_sampler(optuna, sampler, seed + (int(self._worker[:6], 16) if storage else 0), self.population),
             directions=["minimize"] * max(len(self.objectives), 1),
             load_if_exists=True,
         )
