@@ -19,7 +19,7 @@ SET_UP = ("python3 -m venv ", ".venv/bin/pip install ", "pip install ", ".venv/b
 CHEAPER = {
     ".venv/bin/tral drive --scenario office --seed 7 --out runs/first": "--camera projected --no-video",
     'tral tune --policy wall --scenario straight --params "*.p,*.d" --budget 600 --out runs/tune': (
-        "--seeds 0:1 --budget 4 --population 4 --report-seeds 500:501"
+        "--seeds 0:1 --budget 4 --population 4 --report-seeds 500:501 --grid 0"
     ),
     "python benchmarks/compare.py --steps 20000 --scenario straight --seeds 1000:1010 --out runs/compare.json": (
         "--steps 512 --seeds 1000:1001"
