@@ -79,7 +79,14 @@ def plane(found: Plane, marks: Mapping[str, tuple[float, float]]) -> Figure:
     arrived = found.cost[found.failed == 0.0]
     low, top = float(np.min(found.cost)), float(np.max(arrived if arrived.size else found.cost))
     colours = colormaps["viridis_r"].with_extremes(over="#dddddd")
-    shown = ax.pcolormesh(found.xs, found.ys, found.cost, cmap=colours, vmin=low, vmax=max(top, low + 1e-6))
+    shown = ax.pcolormesh(
+        _edges(found.xs, found.x.log),
+        _edges(found.ys, found.y.log),
+        found.cost,
+        cmap=colours,
+        vmin=low,
+        vmax=max(top, low + 1e-6),
+    )
     whole.colorbar(shown, ax=ax, label="cost; grey: more than any that arrives", extend="max")
     x, y = np.meshgrid(found.xs, found.ys)
     hit = found.collided > 0.0
@@ -109,6 +116,14 @@ def plane(found: Plane, marks: Mapping[str, tuple[float, float]]) -> Figure:
     ax.set_ylabel(named(found.y), parse_math=False)
     ax.legend(fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False)
     return whole
+
+
+def _edges(places: Array, log: bool) -> Array:
+    """Edges of cells around places that lie evenly, by factors or by steps."""
+    at = np.log(places) if log else places
+    half = (at[1] - at[0]) / 2.0
+    edges = np.append(at - half, at[-1] + half)
+    return np.exp(edges) if log else edges
 
 
 def sensitivity(lines: Sequence[Line], values: Sequence[float], before: Sequence[float]) -> Figure:
