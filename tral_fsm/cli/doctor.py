@@ -27,7 +27,7 @@ _CORE = (
     "matplotlib",
     "imageio-ffmpeg",
 )
-_EXTRAS = {"rl": ("torch", "stable-baselines3"), "car": ("smbus2",)}
+_EXTRAS = {"rl": ("torch", "stable-baselines3"), "car": ("smbus2",), "tune": ("optuna",)}
 _PROBE_TIMEOUT_S = 60.0
 _LONGEST = 100
 """Characters of a message that are shown."""
