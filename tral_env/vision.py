@@ -60,12 +60,13 @@ class ProjectedVision:
         """Nothing to see yet."""
         self._scenery = Scenery(n)
         self._markers = np.zeros(n, np.int64)
+        self._degradation = np.zeros(n)
         self._noise, self._lens, self._car = noise, lens, car
 
     def place(self, row: int, plan: Plan, degradation: float, seed: int) -> None:
-        """See `Vision`; the law of the projected camera is fitted to images without degradation."""
+        """See `Vision`."""
         self._scenery.place(row, plan)
-        self._markers[row] = len(plan.marker_id)
+        self._markers[row], self._degradation[row] = len(plan.marker_id), degradation
 
     def see(self, rows: Index, pose: Array, qpos: Array, mounting: Array) -> Sighting:
         """See `Vision`."""
@@ -80,7 +81,15 @@ class ProjectedVision:
         normal = self._noise.normal(rows, NOISE_PLACES * NORMALS).reshape(-1, NOISE_PLACES, NORMALS)
         uniform = self._noise.uniform(rows, NOISE_PLACES * UNIFORMS).reshape(-1, NOISE_PLACES, UNIFORMS)
         seen = project(
-            self._scenery, rows, pose, self._lens, self._car, mounting=mounting, normal=normal, uniform=uniform
+            self._scenery,
+            rows,
+            pose,
+            self._lens,
+            self._car,
+            mounting=mounting,
+            normal=normal,
+            uniform=uniform,
+            degradation=self._degradation[rows],
         )
         return sight(seen.ids, seen.x, seen.y, seen.heading, seen.valid)
 

@@ -6,23 +6,41 @@ from marker_world import build, camera_or_skip, plan_of
 
 from tral_env.config import WIDE_LENS, CameraConfig, CarConfig
 from tral_env.perception.aruco import Detector, marker_poses
+from tral_env.perception.detector_law import LAW, DetectorLaw
 from tral_env.perception.gate import sight
 from tral_env.perception.projected import (
     NOISE_PLACES,
     NORMALS,
     UNIFORMS,
-    DetectorLaw,
     Scenery,
     project,
     project_points,
 )
 
 LENS, CAR = CameraConfig(), CarConfig()
-EXACT = DetectorLaw(size_noise_px=0.0, bearing_noise_px=0.0, heading_noise_px=0.0, flip_px=1e-9)
+NEVER = (0.0,) * len(LAW.levels)
+EXACT = DetectorLaw(
+    always_found=1.0,
+    size_bias_px=NEVER,
+    size_noise_px=NEVER,
+    bearing_noise_px=NEVER,
+    heading_noise_px=NEVER,
+    flip_px=NEVER,
+)
 FACING = np.pi
 
 
-def see(markers, boxes=None, pose=(0.0, 0.0, 0.0), mounting=(0.0, 0.0, 0.0), lens=LENS, law=EXACT, chance=0.5, noise=0):
+def see(
+    markers,
+    boxes=None,
+    pose=(0.0, 0.0, 0.0),
+    mounting=(0.0, 0.0, 0.0),
+    lens=LENS,
+    law=EXACT,
+    chance=0.5,
+    noise=0,
+    level=0.0,
+):
     scenery = Scenery(1)
     scenery.place(0, plan_of(markers, boxes))
     return project(
@@ -34,6 +52,7 @@ def see(markers, boxes=None, pose=(0.0, 0.0, 0.0), mounting=(0.0, 0.0, 0.0), len
         mounting=np.array([mounting]),
         normal=np.full((1, NOISE_PLACES, NORMALS), float(noise)),
         uniform=np.full((1, NOISE_PLACES, UNIFORMS), chance),
+        degradation=np.array([level]),
         law=law,
     )
 
@@ -83,7 +102,7 @@ def test_a_box_hides_a_marker_only_from_in_between(box, seen):
 
 
 def test_of_all_markers_of_a_size_the_law_s_share_is_found():
-    law = DetectorLaw(half_found_px=LENS.fx * 0.18 / 5.0)
+    law = DetectorLaw(always_found=1.0, half_found_px=(LENS.fx * 0.18 / 5.0,) * len(LAW.levels))
     marker = (3, 5.0 + CAR.camera_x, 0.0, CAR.camera_z, FACING)
     assert see([marker], law=law, chance=0.49).valid[0, 0]
     assert not see([marker], law=law, chance=0.51).valid[0, 0]
@@ -100,9 +119,39 @@ def test_noise_grows_as_the_marker_gets_smaller():
     assert far > 3 * near
 
 
+def test_noise_grows_with_the_level_of_degradation():
+    marker = (3, 4.0, 0.0, 0.2, FACING)
+    x, y = zip(
+        *((seen.x[0, 0], abs(seen.y[0, 0])) for seen in (see([marker], law=LAW, noise=1, level=i) for i in range(4))),
+        strict=True,
+    )
+    assert list(x) == sorted(x)
+    assert list(y) == sorted(y)
+
+
+def test_without_noise_blurred_markers_seem_farther():
+    marker = (3, 4.0, 0.0, 0.2, FACING)
+    clean, strong = (see([marker], law=LAW, level=level).x[0, 0] for level in (0.0, 3.0))
+    assert 0.01 < strong / clean - 1 < 0.05
+
+
+def test_between_the_levels_the_law_s_figures_are_interpolated():
+    law = DetectorLaw(levels=(0.0, 2.0), half_found_px=(8.0, 12.0))
+    assert law.at(law.half_found_px, np.array([0.0, 0.5, 2.0, 9.0])).tolist() == [8.0, 9.0, 12.0, 12.0]
+
+
+@pytest.mark.parametrize("level", [0.0, 3.0])
+def test_markers_far_below_the_limit_are_not_found_and_large_ones_are(level):
+    small, large = LAW.found(np.array([5.0, 60.0]), np.full(2, level))
+    assert small < 0.1
+    assert large == pytest.approx(LAW.always_found, abs=1e-6)
+
+
 def test_a_far_marker_s_heading_may_be_mirrored():
     marker = (3, 5.0, 0.0, CAR.camera_z, FACING + 0.3)
-    assert see([marker], law=DetectorLaw(heading_noise_px=0.0), noise=3).heading[0, 0] == pytest.approx(-0.3, abs=0.02)
+    assert see([marker], law=DetectorLaw(heading_noise_px=NEVER), noise=3).heading[0, 0] == pytest.approx(
+        -0.3, abs=0.02
+    )
 
 
 @settings(max_examples=30)
@@ -142,6 +191,7 @@ def crowd(n, seed=0):
         "mounting": rng.normal(0, 0.02, (n, 3)),
         "normal": rng.standard_normal((n, NOISE_PLACES, NORMALS)),
         "uniform": rng.random((n, NOISE_PLACES, UNIFORMS)),
+        "degradation": rng.uniform(0, 3.5, n),
     }
     return scenery, rng.uniform([0, -0.4, -0.3], [3, 0.4, 0.3], (n, 3)), inputs
 

@@ -1,4 +1,7 @@
-"""What a webcam does to an image: wrong exposure, blur, glare, noise. One level sets all four."""
+"""What a webcam does to an image: wrong exposure, blur, glare, noise. One level sets all four.
+
+Two faults more are off until asked for: the streak that turning leaves, and something before the lens.
+"""
 
 from __future__ import annotations
 
@@ -24,6 +27,11 @@ class WebcamLaw:
     """Brightness that a lamp above adds at the image's upper edge, fading to the middle, grey levels."""
     noise: float = 2.5
     """Standard deviation of the noise, grey levels."""
+    streak_px: float = 0.0
+    """Longest level streak that the image is drawn out to, px. 2 (6 at level 3): a car that turns at 1 rad/s while
+    the shutter of the default lens is open for 10 ms."""
+    patch: float = 0.0
+    """Side of a dark or bright square somewhere in the image, as a share of the image's height."""
 
 
 def degrade(image: Image, level: float, rng: np.random.Generator, law: WebcamLaw | None = None) -> Image:
@@ -42,13 +50,41 @@ def degrade(image: Image, level: float, rng: np.random.Generator, law: WebcamLaw
         return image
     law = law or WebcamLaw()
     height, width = image.shape[:2]
-    out = cv2.GaussianBlur(image, (0, 0), law.blur_px * level) if law.blur_px > 0 else image
-    out = cv2.convertScaleAbs(out, alpha=1 + law.exposure * level * rng.uniform(-1, 1))
+    out = image
+    if law.blur_px > 0:
+        out = np.asarray(cv2.GaussianBlur(image, (0, 0), law.blur_px * level), np.uint8)
+    if law.streak_px > 0:
+        out = _streaked(out, law.streak_px * level * rng.uniform(0, 1))
+    out = np.asarray(cv2.convertScaleAbs(out, alpha=1 + law.exposure * level * rng.uniform(-1, 1)), np.uint8)
     fade = np.clip(1 - 2 * np.arange(height) / height, 0, 1) * law.glare * level * rng.uniform(0, 1)
     top, left = rng.integers(_SHIFTS, size=2)
     grain = _grain(height + _SHIFTS, width + _SHIFTS)[top : top + height, left : left + width]
     added = np.rint(grain * np.float32(law.noise * level) + fade.astype(np.float32)[:, None]).astype(np.int16)
-    return np.asarray(cv2.add(out, cv2.merge([added] * 3), dtype=cv2.CV_8U), np.uint8)
+    out = np.asarray(cv2.add(out, cv2.merge([added] * 3), dtype=cv2.CV_8U), np.uint8)
+    if law.patch > 0:
+        _cover(out, round(min(law.patch * level, 1.0) * height), rng)
+    return out
+
+
+def _streaked(image: Image, length: float) -> Image:
+    """The mean over a level stretch of this length, px; below one pixel the image itself."""
+    if length <= 1:
+        return image
+    reach = int(np.ceil((length - 1) / 2))
+    weights = np.clip((length + 1) / 2 - np.abs(np.arange(-reach, reach + 1)), 0, 1)
+    return np.asarray(cv2.filter2D(image, -1, weights[None] / length), np.uint8)
+
+
+PATCH_GREYS = (20, 235)
+"""A patch is as dark as a shadow or as bright as a lamp, grey levels. Source: choice."""
+
+
+def _cover(image: Image, side: int, rng: np.random.Generator) -> None:
+    """Cover a square whose middle lies anywhere in the image."""
+    middle = rng.integers(image.shape[:2])
+    top, left = np.maximum(middle - side // 2, 0)
+    bottom, right = np.maximum(middle - side // 2 + side, 0)
+    image[top:bottom, left:right] = rng.choice(PATCH_GREYS)
 
 
 _SHIFTS = 64

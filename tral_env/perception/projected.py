@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.course.plan import Plan
 from tral_env.interface import wrap_angle
+from tral_env.perception.detector_law import LAW, DetectorLaw
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -24,35 +25,6 @@ NOISE_PLACES = 8
 """Markers of a row that have noise of their own in one frame; place i uses the noise of i modulo this."""
 NORMALS, UNIFORMS = 4, 1
 """Normal numbers (distance, bearing, heading, flip) and uniform ones (found or not) for each of these places."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class DetectorLaw:
-    """What the rendered detector sees and how well: fitted numbers, all in pixels so that they hold for any lens."""
-
-    margin_px: float = 3.0
-    """A corner nearer to the image's edge is lost."""
-    half_found_px: float = 8.6
-    """Markers whose shortest side has this many pixels are found half of the time."""
-    found_slope: float = 0.65
-    """Steepness of that limit, 1/px."""
-    size_noise_px: float = 0.14
-    """Standard deviation of the apparent size, from which the distance is estimated."""
-    bearing_noise_px: float = 0.1
-    """Standard deviation across the line of sight."""
-    heading_noise_px: float = 0.5
-    """Standard deviation of the apparent width, from which the heading is estimated."""
-    perspective_gain: float = 7.0
-    """How much the nearer edge looking larger than the farther one helps the heading of a marker seen head-on."""
-    flip_px: float = 0.34
-    """When the edges' difference drowns in this noise, the heading is mirrored at the line of sight."""
-
-    def found(self, size: Array) -> Array:
-        """Probability that a marker of this shortest side, px, is found."""
-        return 1.0 / (1.0 + np.exp(-self.found_slope * (size - self.half_found_px)))
-
-
-LAW = DetectorLaw()
 
 
 class Scenery:
@@ -128,6 +100,18 @@ class _Candidates:
     """(c,) into the marker, in the camera's frame."""
 
 
+@dataclass(frozen=True)
+class _Blur:
+    """What makes the sight of c markers inexact."""
+
+    extent: Array
+    """(c,) root of the area in the image, px."""
+    level: Array
+    """(c,) level of degradation."""
+    noise: Array
+    """(c, NORMALS)"""
+
+
 def project(
     scenery: Scenery,
     rows: Indices,
@@ -138,6 +122,7 @@ def project(
     mounting: Array,
     normal: Array,
     uniform: Array,
+    degradation: Array | None = None,
     law: DetectorLaw = LAW,
 ) -> Seen:
     """What the detector would report.
@@ -151,23 +136,25 @@ def project(
         mounting: (k, 3) roll, pitch, yaw of its mounting error, rad.
         normal: (k, NOISE_PLACES, NORMALS) standard normal numbers.
         uniform: (k, NOISE_PLACES, UNIFORMS) numbers in [0, 1).
+        degradation: (k,) level of noise, blur, exposure and glare of the images; none: clean images.
         law: the detector.
     """
     near = _candidates(scenery, rows, pose, car, mounting)
     pixels = project_points(near.rays[:, :4], camera)
     size = _shorter_side(pixels)
+    level = np.zeros(len(near.row)) if degradation is None else degradation[near.row]
     chance = uniform[near.row, near.place % NOISE_PLACES, 0]
-    index = np.flatnonzero(_in_image(pixels, camera, law) & (chance < law.found(size)))
+    index = np.flatnonzero(_in_image(pixels, camera, law) & (chance < law.found(size, level)))
     index = index[~_hidden(scenery, rows, near, index)]
     where = near.row[index], near.place[index]
-    noise = normal[where[0], where[1] % NOISE_PLACES]
+    blur = _Blur(_extent(pixels[index]), level[index], normal[where[0], where[1] % NOISE_PLACES])
     ahead, left = near.rays[index, 4, 0], near.rays[index, 4, 1]
-    along, across = _position_error(ahead, left, size[index], noise, camera, law)
+    along, across = _position_error(ahead, left, blur, camera, law)
     shape = len(rows), scenery.ids.shape[1]
     out = Seen(scenery.ids[rows], np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape, np.bool_))
     out.x[where] = car.camera_x + ahead + along
     out.y[where] = left + across
-    out.heading[where] = _seen_heading(near, index, noise, camera, law)
+    out.heading[where] = _seen_heading(near, index, blur, camera, law)
     out.valid[where] = True
     return out
 
@@ -279,6 +266,12 @@ def _shorter_side(pixels: Array) -> Array:
     return np.sqrt(np.minimum(np.minimum(squares[:, 0], squares[:, 1]), np.minimum(squares[:, 2], squares[:, 3])))
 
 
+def _extent(pixels: Array) -> Array:
+    """Root of the area of quadrilaterals (c, 4, 2), px."""
+    one, other = pixels[:, 2] - pixels[:, 0], pixels[:, 3] - pixels[:, 1]
+    return np.sqrt(0.5 * np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]))
+
+
 def _in_image(pixels: Array, camera: CameraConfig, law: DetectorLaw) -> Mask:
     u, v = pixels[..., 0], pixels[..., 1]
     inside = (u > law.margin_px) & (u < camera.width - 1 - law.margin_px)
@@ -287,25 +280,28 @@ def _in_image(pixels: Array, camera: CameraConfig, law: DetectorLaw) -> Mask:
 
 
 def _position_error(
-    ahead: Array, left: Array, size: Array, noise: Array, camera: CameraConfig, law: DetectorLaw
+    ahead: Array, left: Array, blur: _Blur, camera: CameraConfig, law: DetectorLaw
 ) -> tuple[Array, Array]:
     """Errors forward and left: a share of the distance along the line of sight, and pixels across it."""
-    share = noise[:, 0] * law.size_noise_px / size
-    aside = noise[:, 1] * law.bearing_noise_px / camera.fx
+    soft, noise = law.softness(blur.extent), blur.noise
+    smaller = law.at(law.size_bias_px, blur.level) + noise[:, 0] * law.at(law.size_noise_px, blur.level)
+    share = soft * smaller / blur.extent
+    aside = soft * noise[:, 1] * law.at(law.bearing_noise_px, blur.level) / camera.fx
     return share * ahead - aside * left, share * left + aside * ahead
 
 
-def _seen_heading(near: _Candidates, index: Indices, noise: Array, camera: CameraConfig, law: DetectorLaw) -> Array:
+def _seen_heading(near: _Candidates, index: Indices, blur: _Blur, camera: CameraConfig, law: DetectorLaw) -> Array:
     """Heading with its error: the width tells the angle to the line of sight, the perspective tells its sign."""
     ahead, left = near.rays[index, 4, 0], near.rays[index, 4, 1]
-    edge = 2.0 * _half_edge(near.points[index])
+    edge, soft, noise = 2.0 * _half_edge(near.points[index]), law.softness(blur.extent), blur.noise
     distance = np.sqrt(ahead * ahead + left * left)
     sight = np.arctan2(left, ahead)
     angle = wrap_angle(near.heading[index] - sight)
     sine, depth = np.abs(np.sin(angle)), edge / distance
     face_on = camera.fx * depth
-    flipped = noise[:, 3] * law.flip_px > face_on * depth * sine
-    spread = law.heading_noise_px / (face_on * np.sqrt(sine * sine + (law.perspective_gain * depth) ** 2))
+    flipped = soft * noise[:, 3] * law.at(law.flip_px, blur.level) > face_on * depth * sine
+    nearer = law.at(law.perspective_gain, blur.level) * depth
+    spread = soft * law.at(law.heading_noise_px, blur.level) / (face_on * np.sqrt(sine * sine + nearer * nearer))
     angle = np.where(flipped, -angle, angle) + noise[:, 2] * np.minimum(spread, 1.0)
     return np.asarray(wrap_angle(sight + angle))
 

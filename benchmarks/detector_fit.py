@@ -1,0 +1,107 @@
+"""Which figures of `DetectorLaw` fit the rendered detector best?
+
+Renders one marker from everywhere, at each of the law's levels of image degradation, and prints the figures beside those
+in use.
+
+    python benchmarks/detector_fit.py [--views 2400] [--seed 1]
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import math
+from collections.abc import Callable, Iterable
+
+import numpy as np
+from marker_accuracy import LENS, WEBCAM, Array, Columns, draw_views, rendered
+from rich.console import Console
+from rich.table import Table
+
+from tral_env.interface import wrap_angle
+from tral_env.perception.detector_law import LAW
+
+STEEPEST = 1.0
+"""Views more slanted than this, rad, do not count: their errors are no longer those of a size in the image."""
+FAR_PX = 40.0
+"""Larger markers do not count for the position: its errors there are below a millimetre or two."""
+STRAY = 0.015
+"""Share of headings that are wrong for no reason that the law knows."""
+
+
+def fit(views: Columns, seen: Columns) -> dict[str, float]:
+    """The figures at one level."""
+    counted = np.abs(views["angle"]) < STEEPEST
+    found = ~np.isnan(seen["range"])
+    half, slope = _fit_rate(views["size"][counted], found[counted])
+    extent = LENS.fx * LENS.marker_size / views["distance"] * np.sqrt(np.cos(views["angle"]))
+    far = counted & found & (extent < FAR_PX)
+    soft = LAW.softness(extent)
+    size_error = seen["range"][far] * extent[far] / soft[far]
+    bearing = seen["bearing"][far] * LENS.fx / soft[far]
+    hit = counted & found
+    noise, gain, flip = _fit_heading(
+        views["distance"][hit], views["angle"][hit], seen["heading"][hit], LAW.softness(extent[hit])
+    )
+    return {
+        "half_found_px": half,
+        "found_slope": slope,
+        "size_bias_px": float(np.median(size_error)),
+        "size_noise_px": float(np.std(size_error)),
+        "bearing_noise_px": float(np.std(bearing)),
+        "heading_noise_px": noise,
+        "perspective_gain": gain,
+        "flip_px": flip,
+    }
+
+
+def _best(likelihood: Callable[..., float], *grids: Iterable[float]) -> tuple[float, ...]:
+    """The point of a grid that is likeliest."""
+    return tuple(float(value) for value in max(itertools.product(*grids), key=lambda point: likelihood(*point)))
+
+
+def _fit_rate(size: Array, found: np.ndarray) -> tuple[float, ...]:
+    def likelihood(half: float, slope: float) -> float:
+        rate = np.clip(LAW.always_found / (1 + np.exp(-slope * (size - half))), 1e-6, 1 - 1e-6)
+        return float(np.log(np.where(found, rate, 1 - rate)).sum())
+
+    return _best(likelihood, np.arange(6, 22, 0.1), np.arange(0.2, 1.5, 0.05))
+
+
+def _fit_heading(distance: Array, angle: Array, error: Array, soft: Array) -> tuple[float, ...]:
+    depth, sine = LENS.marker_size / distance, np.abs(np.sin(angle))
+    face_on, mirrored = LENS.fx * depth, wrap_angle(error + 2 * angle)
+    erf = np.vectorize(math.erf)
+
+    def likelihood(noise: float, gain: float, flip: float) -> float:
+        spread = np.minimum(noise * soft / (face_on * np.sqrt(sine**2 + (gain * depth) ** 2)), 1.0)
+        flips = 0.5 - 0.5 * erf(face_on * depth * sine / (flip * soft) / math.sqrt(2))
+        mix = (1 - flips) * _normal(error, spread) + flips * _normal(np.asarray(mirrored), spread)
+        return float(np.log((1 - STRAY) * mix + STRAY / (2 * math.pi)).sum())
+
+    first = _best(likelihood, np.geomspace(0.3, 1.6, 7), np.geomspace(1.0, 5.0, 6), np.geomspace(0.2, 2.0, 7))
+    return _best(likelihood, *(value * np.linspace(0.8, 1.25, 7) for value in first))
+
+
+def _normal(error: Array, spread: Array) -> Array:
+    return np.exp(-0.5 * (error / spread) ** 2) / (spread * math.sqrt(2 * math.pi))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--views", type=int, default=2400)
+    parser.add_argument("--seed", type=int, default=1)
+    arguments = parser.parse_args()
+    rng = np.random.default_rng(arguments.seed)
+    views = draw_views(LENS, rng, arguments.views)
+    seen = rendered(LENS, views, {f"{level:g}": (level, WEBCAM) for level in LAW.levels}, rng)
+    fitted = {level: fit(views, errors) for level, errors in seen.items()}
+    table = Table("figure", *(f"level {level}: fitted / in use" for level in fitted))
+    for name in fitted["0"]:
+        pairs = zip(fitted.values(), getattr(LAW, name), strict=True)
+        table.add_row(name, *(f"{figures[name]:.3g} / {used:g}" for figures, used in pairs))
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main()

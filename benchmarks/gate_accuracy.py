@@ -1,0 +1,145 @@
+"""How exactly are gates placed, by the rendered camera and by the projected one?
+
+Sweeps distance, lateral offset and heading of a gate of two markers in the rendered corridor, at each level of
+degradation: middle, bearing, axis. Prints tables, writes results/gate_accuracy.json.
+
+    python benchmarks/gate_accuracy.py [--views 1200] [--seed 0] [--out FILE]
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from marker_accuracy import CAR, LENS, LEVELS, Array, Columns, Hall, Marker, hall_plan, quantiles, show
+from numpy.typing import NDArray
+from rich.console import Console
+
+from tral_env.interface import wrap_angle
+from tral_env.perception.gate import Sighting, sight
+from tral_env.perception.projected import NOISE_PLACES, NORMALS, UNIFORMS, Scenery, project
+from tral_fsm.bench.host import host
+
+RESULTS = Path(__file__).parent / "results" / "gate_accuracy.json"
+DISTANCES = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0)
+
+
+def draw_views(rng: np.random.Generator, count: int) -> Columns:
+    """Gates before the camera at the distances of the tables; columns (count,) by name, in the car's frame."""
+    distance = np.resize(DISTANCES, count)
+    n = len(distance)
+    return {
+        "distance": distance,
+        "x": CAR.camera_x + distance * rng.uniform(0.95, 1.05, n),
+        # As far aside as leaves both markers of most gates in the image.
+        "y": distance * rng.uniform(-0.35, 0.35, n),
+        "axis": np.radians(rng.uniform(-30, 30, n)),
+        "width": rng.uniform(0.78, 1.38, n),
+        "z": rng.uniform(0.15, 0.3, n),
+    }
+
+
+def gate_of(views: Columns, row: int) -> list[Marker]:
+    """Both markers of a view."""
+    x, y, axis, width, z = (float(views[name][row]) for name in ("x", "y", "axis", "width", "z"))
+    side = -math.sin(axis) * width / 2, math.cos(axis) * width / 2
+    return [(i, x + s * side[0], y + s * side[1], z, axis + math.pi) for i, s in ((0, 1), (1, -1))]
+
+
+def rendered(views: Columns, rng: np.random.Generator) -> dict[str, Sighting]:
+    """What the detector makes of the gates, by level."""
+    hall, n = Hall(LENS), len(views["x"])
+    seen = {name: Sighting.nothing(n) for name in LEVELS}
+    for row in range(n):
+        hall.show(gate_of(views, row))
+        for name, fault in LEVELS.items():
+            poses = hall.search(fault, rng)
+            valid = np.ones((1, len(poses.ids)), bool)
+            found = sight(poses.ids[None], poses.x[None], poses.y[None], poses.heading[None], valid)
+            seen[name].put(np.array([row]), found)
+    hall.close()
+    return seen
+
+
+def projected(views: Columns, level: float, rng: np.random.Generator) -> Sighting:
+    """What the projected camera makes of them."""
+    n = len(views["x"])
+    scenery = Scenery(n)
+    for row in range(n):
+        scenery.place(row, hall_plan(gate_of(views, row)))
+    seen = project(
+        scenery,
+        np.arange(n),
+        np.zeros((n, 3)),
+        LENS,
+        CAR,
+        mounting=np.zeros((n, 3)),
+        normal=rng.standard_normal((n, NOISE_PLACES, NORMALS)),
+        uniform=rng.random((n, NOISE_PLACES, UNIFORMS)),
+        degradation=np.full(n, level),
+    )
+    return sight(seen.ids, seen.x, seen.y, seen.heading, seen.valid)
+
+
+def summary(views: Columns, seen: Sighting, rows: NDArray[np.bool_]) -> dict[str, Any]:
+    """Rate, errors of the middle along and across the line of sight, and of the axis; median and 95 % quantile."""
+    hit = rows & seen.gate_seen
+    x, y = views["x"][hit] - CAR.camera_x, views["y"][hit]
+    off_x, off_y = seen.gate_x[hit] - views["x"][hit], seen.gate_y[hit] - y
+    distance = np.hypot(x, y)
+    along, across = (off_x * x + off_y * y) / distance, (off_y * x - off_x * y) / distance
+    axis = np.asarray(wrap_angle(seen.gate_heading[hit] - views["axis"][hit]))
+    return {
+        "rate": round(float(hit.sum() / max(rows.sum(), 1)), 3),
+        "along_cm": quantiles(100 * np.abs(along)),
+        "across_cm": quantiles(100 * np.abs(across)),
+        "axis_deg": quantiles(np.degrees(np.abs(axis))),
+        "deviation": [deviation(along), deviation(across), deviation(axis)],
+    }
+
+
+def deviation(error: Array) -> float | None:
+    """Standard deviation that the middle 90 % of the errors speak for: a few mirrored headings do not count."""
+    return round(float(np.quantile(np.abs(error), 0.9) / 1.645), 5) if len(error) else None
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--views", type=int, default=1200)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    arguments = parser.parse_args()
+    rng, console = np.random.default_rng(arguments.seed), Console()
+    views = draw_views(rng, arguments.views)
+    seen = {"rendered": rendered(views, rng)}
+    seen["projected"] = {name: projected(views, level, rng) for name, (level, _) in LEVELS.items()}
+    tables: dict[str, list[dict[str, Any]]] = {"distance": [], "offset": [], "heading": []}
+    for level, distance in itertools.product(LEVELS, DISTANCES):
+        rows = views["distance"] == distance
+        row = {"level": level, "distance_m": distance}
+        tables["distance"].append(row | {name: summary(views, levels[level], rows) for name, levels in seen.items()})
+    for level, low in itertools.product(LEVELS, (0.0, 0.4, 0.8)):
+        offset = np.abs(views["y"])
+        rows = (views["distance"] == 3.0) & (offset >= low) & (offset < low + 0.4)
+        row = {"level": level, "offset_m": f"{low:g} to {low + 0.4:g}"}
+        tables["offset"].append(row | summary(views, seen["rendered"][level], rows))
+    for level, low in itertools.product(LEVELS, (0, 10, 20)):
+        turned = np.degrees(np.abs(views["axis"]))
+        rows = (views["distance"] == 3.0) & (turned >= low) & (turned < low + 10)
+        row = {"level": level, "heading_deg": f"{low} to {low + 10}"}
+        tables["heading"].append(row | summary(views, seen["rendered"][level], rows))
+    for title, table in tables.items():
+        show(console, f"Gates by {title} (median / 95 %)", table)
+    result = tables | {"views": arguments.views, "seed": arguments.seed, "host": host()}
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    arguments.out.write_text(json.dumps(result) + "\n", encoding="utf-8")
+    console.print(f"written: {arguments.out}")
+
+
+if __name__ == "__main__":
+    main()
