@@ -92,6 +92,15 @@ def steering_for(path_curvature: float) -> float:
     return clip(math.atan(WHEELBASE * path_curvature) / FULL_LOCK)
 
 
+def steering_play(speed: float) -> float:
+    """How far the tyres' friction holds the wheels from where a weak servo wants them, in units of steering.
+
+    ``0.3 / sqrt(1 + (v / v0)^2)`` at a speed v [m/s], v0 = 0.06 m/s: scrub torque over the stiffness of the servo
+    saver, see docs/car.md.
+    """
+    return 0.3 / math.sqrt(1.0 + (speed / 0.06) ** 2)
+
+
 def pursuit(x: float, y: float) -> float:
     """Steering onto the circle through a point (x forward, y left) [m]: curvature 2 y / (x^2 + y^2)."""
     return steering_for(2.0 * y / max(x * x + y * y, 1e-6))

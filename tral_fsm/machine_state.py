@@ -11,17 +11,14 @@ from collections import deque
 from collections.abc import Sequence
 
 from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT, MAX_AGE_S, NO_ECHO_M
-from tral_fsm.control import TRACK, clip, curvature, speed_control, wrap
-from tral_fsm.tracking import BEND_PER_STEERING, Track
+from tral_fsm.control import TRACK, clip, curvature, speed_control, steering_play, wrap
+from tral_fsm.tracking import BEND_PER_STEERING, Stand, Track
 from tral_fsm.walls import SENSOR_X, Ahead, Walls
 
 _HISTORY_TICKS = 128
 """Poses kept for late camera images: 1.6 s."""
 _STEERING_LAG_S = 0.06
 """Time constant of the servo in dead reckoning. Source: choice."""
-_PLAY, _PLAY_SPEED = 0.3, 0.06
-"""The tyres' friction holds the wheels short of where a weak servo wants them, in units of steering at standstill, and
-the speed in m/s from which on it vanishes. Source: docs/car.md."""
 _TRIM_LIMIT = 0.25
 """A larger fault is no matter of trim: 5.5 degrees. Source: choice."""
 _LOCK_LIMIT = 0.2
@@ -127,6 +124,7 @@ class MachineState:
         "speed",
         "speed_target",
         "steering",
+        "swept",
         "throttle",
         "tick",
         "time",
@@ -164,6 +162,8 @@ class MachineState:
         """Dead reckoning from the start, m."""
         self.yaw = 0.0
         """Dead reckoning from the start, rad, not wrapped."""
+        self.swept = 0.0
+        """How far the wheels have been moved, to and fro, in units of steering."""
         self.path = 0.0
         """Dead reckoning's length, less where the car reverses, m."""
         self.doubt = 0.0
@@ -225,16 +225,17 @@ class MachineState:
 
     def _reckon(self) -> None:
         """Move the pose by what the hall sensor counted, on the circle that the steering gives."""
-        behind = self.applied_steering - self.trim - self._wheel
-        play = _PLAY / math.sqrt(1.0 + (self.speed / _PLAY_SPEED) ** 2)
-        behind -= clip(behind, play)
-        self._wheel += behind * (CONTROL_PERIOD_S / _STEERING_LAG_S)
+        behind = self.applied_steering - self._wheel
+        behind -= clip(behind, steering_play(self.speed))
+        moved = behind * (CONTROL_PERIOD_S / _STEERING_LAG_S)
+        self._wheel += moved
+        self.swept += abs(moved)
         step = self.distance - self._travelled
         self._travelled = self.distance
         if self.speed < 0.05 and self.applied_throttle != 0.0:
             self.direction = -1.0 if self.applied_throttle < 0.0 else 1.0
         if step > 0.0:  # also false for NaN, at the first tick
-            bend = self.lock_scale * curvature(self._wheel)
+            bend = self.lock_scale * curvature(self._wheel - self.trim)
             # the magnets sit on the rear left wheel, which runs on the inner circle of a left turn
             step = self.direction * step / (1.0 - bend * TRACK / 2.0)
             self.path += step
@@ -258,16 +259,16 @@ class MachineState:
         seen.y = py + sin * x + cos * y
         seen.heading = yaw + heading
         if seen is self.gate:
-            self._track((px, py), yaw)
+            self._track(Stand(px, py, yaw, self.path, self.doubt, self.swept))
 
-    def _track(self, car: tuple[float, float], yaw: float) -> None:
-        """Let the new sighting of a gate correct what earlier ones told of it, and learn the trim from it."""
+    def _track(self, stand: Stand) -> None:
+        """Let the new sighting of a gate correct what earlier ones told of it, and learn trim and lock from it."""
         gate = self.gate
         track = self._tracks.get(gate.id)
         if track is None:
-            self._tracks[gate.id] = Track(gate.x, gate.y, gate.heading, car, yaw, self.path, self.doubt)
+            self._tracks[gate.id] = Track(gate.x, gate.y, gate.heading, stand)
             return
-        trim, lock = track.take(gate.x, gate.y, gate.heading, car, yaw, self.path, self.doubt)
+        trim, lock = track.take(gate.x, gate.y, gate.heading, stand)
         self.set_trim(self.trim + trim)
         self.lock_scale = 1.0 + clip(self.lock_scale + lock - 1.0, _LOCK_LIMIT)
         gate.x, gate.y, gate.heading = track.x, track.y, track.heading

@@ -10,6 +10,7 @@ still known well.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from tral_fsm.control import FULL_LOCK, WHEELBASE, wrap
 
@@ -28,6 +29,8 @@ _BEND_FAULT = 0.03
 """Share of a turn that dead reckoning may be wrong by, whatever the lock: slip, the linkage's shape."""
 _LATE_FAULT = 0.7
 """Share of what it turns while the wheels are under way: latency, the servo's speed."""
+_SWEPT_FAULT = 0.05
+"""The trim may be other after the wheels have moved: friction stops them elsewhere. For a unit of steering."""
 _PLACE_WALK = 0.02
 """How far dead reckoning's place wanders in a metre, m."""
 _ALONG = (0.01, 0.015)
@@ -44,34 +47,47 @@ _POSTS, _POSTS_ASIDE = (0.8, 0.4), 1.5
 """Posts are heard from so far before the gate to so far behind it, on a way that leads so near to its middle, m."""
 
 Row = list[float]
-Place = tuple[float, float]
+
+
+class Stand(NamedTuple):
+    """Where the car was when a gate was seen, and how sure that is; all by dead reckoning."""
+
+    x: float
+    """m."""
+    y: float
+    """m."""
+    yaw: float
+    """rad."""
+    path: float
+    """Driven so far, less where it reversed, m."""
+    doubt: float
+    """Turned so far while the wheels were under way, rad."""
+    swept: float
+    """How far the wheels have been moved so far, in units of steering."""
 
 
 class Track:
     """One gate, and the covariance of its pose and the trim."""
 
-    __slots__ = ("_covariance", "_doubt", "_misfits", "_path", "_yaw", "heading", "x", "y")
+    __slots__ = ("_covariance", "_misfits", "_stand", "heading", "x", "y")
 
-    def __init__(self, x: float, y: float, heading: float, car: Place, yaw: float, path: float, doubt: float) -> None:
+    def __init__(self, x: float, y: float, heading: float, stand: Stand) -> None:
         """Begin with a sighting.
 
         Args:
             x: of the gate's middle in dead reckoning, m.
             y: likewise.
             heading: of its axis, rad.
-            car: where the car was when it saw it, m.
-            yaw: how it stood then, rad.
-            path: driven so far, less where it reversed, m.
-            doubt: turned so far while the wheels were under way, rad.
+            stand: where it was seen from.
         """
-        self.begin(x, y, heading, car, yaw, path, doubt)
+        self.begin(x, y, heading, stand)
 
-    def begin(self, x: float, y: float, heading: float, car: Place, yaw: float, path: float, doubt: float) -> None:
+    def begin(self, x: float, y: float, heading: float, stand: Stand) -> None:
         """Forget all but this sighting."""
         self.x, self.y, self.heading = x, y, heading
-        self._path, self._yaw, self._doubt = path, yaw, doubt
-        range_ = max(math.hypot(x - car[0], y - car[1]), 1e-3)
-        cos, sin = (x - car[0]) / range_, (y - car[1]) / range_
+        self._stand = stand
+        range_ = max(math.hypot(x - stand.x, y - stand.y), 1e-3)
+        cos, sin = (x - stand.x) / range_, (y - stand.y) / range_
         along, across, turned = _deviations(range_)
         a, b = along * along, across * across
         shared = (a - b) * sin * cos
@@ -84,17 +100,15 @@ class Track:
         ]
         self._misfits = 0
 
-    def take(
-        self, x: float, y: float, heading: float, car: Place, yaw: float, path: float, doubt: float
-    ) -> tuple[float, float]:
+    def take(self, x: float, y: float, heading: float, stand: Stand) -> tuple[float, float]:
         """Correct by a new sighting, with the arguments of the first.
 
         Returns:
             What to add to the trim and to the scale of the lock.
         """
-        dx, dy = self.x - car[0], self.y - car[1]
-        self._drift(path - self._path, dx, dy, yaw - self._yaw, doubt - self._doubt)
-        self._path, self._yaw, self._doubt = path, yaw, doubt
+        dx, dy = self.x - stand.x, self.y - stand.y
+        self._drift(stand, dx, dy)
+        self._stand = stand
         range_ = max(math.hypot(dx, dy), 1e-3)
         cos, sin = dx / range_, dy / range_
         along, across, deviation = _deviations(range_)
@@ -107,7 +121,7 @@ class Track:
         if not self._fits(seen):
             self._misfits += 1
             if self._misfits >= _ANEW:
-                self.begin(x, y, heading, car, yaw, path, doubt)
+                self.begin(x, y, heading, stand)
             return 0.0, 0.0
         self._misfits = 0
         state = [0.0] * 5
@@ -118,8 +132,10 @@ class Track:
         self.heading += state[2]
         return state[3], state[4]
 
-    def _drift(self, driven: float, dx: float, dy: float, turned: float, doubt: float) -> None:
+    def _drift(self, now: Stand, dx: float, dy: float) -> None:
         """A wrong trim and a wrong lock turn the gate about the car; the rest of dead reckoning's faults wander."""
+        before = self._stand
+        driven, turned = now.path - before.path, now.yaw - before.yaw
         p = self._covariance
         for fault, turn in ((3, BEND_PER_STEERING * driven), (4, -turned)):
             fx, fy = -turn * dy, turn * dx
@@ -132,7 +148,11 @@ class Track:
                 for column in range(5):
                     row[column] += f * last[column]
         # A wandering heading turns the gate about the car, too.
-        wander = _HEADING_WALK**2 * abs(driven) + (_BEND_FAULT * turned) ** 2 + (_LATE_FAULT * doubt) ** 2
+        wander = (
+            _HEADING_WALK**2 * abs(driven)
+            + (_BEND_FAULT * turned) ** 2
+            + (_LATE_FAULT * (now.doubt - before.doubt)) ** 2
+        )
         place = _PLACE_WALK**2 * abs(driven)
         p[0][0] += wander * dy * dy + place
         p[0][1] -= wander * dx * dy
@@ -143,7 +163,7 @@ class Track:
         p[1][2] += wander * dx
         p[2][1] += wander * dx
         p[2][2] += wander
-        p[3][3] += _TRIM_WALK**2 * abs(driven)
+        p[3][3] += _TRIM_WALK**2 * abs(driven) + (_SWEPT_FAULT * (now.swept - before.swept)) ** 2
 
     def _fits(self, seen: tuple[tuple[tuple[float, float, float], float, float], ...]) -> bool:
         """Whether no part of a sighting is farther off than chance has it."""

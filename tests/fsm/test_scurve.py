@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from readings import Bench, one_state, two_states
 
 from tral_fsm import arcs
-from tral_fsm.control import clip, curvature
+from tral_fsm.control import clip, curvature, steering_play
 
 HERE = (0.0, 0.0, 0.0)
 TICK = 1 / 80
@@ -68,7 +68,8 @@ def approach(
         steering, _ = bench.tick(distance=driven, speed=speed, steering=bench.m.steering, **new)
         if getattr(bench.machine.active, "finished", False):
             break
-        wheel += clip(steering + trim - wheel, TICK / 0.15)
+        behind = steering + trim - wheel
+        wheel += clip(behind - clip(behind, steering_play(speed)), TICK / 0.15)
         bend = curvature(wheel)
         pose = arcs.along(pose, speed * TICK, bend)
         driven += speed * TICK * (1 - bend * 0.155 / 2)

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT
-from tral_fsm.control import curvature
+from tral_fsm.control import clip, curvature, steering_play
 from tral_fsm.machine_state import MachineState
-from tral_fsm.tracking import Track
+from tral_fsm.tracking import Stand, Track
 
 GATE = (6.0, 0.3, 0.1)
 """x, y [m], heading of its axis [rad]."""
@@ -23,7 +23,8 @@ class Approach:
     def __init__(self, trim: float = 0.0, lock: float = 1.0, *, seed: int = 0, speed: float = 0.5) -> None:
         self.trim, self.lock, self.speed = trim, lock, speed
         self.m = MachineState()
-        self.x = self.y = self.yaw = self.distance = self.steering = 0.0
+        self.x = self.y = self.yaw = self.distance = 0.0
+        self.wheels = 0.0
         self.rng = np.random.default_rng(seed)
         self.seen = (-1.0, 0.0, 0.0, 0.0, 10.0)
         self.tick = 0
@@ -42,9 +43,11 @@ class Approach:
     def drive(self, steering: float, metres: float, *, look: bool = True) -> None:
         """Drive with a steering command; the wheels follow it as dead reckoning has it."""
         for _ in range(round(metres / self.speed / CONTROL_PERIOD_S)):
-            self.steering += (steering - self.steering) * CONTROL_PERIOD_S / 0.06
+            behind = steering - self.wheels
+            behind -= clip(behind, steering_play(self.speed))
+            self.wheels += behind * CONTROL_PERIOD_S / 0.06
             step = self.speed * CONTROL_PERIOD_S
-            bend = self.lock * curvature(self.steering - self.trim)
+            bend = self.lock * curvature(self.wheels - self.trim)
             middle = self.yaw + step * bend / 2
             self.x += step * math.cos(middle)
             self.y += step * math.sin(middle)
@@ -115,16 +118,19 @@ def test_sightings_together_are_better_than_the_last_one() -> None:
     assert filtered < 0.7 * last
 
 
+START = Stand(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
 def fresh() -> Track:
-    return Track(4.0, 0.0, 0.0, (0.0, 0.0), 0.0, 0.0, 0.0)
+    return Track(4.0, 0.0, 0.0, START)
 
 
 def test_one_sighting_far_off_is_not_believed_three_are() -> None:
     track = fresh()
     for _ in range(5):
-        track.take(4.0, 0.0, 0.0, (0.0, 0.0), 0.0, 0.0, 0.0)
+        track.take(4.0, 0.0, 0.0, START)
     for believed in (False, False, True):
-        assert track.take(4.0, 1.5, 0.0, (0.0, 0.0), 0.0, 0.0, 0.0) == (0.0, 0.0)
+        assert track.take(4.0, 1.5, 0.0, START) == (0.0, 0.0)
         assert (track.y == 1.5) is believed
 
 
@@ -139,7 +145,7 @@ def test_the_covariance_stays_one(sightings: list[tuple[float, float, float, flo
     track, path, yaw = fresh(), 0.0, 0.0
     for x, y, heading, driven, turned in sightings:
         path, yaw = path + driven, yaw + turned
-        track.take(4.0 + x, y, heading, (path, 0.0), yaw, path, 0.0)
+        track.take(4.0 + x, y, heading, Stand(path, 0.0, yaw, path, 0.0, 0.0))
     covariance = np.array(track._covariance)
     assert np.allclose(covariance, covariance.T, atol=1e-9)
     assert np.linalg.eigvalsh(covariance).min() > -1e-9
