@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env import task
-from tral_env.config import CameraConfig, CarConfig, TaskConfig
+from tral_env.config import CameraConfig, CarConfig, TaskConfig, as_config
 from tral_env.course.generate import SCENARIOS, generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course
@@ -19,6 +19,7 @@ from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import Layout
+from tral_env.perception.camera_info import load_lens
 from tral_env.randomization import Randomization, level
 from tral_env.sim import Simulation
 
@@ -71,6 +72,29 @@ class CorridorConfig:
             got, has = getattr(self.car, place.name), getattr(CarConfig(), place.name)
             if place.name != "full_lock_deg" and got != has:
                 raise ConfigError(f"CarConfig.{place.name} = {got!r}: the car of assets/car.xml has {has!r}")
+
+    @classmethod
+    def of(
+        cls,
+        *,
+        groups: Sequence[str] = (),
+        car: CarConfig | Mapping[str, Any] | None = None,
+        lens: CameraConfig | str | Path | Mapping[str, Any] | None = None,
+        task: TaskConfig | Mapping[str, Any] | None = None,
+        **others: Any,
+    ) -> CorridorConfig:
+        """A configuration from the arguments of an environment: None for defaults, mappings for what JSON was.
+
+        Raises:
+            ConfigError: one of them is unknown or cannot be.
+        """
+        return cls(
+            groups=tuple(groups),
+            car=as_config(CarConfig, car),
+            lens=load_lens(lens),
+            task=as_config(TaskConfig, task),
+            **others,
+        )
 
     def fixed_course(self) -> Course | None:
         """The course that every episode drives, if there is one."""

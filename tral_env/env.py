@@ -11,13 +11,12 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
-from tral_env.config import CameraConfig, CarConfig, TaskConfig, as_config
+from tral_env.config import CameraConfig, CarConfig, TaskConfig
 from tral_env.corridor import Corridor, CorridorConfig
 from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space
-from tral_env.perception.camera_info import load_lens
 from tral_env.perception.degrade import WebcamLaw
 from tral_env.randomization import Randomization
 from tral_env.sim import Simulation
@@ -88,16 +87,16 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         if view not in VIEWS:
             raise ConfigError(f"unknown view '{view}': {nearest(view, VIEWS)}")
         self.render_mode, self._view, self._size = render_mode, view, (width, height)
-        config = CorridorConfig(
+        config = CorridorConfig.of(
             scenario=scenario,
             courses=courses,
             camera=camera,
             randomization=randomization,
             course=course,
-            groups=tuple(groups),
-            car=as_config(CarConfig, car),
-            lens=load_lens(lens),
-            task=as_config(TaskConfig, task),
+            groups=groups,
+            car=car,
+            lens=lens,
+            task=task,
         )
         self.corridor = Corridor(1, config)
         self.action_space = action_space()

@@ -11,12 +11,11 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from tral_env.config import CameraConfig, CarConfig, TaskConfig, as_config
+from tral_env.config import CameraConfig, CarConfig, TaskConfig
 from tral_env.corridor import Corridor, CorridorConfig, Step
 from tral_env.course.layout import Course
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, action_space
-from tral_env.perception.camera_info import load_lens
 from tral_env.randomization import Randomization
 
 Array = NDArray[np.floating]
@@ -64,16 +63,16 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
                 raise ConfigError(f"{name} = {count!r}: expected a whole number, 1 or more")
         self._mode = _autoreset_mode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
-        config = CorridorConfig(
+        config = CorridorConfig.of(
             scenario=scenario,
             courses=courses,
             camera=camera,
             randomization=randomization,
             course=course,
-            groups=tuple(groups),
-            car=as_config(CarConfig, car),
-            lens=load_lens(lens),
-            task=as_config(TaskConfig, task),
+            groups=groups,
+            car=car,
+            lens=lens,
+            task=task,
         )
         self.num_envs = num_envs
         self.corridor = Corridor(num_envs, config, nthread=nthread)
