@@ -1,0 +1,248 @@
+"""How well does a machine pass its gates? Every crossing of many drives: offset from the middle, angle, path.
+
+    python benchmarks/gates.py --policy gate_scurve --seeds 1000:1200 --out gates.jsonl
+    python benchmarks/gates.py --plot docs/img/gates.png gates.jsonl
+
+Drives are appended to the file as they end; run it again and it goes on where it was stopped.
+"""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from gymnasium.utils import seeding
+from numpy.typing import NDArray
+from report import append, lines, span
+from rich.console import Console
+from rich.progress import Progress
+
+from tral_env.config import CarConfig
+from tral_env.corridor import Corridor, CorridorConfig
+from tral_env.errors import ConfigError, TralError
+from tral_fsm import load_policy
+from tral_fsm.bench.host import host
+from tral_fsm.cli.drive import Camera, Randomization
+from tral_fsm.report.summary import wilson
+
+TOGETHER = 8
+"""Drives in one batch."""
+NEAR_M = 1.6
+"""The path is kept from so far before a gate's plane to as far behind it,"""
+STEP_M = 0.05
+"""one point in so many metres."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """What all drives of a file have in common."""
+
+    policy: str
+    camera: str
+    randomization: str
+
+
+def main(
+    files: Annotated[list[Path] | None, typer.Argument(help="With --table or --plot: files to show.")] = None,
+    seeds: Annotated[str, typer.Option(help="FIRST:BEHIND, as a range.")] = "1000:1200",
+    policy: str = "gate_scurve",
+    camera: Camera = "rendered",
+    randomization: Randomization = "default",
+    processes: int = 2,
+    out: Path = Path("benchmarks/results/gates.jsonl"),
+    table: Annotated[bool, typer.Option(help="Print the table of the files.")] = False,
+    plot: Annotated[Path | None, typer.Option(help="Draw the paths of the files through their gates.")] = None,
+) -> None:
+    """Drive seeds of the family `gates` and print a table."""
+    try:
+        if plot is not None:
+            draw(files or [out], plot)
+        if not (table or plot):
+            drive(span(seeds), Settings(policy=policy, camera=camera, randomization=randomization), processes, out)
+        if plot is None:
+            print(markdown(files or [out]))
+    except TralError as error:
+        raise SystemExit(f"Error: {error}") from None
+
+
+def drive(seeds: range, settings: Settings, processes: int, out: Path) -> None:
+    """Drive what the file does not hold yet, and append it as it ends.
+
+    Raises:
+        ConfigError: the file was made with other settings.
+    """
+    before = list(lines(out))
+    for line in before:
+        if line["kind"] == "run" and line["settings"] != asdict(settings):
+            raise ConfigError(f"{out} was made with {line['settings']}, not {asdict(settings)}: choose another --out")
+    done = {line["seed"] for line in before if line["kind"] == "drive"}
+    missing = [seed for seed in seeds if seed not in done]
+    if not missing:
+        return
+    load_policy(settings.policy)  # what cannot drive begins no file
+    append(out, {"kind": "run", "settings": asdict(settings), "host": host()})
+    parts = [missing[i : i + TOGETHER] for i in range(0, len(missing), TOGETHER)]
+    # Threads and OpenGL contexts do not survive a fork.
+    context = multiprocessing.get_context("spawn")
+    with Progress(console=Console(stderr=True)) as bar, ProcessPoolExecutor(processes, context) as pool:
+        task = bar.add_task("drives", total=len(missing))
+        for future in as_completed(pool.submit(together, part, settings) for part in parts):
+            for record in future.result():
+                append(out, record)
+            bar.advance(task, len(future.result()))
+
+
+class Watch:
+    """What a drive shows at its gates."""
+
+    def __init__(self, seed: int, gates: NDArray[np.float64], widths: NDArray[np.float64]) -> None:
+        self.seed, self.gates, self.widths = seed, gates, widths
+        self.paths: list[list[tuple[float, float]]] = [[] for _ in gates]
+        self.crossings: dict[int, tuple[float, float]] = {}
+        self.next = 0
+
+    def follow(self, pose: NDArray[np.float64], passed: int) -> None:
+        """Take the pose after a tick and the number of gates passed so far."""
+        for gate in range(len(self.gates)):
+            x, y = in_gate(self.gates[gate], pose)
+            path = self.paths[gate]
+            if abs(x) < NEAR_M and abs(y) < NEAR_M and (not path or abs(x - path[-1][0]) >= STEP_M):
+                path.append((round(x, 3), round(y, 3)))
+        if passed > self.next:
+            _, y = in_gate(self.gates[self.next], pose)
+            angle = (pose[2] - self.gates[self.next, 2] + math.pi) % (2 * math.pi) - math.pi
+            self.crossings[self.next] = (round(y, 4), round(math.degrees(angle), 2))
+            self.next = passed
+
+    def record(self, info: dict[str, Any]) -> dict[str, Any]:
+        """The drive as a line of the file."""
+        collision = bool(info["collision"])
+        nose = info["pose"][:2] + CarConfig().middle_x * np.array([np.cos(info["pose"][2]), np.sin(info["pose"][2])])
+        contact = collision and any(
+            abs(x) < 0.35 and abs(y) < width / 2 + 0.4
+            for gate, width in zip(self.gates, self.widths, strict=True)
+            for x, y in [in_gate(gate, nose)]
+        )
+        outcome = "success" if info["success"] else "collision" if collision else "timeout"
+        return {
+            "kind": "drive",
+            "seed": self.seed,
+            "outcome": "missed_gate" if info["missed_gate"] else outcome,
+            "gate_contact": contact,
+            "time_s": round(float(info["time_s"]), 3),
+            "progress": round(float(info["progress"]), 4),
+            "gates": [
+                {"width_m": round(float(width), 3), "passed": gate in self.crossings}
+                | dict(zip(("offset_m", "angle_deg"), self.crossings.get(gate, (None, None)), strict=True))
+                | {"path": self.paths[gate]}
+                for gate, width in enumerate(self.widths)
+            ],
+        }
+
+
+def in_gate(gate: NDArray[np.float64], pose: NDArray[np.float64]) -> tuple[float, float]:
+    """A place in the frame of a gate: x along its axis, y to the left, m."""
+    dx, dy = pose[0] - gate[0], pose[1] - gate[1]
+    cos, sin = math.cos(gate[2]), math.sin(gate[2])
+    return cos * dx + sin * dy, cos * dy - sin * dx
+
+
+def together(seeds: list[int], settings: Settings) -> list[dict[str, Any]]:
+    """Drive seeds side by side."""
+    n = len(seeds)
+    config = CorridorConfig(scenario="gates", camera=settings.camera, randomization=settings.randomization)
+    world = Corridor(n, config)
+    world.reset(np.arange(n), [seeding.np_random(seed)[0] for seed in seeds])
+    policy = load_policy(settings.policy)
+    policy.reset(n)
+    watches = [Watch(seed, world.plans[i].gate_pose, world.plans[i].gate_width) for i, seed in enumerate(seeds)]
+    records: dict[int, dict[str, Any]] = {}
+    observation = world.observation()
+    while len(records) < n:
+        rows = np.array([i for i in range(n) if i not in records])
+        step = world.step(policy.act(observation), rows)
+        observation = step.observation
+        for i in rows:
+            watches[i].follow(step.info["pose"][i], int(step.info["gates_passed"][i]))
+            if step.terminated[i] or step.truncated[i]:
+                records[int(i)] = watches[i].record({name: values[i] for name, values in step.info.items()})
+    world.close()
+    return [records[i] for i in range(n)]
+
+
+def read(path: Path) -> tuple[dict[str, str], list[dict[str, Any]]]:
+    """Settings and drives of a file.
+
+    Raises:
+        ConfigError: there are none.
+    """
+    found = list(lines(path))
+    drives = sorted((line for line in found if line["kind"] == "drive"), key=lambda line: int(line["seed"]))
+    runs = [line["settings"] for line in found if line["kind"] == "run"]
+    if not drives or not runs:
+        raise ConfigError(f"{path}: no drives in it")
+    return runs[0], drives
+
+
+def markdown(paths: list[Path]) -> str:
+    """A table of the files."""
+    rows = [
+        "| machine | level | seeds | drives arrived | 95 % | gates passed | post touched | offset cm, median / 95 % | "
+        "angle deg, median / 95 % | time s |",
+        "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for path in paths:
+        settings, drives = read(path)
+        good = [one for one in drives if one["outcome"] == "success"]
+        gates = [gate for one in drives for gate in one["gates"]]
+        crossed = [gate for gate in gates if gate["passed"]]
+        low, high = wilson(len(good), len(drives))
+        rows.append(
+            f"| {settings['policy']} | {settings['randomization']} | {drives[0]['seed']} to {drives[-1]['seed']} "
+            f"| {len(good)}/{len(drives)} | {low:.1%} to {high:.1%} | {len(crossed)}/{len(gates)} "
+            f"| {sum(one['gate_contact'] for one in drives)} "
+            f"| {spread([100 * gate['offset_m'] for gate in crossed])} "
+            f"| {spread([gate['angle_deg'] for gate in crossed])} "
+            f"| {np.median([one['time_s'] for one in good]) if good else math.nan:.0f} |"
+        )
+    return "\n".join(rows)
+
+
+def spread(values: list[float]) -> str:
+    """Median and 95 % quantile of sizes."""
+    return "{:.1f} / {:.1f}".format(*np.quantile(np.abs(values), [0.5, 0.95])) if values else "-"
+
+
+def draw(paths: list[Path], to: Path) -> None:
+    """All paths through the gates, a panel a file."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 2.9 * len(paths)), layout="constrained")
+    panels = figure.subplots(len(paths), 1, squeeze=False)[:, 0]
+    for panel, path in zip(panels, paths, strict=True):
+        settings, drives = read(path)
+        for one in drives:
+            for gate in one["gates"]:
+                if gate["path"]:
+                    x, y = np.transpose(gate["path"])
+                    colour, order = ("tab:blue", 1) if gate["passed"] else ("tab:red", 2)
+                    panel.plot(x, y, color=colour, alpha=0.25 if gate["passed"] else 0.9, linewidth=0.8, zorder=order)
+        for side in (-1, 1):
+            panel.plot([0, 0], [side * 0.3, side * 0.6], color="black", linewidth=2, zorder=3)
+        panel.set_title(
+            f"{settings['policy']}, {settings['randomization']}: rear axle, {len(drives)} drives", loc="left"
+        )
+        panel.set(xlim=(-NEAR_M, NEAR_M), ylim=(-0.8, 0.8), xlabel="along the gate's axis, m", ylabel="to the left, m")
+        panel.set_aspect("equal")
+        panel.grid(alpha=0.3)
+    figure.savefig(to, dpi=90)
+
+
+if __name__ == "__main__":
+    typer.run(main)
