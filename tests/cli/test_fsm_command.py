@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import threading
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -10,9 +12,10 @@ from xml.etree import ElementTree as ET
 import pytest
 from typer.testing import CliRunner, Result
 
-from tral_fsm import load_machine, machine_names
+from tral_fsm import load_machine, machine_names, packaged
 from tral_fsm.cli import app
 from tral_fsm.definition import CONDITIONS, STATES
+from tral_fsm.formats.tral_json import loads
 
 BAD = """{"root": 0, "states": [
   {"id": 0, "type": "FolowWall", "speed": 0.5},
@@ -43,14 +46,14 @@ def bad(folder: Path) -> Path:
 def test_packaged_machines_are_fine() -> None:
     result = tral("check", *machine_names())
     assert result.exit_code == 0
-    assert "gate: fine: 4 states, 4 transitions\n" in result.stdout
+    assert "wall: fine: 1 state, 0 transitions\n" in result.stdout
     assert result.stderr == ""
 
 
 def test_a_bad_file_exits_with_1_and_all_problems_each_with_file_and_place(bad: Path) -> None:
-    result = tral("check", "gate", bad)
+    result = tral("check", "wall", bad)
     assert result.exit_code == 1
-    assert result.stdout == "gate: fine: 4 states, 4 transitions\n"
+    assert result.stdout == "wall: fine: 1 state, 0 transitions\n"
     lines = result.stderr.splitlines()
     assert len(lines) == 2
     assert lines[0].startswith("bad.json: /states/0/type: ")
@@ -107,6 +110,9 @@ def test_the_format_may_be_named() -> None:
         (["convert", "gate", ".", "--to", "json"], ".: is a folder"),
         (["draw", "gate", "-o", "gate.gif"], "--out gate.gif: got suffix '.gif': "),
         (["draw", "gate"], "Missing option"),
+        (["new", ""], "got '.': name a file"),
+        (["new", ".."], "got '..': name a file"),
+        (["new", "/"], "got '/': name a file"),
         (["new", "mine.puml"], "mine.puml: got suffix '.puml': "),
         (["states", "Folow"], "unknown state or condition 'Folow': did you mean 'FollowWall'?"),
     ],
@@ -137,6 +143,54 @@ def test_a_file_is_converted_onto_itself(folder: Path) -> None:
     assert tral("convert", "mine.json", "mine.json").exit_code == 0
     assert load_machine("mine.json") == load_machine("gate")
     assert [path.name for path in folder.iterdir()] == ["mine.json"]
+
+
+def test_a_bad_file_is_no_bad_usage_for_tral_drive_either(bad: Path, folder: Path) -> None:
+    result = CliRunner().invoke(app, ["drive", "--policy", str(bad), "--json", "--out", "runs"])
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert "bad.json: 2 problems" in flat(result.stderr)
+    assert CliRunner().invoke(app, ["drive", "--policy", "nowhere.json"]).exit_code == 2
+    assert not Path("runs").exists()
+
+
+def test_what_is_no_file_is_written_to_and_never_replaced() -> None:
+    os.mkfifo("pipe")
+    read: list[str] = []
+    reader = threading.Thread(target=lambda: read.append(Path("pipe").read_text()))
+    reader.start()
+    result = tral("convert", "wall", "pipe", "--to", "json")
+    reader.join()
+    assert result.exit_code == 0
+    assert result.stdout == ""
+    assert "Written: pipe" in result.stderr
+    assert Path("pipe").is_fifo()
+    assert loads(read[0]) == load_machine("wall")
+
+
+def test_a_pipe_is_read() -> None:
+    os.mkfifo("pipe")
+    writer = threading.Thread(target=lambda: Path("pipe").write_text(packaged.text("wall")))
+    writer.start()
+    result = tral("check", "pipe")
+    writer.join()
+    assert result.stdout == "pipe: fine: 1 state, 0 transitions\n"
+
+
+def test_a_link_stays_one(folder: Path) -> None:
+    (folder / "real.json").write_text("old")
+    (folder / "link.json").symlink_to("real.json")
+    assert tral("convert", "wall", "link.json").exit_code == 0
+    assert Path("link.json").is_symlink()
+    assert load_machine("real.json") == load_machine("wall")
+
+
+def test_a_picture_too_large_for_a_png_says_so() -> None:
+    states = [{"id": k, "type": "Idle"} for k in range(150)]
+    ways = [{"id": k, "type": "Timer", "seconds": 1, "from": k, "to": (k + 1) % 150} for k in range(150)]
+    Path("long.json").write_text(json.dumps({"root": 0, "states": states, "transitions": ways}))
+    result = tral("draw", "long.json", "-o", "long.png", "--direction", "right")
+    assert result.exit_code == 0
+    assert "too large for a .png: try .svg" in flat(result.stderr)
 
 
 def test_a_folder_that_cannot_be_made_is_said(folder: Path) -> None:

@@ -19,6 +19,7 @@ from tral_env.errors import (
     TralError,
     nearest,
 )
+from tral_fsm.checks import FormatError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -45,7 +46,7 @@ class Guarded(TyperGroup):
 def _exit_code(error: TralError) -> int:
     if isinstance(error, RenderError | MissingExtraError | HardwareError):
         return MACHINE_LACKS
-    return FAILED if isinstance(error, SimulationError) else BAD_USAGE
+    return FAILED if isinstance(error, SimulationError | FormatError) else BAD_USAGE
 
 
 def print_figures(table: Table) -> None:

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
 from tral_env.errors import ConfigError, MachineError, nearest
 from tral_fsm.cli.console import BAD_USAGE, FAILED, Guarded
-from tral_fsm.cli.files import prepare_folder, write_bytes
+from tral_fsm.cli.files import is_device, prepare_folder, write_bytes
 from tral_fsm.cli.fsm_states import command as states_command
-
-if TYPE_CHECKING:
-    from tral_fsm.definition import MachineDefinition
 
 app = typer.Typer(
     cls=Guarded,
@@ -95,9 +92,10 @@ def convert(
     elif to not in FORMATS or FORMATS[to].writes is None:
         written = [name for name, entry in FORMATS.items() if entry.writes is not None]
         raise ConfigError(f"--to {to}: {nearest(to, written)}")
-    text = write(_read(source), to)
-    _replace(out, text.encode("utf-8"))
-    typer.echo(f"Written: {out} ({FORMATS[to].description})")
+    from tral_fsm import load_machine
+
+    text = write(load_machine(source), to)
+    _replace(out, text.encode("utf-8"), f" ({FORMATS[to].description})")
 
 
 @app.command("draw")
@@ -112,14 +110,15 @@ def draw(
     suffix = out.suffix.lower()
     if suffix not in _PICTURES:
         raise ConfigError(f"--out {out}: got suffix '{out.suffix}': {nearest(suffix, _PICTURES)}")
-    machine = _read(source)
+    from tral_fsm import load_machine
     from tral_fsm.draw.picture import picture
-    from tral_fsm.draw.png import png
+    from tral_fsm.draw.png import png, scale_of
     from tral_fsm.draw.svg import svg
 
-    drawn = picture(machine, direction=direction)
+    drawn = picture(load_machine(source), direction=direction)
     _replace(out, png(drawn) if suffix == ".png" else svg(drawn).encode("utf-8"))
-    typer.echo(f"Written: {out}")
+    if suffix == ".png" and scale_of(drawn) < 0.5:
+        typer.echo(f"The picture of {drawn.width} x {drawn.height} px is too large for a .png: try .svg", err=True)
 
 
 @app.command("new")
@@ -131,6 +130,8 @@ def new(
     from tral_fsm.cli.fsm_new import starting_point
     from tral_fsm.formats import FORMATS, by_suffix, write
 
+    if name.name in ("", ".", ".."):
+        raise ConfigError(f"got {str(name)!r}: name a file")
     out = name if name.suffix else name.with_name(f"{name.name}.json")
     suffixes = [suffix for entry in FORMATS.values() if entry.reads and entry.writes for suffix in entry.suffixes]
     if out.suffix.lower() not in suffixes:
@@ -138,23 +139,17 @@ def new(
     if out.exists() and not force:
         raise ConfigError(f"{out}: is there already: choose another name, or --force to replace it")
     _replace(out, write(starting_point(out.stem), by_suffix(out.suffix)).encode("utf-8"))
-    typer.echo(f"Written: {out}\nDrive it: tral drive --policy {out}\nDraw it: tral fsm draw {out} -o {out.stem}.svg")
+    typer.echo(f"Drive it: tral drive --policy {out}\nDraw it: tral fsm draw {out} -o {out.stem}.svg")
 
 
-def _read(source: str) -> MachineDefinition:
-    """A machine; a bad file is told with all its problems and ends the command with 1."""
-    from tral_fsm import FormatError, load_machine
-
-    try:
-        return load_machine(source)
-    except FormatError as error:
-        typer.secho("Error: ", err=True, fg="red", bold=True, nl=False)
-        typer.echo(str(error), err=True)
-        raise typer.Exit(FAILED) from None
-
-
-def _replace(out: Path, content: bytes) -> None:
+def _replace(out: Path, content: bytes, what: str = "") -> None:
+    """Write a file at once, and say so: on stderr where the content itself may go to stdout."""
     if out.is_dir():
         raise ConfigError(f"{out}: is a folder: name a file in it")
-    prepare_folder(out.parent, str(out))
-    write_bytes(out, content)
+    if not is_device(out):
+        prepare_folder(out.parent, str(out))
+    try:
+        write_bytes(out, content)
+    except OSError as error:
+        raise ConfigError(f"{out}: cannot be written: {error.strerror}") from error
+    typer.echo(f"Written: {out}{what}", err=is_device(out))

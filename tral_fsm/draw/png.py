@@ -21,6 +21,11 @@ _DPI = 72
 """At which a px is a point."""
 
 
+def scale_of(picture: Picture, scale: float = 1.5) -> float:
+    """Dots a px: as wanted, or fewer where the image would become larger than 12000 x 12000."""
+    return min(scale, _LARGEST / max(picture.width, picture.height))
+
+
 def png(picture: Picture, scale: float = 1.5) -> bytes:
     """The picture as a PNG file.
 
@@ -32,7 +37,7 @@ def png(picture: Picture, scale: float = 1.5) -> bytes:
     from matplotlib.figure import Figure
     from PIL import Image
 
-    scale = min(scale, _LARGEST / max(picture.width, picture.height))
+    scale = scale_of(picture, scale)
     figure = Figure(figsize=(picture.width / _DPI, picture.height / _DPI), dpi=_DPI * scale, facecolor="white")
     canvas: Any = FigureCanvasAgg(figure)
     ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
