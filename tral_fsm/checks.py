@@ -209,7 +209,7 @@ def _conditions(level: _Level) -> Iterator[Problem]:
             if owner is not None and owner.type:
                 yield from _of_owner(condition, owner, f"{pointer}/type")
             hands_over = hands and isinstance(condition, ArucoGateFoundSpec) and condition.hand_over
-            if hands_over and target is not None and target.type and not target.targetable:
+            if hands_over and target is not None and target.type and not target.takes_target:
                 yield Problem(
                     f"{pointer}/type",
                     f"hands the gate to state {target.id!r} ({target.type}), which takes no target. "
@@ -225,29 +225,35 @@ def _of_owner(condition: ConditionSpec, owner: StateSpec, pointer: str) -> Itera
         if isinstance(owner, FSMStateSpec):
             hint = ": its machine has no state in which it may end"
         yield Problem(pointer, f"Finished {who} never says that it is finished{hint}")
-    if isinstance(condition, UnreachableSpec) and not owner.targetable:
+    if isinstance(condition, UnreachableSpec) and not owner.takes_target:
         yield Problem(pointer, f"Unreachable {who} takes no target. {_targetable()}")
 
 
 def _targetable() -> str:
-    return f"Allowed: {', '.join(name for name, spec in STATES.items() if spec.targetable)}"
+    names = ", ".join(name for name, spec in STATES.items() if spec.targetable)
+    return f"Allowed: {names}, an FSMState whose root is one of them"
 
 
 def _shadowed(level: _Level) -> Iterator[Problem]:
     """Every transition can fire, and none stands behind one that is always taken before it."""
-    before: dict[Id, list[tuple[TransitionSpec, bool]]] = {}
+    always_before: dict[Id, Id] = {}
+    same_before: dict[tuple[Id, str], Id] = {}
     for index, way in level.transitions:
         if not way.when.type:
             continue
         who = f"transition {way.id!r} can never fire"
         if never(way.when):
             yield Problem(f"/transitions/{index}", f"{who}: its condition holds in no tick")
-        for other, fires_always in before.setdefault(way.source, []):
-            if fires_always or other.when == way.when:
-                what = "fires always" if fires_always else "has the same condition"
-                yield Problem(f"/transitions/{index}", f"{who}: {other.id!r}, checked before it, {what}")
-                break
-        before[way.source].append((way, always(way.when)))
+        same = (way.source, repr(way.when))  # text, since a condition of somebody's own may hold what has no hash
+        if way.source in always_before:
+            other = always_before[way.source]
+            yield Problem(f"/transitions/{index}", f"{who}: {other!r}, checked before it, fires always")
+        elif same in same_before:
+            other = same_before[same]
+            yield Problem(f"/transitions/{index}", f"{who}: {other!r}, checked before it, has the same condition")
+        same_before.setdefault(same, way.id)
+        if always(way.when):
+            always_before.setdefault(way.source, way.id)
 
 
 def _cycles(level: _Level) -> Iterator[Problem]:
@@ -275,7 +281,7 @@ def _cycles(level: _Level) -> Iterator[Problem]:
 def check_inner(
     machine: MachineDefinition, names: Iterable[str], load: Callable[[str], MachineDefinition], around: tuple[str, ...]
 ) -> list[Problem]:
-    """All faults of machines that are named inside a machine: unknown, holding itself, never at an end.
+    """All faults of machines that are named inside a machine: unknown, holding itself; what is asked of them in vain.
 
     Args:
         machine: the outer one.
@@ -284,8 +290,9 @@ def check_inner(
         around: names of the machines around, the outermost first.
     """
     problems: list[Problem] = []
-    endless = set()
+    known: list[StateSpec] = []
     for index, state in enumerate(machine.states):
+        known.append(state)
         if not isinstance(state, FSMStateSpec):
             continue
         at, inner = f"/states/{index}/machine", state.machine
@@ -293,23 +300,20 @@ def check_inner(
             found = check_inner(inner, names, load, around)
             problems += [replace(p, pointer=at + p.pointer) for p in found]
         elif inner not in names:
-            problems.append(Problem(at, f"got {inner!r}, which is no packaged machine: {nearest(inner, names)}"))
+            problems.append(Problem(at, unknown_machine(inner, names)))
         elif inner in around:
             problems.append(Problem(at, f"holds itself: {' > '.join((*around, inner))}"))
         else:
             held = load(inner)
             found = check_inner(held, names, load, (*around, inner))
             problems += [Problem(at, f"in {inner!r}, {problem}") for problem in found]
-            if not held.may_end:
-                endless.add(state.id)
-    for index, way in enumerate(machine.transitions):
-        for condition, pointer, _ in parts(way.when, f"/transitions/{index}"):
-            if isinstance(condition, FinishedSpec) and way.source in endless:
-                problems.append(
-                    Problem(
-                        f"{pointer}/type",
-                        f"Finished leaves state {way.source!r} (FSMState), which never says that it is finished: "
-                        "its machine has no state in which it may end",
-                    )
-                )
-    return problems
+            known[index] = state.model_copy(update={"machine": held})
+    # Whether a named machine ends, or its root takes a target, is known only now.
+    told = {str(problem) for problem in _conditions(_Level(machine.root, machine.states, machine.transitions))}
+    found = list(_conditions(_Level(machine.root, known, machine.transitions)))
+    return problems + [problem for problem in found if str(problem) not in told]
+
+
+def unknown_machine(name: object, names: Iterable[str]) -> str:
+    """What to say of a name that is none of a packaged machine. What stands in a folder is none."""
+    return f"got {str(name)[:60]!r}, which is no packaged machine: {nearest(name, names)}"

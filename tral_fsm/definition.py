@@ -39,6 +39,11 @@ class StateSpec(Spec):
         return False
 
     @property
+    def takes_target(self) -> bool:
+        """Can be handed a target: its type can, or what it holds."""
+        return self.targetable
+
+    @property
     def may_end(self) -> bool:
         """Needs no transition that leaves it."""
         return self.final
@@ -204,7 +209,7 @@ class IdleSpec(StateSpec):
 
 
 class FSMStateSpec(StateSpec):
-    """A whole machine as one state, inline or by the name of a packaged one."""
+    """A whole machine as one state, inline or by the name of a packaged one. Its root takes what is handed over."""
 
     type: Literal["FSMState"] = "FSMState"
     machine: MachineDefinition | str = Field(description="the inner machine, or the name of a packaged one")
@@ -213,6 +218,14 @@ class FSMStateSpec(StateSpec):
     def finishable(self) -> bool:
         """When its machine has come to its end, if it has one. Of a packaged one that is seen when it is loaded."""
         return isinstance(self.machine, str) or self.machine.may_end
+
+    @property
+    def takes_target(self) -> bool:
+        """If the root of its machine does. Of a packaged one that is seen when it is loaded."""
+        if isinstance(self.machine, str):
+            return True
+        root = self.machine.root
+        return any(state.id == root and state.takes_target for state in self.machine.states)
 
 
 class ConditionSpec(Spec):

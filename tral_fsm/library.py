@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
+from functools import cache
 from pathlib import Path
 
 from tral_env.errors import MachineError, nearest
-from tral_fsm import formats
-from tral_fsm.checks import FormatError, check_inner
+from tral_fsm import checks, formats, packaged
+from tral_fsm.checks import FormatError, Problem
 from tral_fsm.definition import MachineDefinition
 from tral_fsm.formats import FORMATS, read_file, tral_json
 from tral_fsm.formats.plain import located
@@ -18,9 +18,7 @@ SUFFIXES = tuple(dict.fromkeys(suffix for entry in FORMATS.values() if entry.rea
 
 def names() -> list[str]:
     """Names of the packaged machines."""
-    return sorted(
-        entry.name[:-5] for entry in files("tral_fsm").joinpath("machines").iterdir() if entry.name.endswith(".json")
-    )
+    return list(packaged.names())
 
 
 def load(name_or_path: str | Path) -> MachineDefinition:
@@ -37,22 +35,50 @@ def load(name_or_path: str | Path) -> MachineDefinition:
         MachineError: no such machine, or a file that cannot be opened.
         FormatError: the file is not a machine that can run; all its problems.
     """
-    definition = _read(name_or_path)
-    problems = check_inner(definition, names(), _read, (str(name_or_path),))
+    name = str(name_or_path)
+    if name in packaged.names():
+        definition = by_name(name)
+        problems = check_inner(definition, (name,))
+        if problems:
+            raise FormatError(name, problems)
+        return definition
+    path = Path(name_or_path)
+    if path.suffix.lower() not in SUFFIXES and not _may_be_read(path):
+        kinds = ", ".join(SUFFIXES)
+        raise MachineError(f"{name[:80]!r} is no packaged machine and no file ({kinds}): {nearest(name, names())}")
+    definition = read_file(path)
+    problems = check_inner(definition)
     if problems:
-        places = {} if str(name_or_path) in names() else formats.places(Path(name_or_path))
-        raise FormatError(str(name_or_path), [located(problem, places) for problem in problems])
+        places = formats.places(path)
+        raise FormatError(name, [located(problem, places) for problem in problems])
     return definition
 
 
-def _read(name_or_path: str | Path) -> MachineDefinition:
-    text = str(name_or_path)
-    if text in names():
-        return tral_json.loads(
-            files("tral_fsm").joinpath("machines", f"{text}.json").read_text("utf-8"), f"{text}.json"
-        )
-    path = Path(name_or_path)
-    if path.suffix.lower() not in SUFFIXES and not path.is_file():
-        kinds = ", ".join(SUFFIXES)
-        raise MachineError(f"'{text}' is no packaged machine and no file ({kinds}): {nearest(text, names())}")
-    return read_file(path)
+@cache
+def by_name(name: str) -> MachineDefinition:
+    """A packaged machine, read once however many cars drive it.
+
+    Raises:
+        MachineError: there is none of that name. What stands in a folder is none.
+    """
+    if name not in packaged.names():
+        raise MachineError(f"{name[:80]!r} is no packaged machine: {nearest(name, names())}")
+    return tral_json.loads(packaged.text(name), f"{name}.json")
+
+
+def check_inner(machine: MachineDefinition, around: tuple[str, ...] = ()) -> list[Problem]:
+    """All faults of the packaged machines that are named inside a machine, and of what leads to and from them.
+
+    Args:
+        machine: the outer one.
+        around: names of the machines around, the outermost first.
+    """
+    return checks.check_inner(machine, names(), by_name, around)
+
+
+def _may_be_read(path: Path) -> bool:
+    """Something is there that is no folder: a file, or a pipe."""
+    try:
+        return path.exists() and not path.is_dir()
+    except (OSError, ValueError):  # too long a name, or one with a null
+        return False

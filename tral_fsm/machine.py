@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 from tral_fsm import library
 from tral_fsm.checks import FormatError, check
 from tral_fsm.definition import FSMStateSpec, Id, MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.machine_state import MachineState
-from tral_fsm.states import RUNTIMES, State, Targetable, runs
+from tral_fsm.states import NO_GATE, RUNTIMES, State, Targetable, runs
 from tral_fsm.transitions import Condition, build
 
 
@@ -31,12 +30,6 @@ class Transit:
 
 
 Trace = Callable[[Transit], None]
-
-
-@cache
-def _packaged(name: str) -> MachineDefinition:
-    """A packaged machine, read once however many cars drive it."""
-    return library.load(name)
 
 
 class _Way:
@@ -72,7 +65,7 @@ class Machine:
         Raises:
             FormatError: the definition cannot run.
         """
-        problems = [] if checked else check(definition)
+        problems = [] if checked else [*check(definition), *library.check_inner(definition)]
         if problems:
             raise FormatError(definition.name or "machine", problems)
         self.definition = definition
@@ -170,7 +163,10 @@ class Machine:
 
 @runs(FSMStateSpec)
 class FSMState(State[FSMStateSpec]):
-    """A whole machine as one state. It starts at its root at each entry. Finished when its machine has ended."""
+    """A whole machine as one state. It starts at its root at each entry. Finished when its machine has ended.
+
+    A target that is handed over goes to the root; the active inner state says whether it can still be reached.
+    """
 
     machine: Machine
 
@@ -180,13 +176,10 @@ class FSMState(State[FSMStateSpec]):
         Args:
             trace: of the outer machine.
             path: ids of the states around the inner machine.
-
-        Raises:
-            FormatError: a packaged machine holds itself.
         """
         inner = self.spec.machine
         if isinstance(inner, str):
-            inner = _packaged(inner)
+            inner = library.by_name(inner)
         self.machine = Machine(inner, trace, path, checked=True)
 
     def on_enter(self, m: MachineState) -> None:
@@ -196,6 +189,16 @@ class FSMState(State[FSMStateSpec]):
     def tick(self, m: MachineState) -> None:
         """Tick the inner machine."""
         self.machine.tick(m)
+
+    def set_target(self, m: MachineState, x: float, y: float, heading: float, gate: int = NO_GATE) -> None:
+        """Hand the target on to the inner root, which has just been entered."""
+        root = self.machine.active
+        if isinstance(root, Targetable):
+            root.set_target(m, x, y, heading, gate)
+
+    def unreachable(self, m: MachineState) -> str:
+        """Why the active inner state cannot come to its target any more."""
+        return self.machine.active.unreachable(m)
 
     def on_exit(self, m: MachineState) -> None:
         """Leave the inner active state."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StrictInt, StrictStr, model_validator
@@ -37,14 +37,24 @@ class Spec(BaseModel):
 
     @model_validator(mode="after")
     def _together(self) -> Self:
-        given = [name for name in self.exactly_one if getattr(self, name) is not None]
-        if self.exactly_one and len(given) != 1:
-            names = " and ".join(self._with_unit(name) for name in self.exactly_one)
-            raise ValueError(f"got {'both' if given else 'neither'} of {names}: give exactly one")
-        for name, other in self.needs.items():
-            if getattr(self, name) is not None and getattr(self, other) is None:
-                raise ValueError(f"{name} needs {other}, which is not given")
+        for fault in self.faults_together({name: getattr(self, name) for name in type(self).model_fields}):
+            raise ValueError(fault)
         return self
+
+    @classmethod
+    def faults_together(cls, values: Mapping[str, Any]) -> Iterator[str]:
+        """What is wrong with parameters beside each other, whatever each of them is worth.
+
+        Args:
+            values: by name; those with a default may be missing.
+        """
+        given = [name for name in cls.exactly_one if values.get(name) is not None]
+        if cls.exactly_one and len(given) != 1:
+            names = " and ".join(cls._with_unit(name) for name in cls.exactly_one)
+            yield f"got {'both' if given else 'neither'} of {names}: give exactly one"
+        for name, other in cls.needs.items():
+            if values.get(name) is not None and values.get(other) is None:
+                yield f"{name} needs {other}, which is not given"
 
     @classmethod
     def _with_unit(cls, name: str) -> str:

@@ -1,13 +1,24 @@
 """What is wrong with a machine although each of its parts is right: found before it drives, all at once."""
 
 import json
+import time
+from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
 
-from tral_fsm import FormatError, MachineDefinition, check, library, load_machine
+from tral_fsm import FormatError, MachineDefinition, MachinePolicy, check, library, load_machine, packaged
 from tral_fsm.checks import always, never
-from tral_fsm.definition import AlwaysSpec, AnySpec, DistanceSpec, MotorSpec, NotSpec, StopSpec, TransitionSpec
+from tral_fsm.definition import (
+    AlwaysSpec,
+    AnySpec,
+    DistanceSpec,
+    FSMStateSpec,
+    MotorSpec,
+    NotSpec,
+    StopSpec,
+    TransitionSpec,
+)
 from tral_fsm.formats.tral_json import loads
 
 STOP = {"id": 1, "type": "Stop"}
@@ -183,9 +194,9 @@ class TestAllAtOnce:
 class TestNamedMachines:
     @staticmethod
     def packaged(monkeypatch: pytest.MonkeyPatch, **machines: Any) -> None:
-        held = {name: loads(json.dumps(raw)) for name, raw in machines.items()}
-        monkeypatch.setattr(library, "names", lambda: sorted(held))
-        monkeypatch.setattr(library, "_read", lambda name: held[str(name)])
+        monkeypatch.setattr(packaged, "names", lambda: tuple(sorted(machines)))
+        monkeypatch.setattr(packaged, "text", lambda name: json.dumps(machines[name]))
+        monkeypatch.setattr(library, "by_name", library.by_name.__wrapped__)  # not kept for other tests
 
     @staticmethod
     def holding(name: str) -> dict[str, Any]:
@@ -218,3 +229,48 @@ class TestNamedMachines:
             FormatError, match="/states/0/machine/states/0/machine: got 'bb', which is no packaged machine"
         ):
             load_machine("a")
+
+    def test_a_gate_handed_to_a_named_machine_whose_root_takes_none(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        states = [MOTOR, {"id": 1, "type": "FSMState", "machine": "b", "final": True}]
+        outer = machine(way(0, 0, 1, type="ArucoGateFound"), states=states)
+        self.packaged(monkeypatch, a=outer, b={"root": 1, "states": [STOP]})
+        with pytest.raises(
+            FormatError, match=r"1 problem\n.*/transitions/0/type: hands the gate to state 1 \(FSMState\)"
+        ):
+            load_machine("a")
+
+    def test_in_a_definition_made_in_python_a_name_is_no_path(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.chdir(tmp_path)
+        Path("wall.json").write_text(packaged.text("wall"))
+        made = MachineDefinition(root=0, states=(FSMStateSpec(id=0, machine="./wall.json", final=True),))
+        with pytest.raises(FormatError, match=r"got '\./wall\.json', which is no packaged machine"):
+            MachinePolicy(made)
+
+
+class TestTargetsOfMachines:
+    """A machine takes a target if its root does."""
+
+    @staticmethod
+    def outer(inner_root: dict[str, Any], **condition: Any) -> dict[str, Any]:
+        inner = {"root": 0, "states": [{**inner_root, "id": 0, "final": True}]}
+        states = [MOTOR, {"id": 1, "type": "FSMState", "machine": inner}, {"id": 2, "type": "Stop"}]
+        return machine(way(0, 0, 1, type="ArucoGateFound"), way(1, 1, 2, **(condition or NEAR)), states=states)
+
+    def test_the_root_may_take_it(self) -> None:
+        loads(json.dumps(self.outer({"type": "ApproachPoint", "speed": 0.4}, type="Unreachable")))
+
+    def test_a_root_that_takes_none_is_told(self) -> None:
+        found = problems(self.outer({"type": "Motor", "speed": 0.4}, type="Unreachable"))
+        assert set(found) == {"/transitions/0/type", "/transitions/1/type"}
+        assert "an FSMState whose root is one of them" in found["/transitions/0/type"]
+
+
+def test_many_transitions_of_a_state_are_checked_in_time_that_grows_with_their_number() -> None:
+    ways = [way(k, 0, 1, type="Timer", seconds=k + 1.0) for k in range(500)]
+    ways[-1]["seconds"] = 1.0
+    start = time.perf_counter()
+    found = problems(machine(*ways))
+    assert found == {"/transitions/499": "transition 499 can never fire: 0, checked before it, has the same condition"}
+    assert time.perf_counter() - start < 1.0

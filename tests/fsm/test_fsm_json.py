@@ -56,7 +56,14 @@ def test_all_problems_are_told_at_once() -> None:
         states=[{**MOTOR, "speed": 99}, {"id": 1, "type": "Stopp"}],
         transitions=[{"id": 0, "type": "Always", "from": 0}, {**ALWAYS, "colour": "red"}],
     )
-    assert set(problems(bad)) == {"/states/0/speed", "/states/1/type", "/transitions/0", "/transitions/1/colour"}
+    assert set(problems(bad)) == {
+        "/states/0/speed", "/states/0", "/states/1/type", "/transitions/0", "/transitions/1/colour",
+    }  # fmt: skip
+
+
+def test_a_misspelt_key_hides_no_other_value_and_is_told_once() -> None:
+    bad = machine(states=[{"id": 0, "type": "Motor", "sped": 0.5, "steering": 7, "distance": "1"}, STOP])
+    assert set(problems(bad)) == {"/states/0/sped", "/states/0/steering", "/states/0/distance"}
 
 
 CASES: list[tuple[dict[str, Any], str, str]] = [
@@ -65,13 +72,32 @@ CASES: list[tuple[dict[str, Any], str, str]] = [
     (machine(transitions=[{**ALWAYS, "type": "Allways"}]), "/transitions/0/type", "did you mean 'Always'"),
     (machine(states=[{**MOTOR, "sterring": 1}, STOP]), "/states/0/sterring", "did you mean 'steering'"),
     (machine(colour=1), "/colour", "unknown key 'colour'"),
-    (machine(states=[{**MOTOR, "steering": 2}, STOP]), "/states/0/steering", "got 2: Input should be less than"),
+    (machine(states=[{**MOTOR, "steering": 2}, STOP]), "/states/0/steering", "got 2: expected 1 or less"),
     (
         machine(states=[{**MOTOR, "steering": "1"}, STOP]),
         "/states/0/steering",
-        'got "1": Input should be a valid',
+        'got "1": expected a number',
     ),
-    (machine(states=[{**MOTOR, "id": True}, STOP]), "/states/0/id", "got true"),
+    (machine(states=[{**MOTOR, "id": True}, STOP]), "/states/0/id", "got true: expected a whole number or a word"),
+    (machine(states=[{**MOTOR, "distance": 0}, STOP]), "/states/0/distance", "got 0: expected more than 0"),
+    (machine(states=[{**MOTOR, "final": 1}, STOP]), "/states/0/final", "got 1: expected true or false"),
+    (machine(states=[{**MOTOR, "label": 1}, STOP]), "/states/0/label", "got 1: expected a text"),
+    (machine(transitions=[{**ALWAYS, "type": "All", "of": []}]), "/transitions/0/of", "got []: expected 1 or more"),
+    (
+        machine(transitions=[{**ALWAYS, "type": "Not", "of": [{"type": "Always"}] * 2}]),
+        "/transitions/0/of",
+        "got 2 of them: expected 1 or less",
+    ),
+    (
+        {"root": 0, "states": [{"id": 0, "type": "FSMState", "machine": "./wall.json", "final": True}]},
+        "/states/0/machine",
+        "got './wall.json', which is no packaged machine",
+    ),
+    (
+        {"root": 0, "states": [{"id": 0, "type": "FSMState", "machine": 3, "final": True}]},
+        "/states/0/machine",
+        "got 3: expected a machine or a name",
+    ),
     (machine(states=[{"id": 0, "type": "Motor"}, STOP]), "/states/0", "neither of speed"),
     (machine(states=[{**MOTOR, "speed": 1}, STOP]), "/states/0", "both of speed"),
     (machine(states=[MOTOR, {**STOP, "id": 0}]), "/states/1/id", "got id 0, which /states/0 has already"),

@@ -9,7 +9,7 @@ from readings import Bench, two_states
 
 from tral_env.errors import MachineError
 from tral_env.interface import CORE_LAYOUT
-from tral_fsm import FormatError, MachineState, states, transitions
+from tral_fsm import FormatError, MachineState, library, packaged, states, transitions
 from tral_fsm.definition import CONDITIONS, STATES, ConditionSpec, StateSpec
 from tral_fsm.library import load
 from tral_fsm.machine_state import COLUMNS
@@ -157,6 +157,30 @@ class TestMachinesInMachines:
         bench.tick()
         assert calls == ["inner 0", "outer"]
 
+    @pytest.mark.parametrize("depth", [1, 2])
+    def test_a_target_that_is_handed_over_goes_to_the_root(self, depth: int) -> None:
+        def drive(second: dict[str, Any]) -> list[tuple[float, float]]:
+            bench = two_states({"type": "ArucoGateFound"}, second=second)
+            seen = {"gate_id": 3.0, "gate_x": 3.0, "gate_y": 0.4, "gate_heading": 0.1, "gate_age": 0.0}
+            return [bench.tick(**seen), *(bench.tick(distance=0.01 * k, speed=0.8) for k in range(200))]
+
+        alone = {"type": "ApproachPoint", "speed": 0.5}
+        held = alone
+        for _ in range(depth):
+            held = {"type": "FSMState", "machine": {"root": 0, "states": [{**held, "id": 0, "final": True}]}}
+        assert drive(held) == drive(alone)
+        assert drive(held)[50][0] > 0.05
+
+    def test_it_is_unreachable_when_its_active_state_says_so(self) -> None:
+        inner = {"root": 0, "states": [{"id": 0, "type": "ApproachPoint", "x": 1.0, "speed": 0.5, "final": True}]}
+        bench = two_states({"type": "Unreachable"}, first={"type": "FSMState", "machine": inner})
+        bench.tick(distance=0.0)
+        bench.tick(distance=0.9)
+        assert bench.active == "a/0"
+        bench.tick(distance=1.3)
+        assert bench.active == "b"
+        assert "behind" in bench.fired[0].why
+
     def test_after_a_restart_nothing_is_left_of_the_inner_machine(self) -> None:
         bench = self.outer()
         bench.tick(distance=0.0)
@@ -290,13 +314,16 @@ class TestPackagedMachines:
             load(path)
 
     def test_a_machine_that_holds_itself_is_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        from tral_fsm import library
-        from tral_fsm.formats.tral_json import loads
-
-        held = loads('{"root": 0, "states": [{"id": 0, "type": "FSMState", "machine": "wall", "final": true}]}')
-        monkeypatch.setattr(library, "_read", lambda name: held)
+        held = '{"root": 0, "states": [{"id": 0, "type": "FSMState", "machine": "wall", "final": true}]}'
+        monkeypatch.setattr(packaged, "text", lambda name: held)
+        monkeypatch.setattr(library, "by_name", library.by_name.__wrapped__)
         with pytest.raises(FormatError, match="holds itself: wall > wall"):
             load("wall")
+
+    @pytest.mark.parametrize("name", ["x" * 5000, "x" * 5000 + ".json", "a\0b", "a\0b.json", ""])
+    def test_what_can_be_no_name_of_a_file(self, name: str) -> None:
+        with pytest.raises(MachineError):
+            load(name)
 
     def test_a_file_that_is_not_there(self) -> None:
         with pytest.raises(MachineError, match=r"nowhere\.json: cannot be read"):

@@ -167,5 +167,5 @@ def _content(path: Path) -> bytes:
     try:
         with path.open("rb") as file:
             return file.read(LARGEST + 1)
-    except OSError as error:
-        raise MachineError(f"{path}: cannot be read: {error.strerror}") from error
+    except (OSError, ValueError) as error:  # a ValueError: a null in its name
+        raise MachineError(f"{str(path)[:200]}: cannot be read: {getattr(error, 'strerror', error)}") from error

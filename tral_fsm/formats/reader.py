@@ -10,11 +10,13 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from tral_env.errors import nearest
-from tral_fsm.checks import FormatError, Problem, check_level
+from tral_fsm import packaged
+from tral_fsm.checks import FormatError, Problem, check_level, unknown_machine
 from tral_fsm.definition import (
     CONDITIONS,
     STATES,
     ConditionSpec,
+    FSMStateSpec,
     Id,
     MachineDefinition,
     Spec,
@@ -103,15 +105,20 @@ class Reader:
 
     def state(self, raw: Any, pointer: str, depth: int) -> StateSpec | None:
         """One state."""
+        before = len(self.problems.found)
         spec = self._spec(raw, STATES, "state", pointer, depth)
         if spec is None:
             return None
         members = dict(raw)
-        if isinstance(members.get("machine"), Mapping):
-            members["machine"] = self.machine(members["machine"], f"{pointer}/machine", depth + 1)
-            if members["machine"] is None:
-                return None
-        return self._build(spec, members, pointer)
+        if issubclass(spec, FSMStateSpec):
+            inner = members.get("machine")
+            if isinstance(inner, Mapping):
+                members["machine"] = self.machine(inner, f"{pointer}/machine", depth + 1)
+                members["machine"] = members["machine"] or ""  # what is wrong in it has been told
+            elif isinstance(inner, str) and inner not in packaged.names():
+                self.complain(f"{pointer}/machine", unknown_machine(inner, packaged.names()))
+        built = self._build(spec, members, pointer)
+        return built if len(self.problems.found) == before else None
 
     def transition(self, raw: Any, pointer: str, depth: int) -> TransitionSpec | None:
         """One transition, its condition flat beside its ends."""
@@ -124,16 +131,16 @@ class Reader:
 
     def condition(self, raw: Any, pointer: str, depth: int, also: tuple[str, ...] = ()) -> ConditionSpec | None:
         """One condition, with those that it combines."""
+        before = len(self.problems.found)
         spec = self._spec(raw, CONDITIONS, "transition", pointer, depth, also)
         if spec is None:
             return None
         members = dict(raw)
         if "of" in spec.model_fields and isinstance(raw.get("of"), list):
             found = [self.condition(part, at, depth + 1) for at, part in self._array(raw, "of", pointer)]
-            if None in found:
-                return None
-            members["of"] = tuple(found)
-        return self._build(spec, members, pointer)
+            members["of"] = tuple(part or ConditionSpec(type="") for part in found)
+        built = self._build(spec, {key: value for key, value in members.items() if key not in also}, pointer)
+        return built if len(self.problems.found) == before else None
 
     def _object(self, raw: Any, pointer: str, depth: int) -> bool:
         if depth > _MAX_DEPTH:
@@ -157,7 +164,7 @@ class Reader:
     def _spec(
         self, raw: Any, known: Mapping[str, type[M]], what: str, pointer: str, depth: int, also: tuple[str, ...] = ()
     ) -> type[M] | None:
-        """The class that a "type" names, once its keys are known to fit."""
+        """The class that a "type" names; keys that do not fit are told."""
         if not self._object(raw, pointer, depth):
             return None
         name = raw.get("type")
@@ -165,8 +172,8 @@ class Reader:
             got = f"got no type of {what}" if "type" not in raw else f"got {_show(name)}, which is no type of {what}"
             self.complain(f"{pointer}/type", f"{got}: {nearest(name, known)}")
             return None
-        fit = self._keys(raw, known[name], pointer, also=also)
-        return known[name] if fit else None
+        self._keys(raw, known[name], pointer, also=also)
+        return known[name]
 
     def _keys(
         self,
@@ -175,39 +182,47 @@ class Reader:
         pointer: str,
         required: Iterable[str] = (),
         also: tuple[str, ...] = (),
-    ) -> bool:
+    ) -> None:
         """Every key is one of the class, and none of the required is missing."""
         allowed = [*also, *(field.alias or name for name, field in spec.model_fields.items())]
-        unknown = [key for key in raw if key not in allowed]
-        for key in unknown:
-            self.complain(f"{pointer}/{_escape(key)}", f"unknown key {_cut(repr(key))}: {nearest(key, allowed)}")
-        missing = [key for key in required if key not in raw]
-        for key in missing:
-            self.complain(pointer, f"the key {key!r} is missing")
-        return not unknown and not missing
+        for key in raw:
+            if key not in allowed:
+                self.complain(f"{pointer}/{_escape(key)}", f"unknown key {_cut(repr(key))}: {nearest(key, allowed)}")
+        for key in required:
+            if key not in raw:
+                self.complain(pointer, f"the key {key!r} is missing")
 
     def _build(self, spec: type[M], members: dict[str, Any], pointer: str) -> M | None:
-        """An object of a class, or None and the problems why not."""
+        """An object of a class, or None and the problems why not. Keys that it does not know have been told."""
+        names = {name for key, field in spec.model_fields.items() for name in (key, field.alias)}
+        known = {key: value for key, value in members.items() if key in names}
+        whole = len(known) == len(members)
         try:
-            return spec.model_validate(members)
+            return spec.model_validate(known)
         except ValidationError as error:
-            for fault in error.errors(include_url=False):
-                self._fault(fault, spec, pointer)
-            return None
+            faults = error.errors(include_url=False)
+        together = list(spec.faults_together(known))
+        for fault in faults:
+            misspelt = fault["type"] == "missing" and not whole
+            if not misspelt and _of_validator(fault) not in together:
+                self._fault(fault, pointer)
+        for text in together if whole else ():
+            self.complain(pointer, text)
+        return None
 
-    def _fault(self, fault: Mapping[str, Any], spec: type[Spec], pointer: str) -> None:
+    def _fault(self, fault: Mapping[str, Any], pointer: str) -> None:
         place = [part for part in fault["loc"] if not (isinstance(part, str) and "[" in part) and part not in _UNIONS]
         at = pointer + "".join(f"/{_escape(str(part))}" for part in place)
         got = fault["input"]
         if fault["type"] == "missing":
             self.complain(pointer, f"the key {place[-1]!r} is missing")
-        elif fault["type"] == "value_error":
-            self.complain(at, str(fault["ctx"]["error"]))
         elif fault["type"] == "literal_error":
             allowed = fault["ctx"]["expected"].replace("'", "").replace(" or ", ", ").split(", ")
             self.complain(at, f"got {_show(got)}: {nearest(got, allowed)}")
+        elif fault["type"] == "value_error":
+            self.complain(at, _of_validator(fault))
         elif not any(p.pointer == at for p in self.problems.found):
-            self.complain(at, f"got {_show(got)}: {fault['msg']}{_hint_2016(got)}")
+            self.complain(at, f"got {_show(got)}: {_expected(fault)}{_hint_2016(got)}")
 
 
 def _id(value: Any) -> Id | None:
@@ -229,6 +244,38 @@ _UNIONS = ("int", "str", "constrained-str", "MachineDefinition")
 """What pydantic adds to a place to say which member of a union it tried."""
 
 
+def _of_validator(fault: Mapping[str, Any]) -> str:
+    """What a validator of a class said; empty: the fault is of another kind."""
+    return str(fault["ctx"]["error"]) if fault["type"] == "value_error" else ""
+
+
+_EXPECTED = {
+    "greater_than": "expected more than {gt:g}",
+    "greater_than_equal": "expected {ge:g} or more",
+    "less_than": "expected less than {lt:g}",
+    "less_than_equal": "expected {le:g} or less",
+    "too_short": "expected {min_length} or more",
+    "too_long": "expected {max_length} or less",
+    "finite_number": "expected a finite number",
+    "float_type": "expected a number",
+    "int_type": "expected a whole number",
+    "bool_type": "expected true or false",
+    "string_type": "expected a text",
+    "tuple_type": "expected an array",
+}
+"""Kind of a fault -> what is allowed."""
+
+
+def _expected(fault: Mapping[str, Any]) -> str:
+    """What would be allowed instead."""
+    if fault["loc"][:1] == ("machine",):
+        return "expected a machine or a name"
+    if any(part in _UNIONS for part in fault["loc"]):
+        return "expected a whole number or a word"
+    known = _EXPECTED.get(fault["type"])
+    return known.format(**fault.get("ctx", {})) if known else str(fault["msg"])
+
+
 def _hint_2016(got: Any) -> str:
     """Where a number stands in quotes: how a file of 2016 says that it is one."""
     try:
@@ -243,6 +290,8 @@ def _escape(key: str) -> str:
 
 
 def _show(value: Any) -> str:
+    if isinstance(value, tuple) and any(isinstance(item, Spec) for item in value):
+        return f"{len(value)} of them"
     return _cut(json.dumps(value, default=str))
 
 

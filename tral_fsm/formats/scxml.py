@@ -7,11 +7,11 @@ within their transition, an inline machine as states within its state.
 from __future__ import annotations
 
 import math
-import re
 from typing import Any
 
 from tral_fsm.formats.members import word
 from tral_fsm.formats.plain import Plain, Problems
+from tral_fsm.formats.units2016 import with_ids
 from tral_fsm.formats.xml_tree import Node
 
 W3C = "http://www.w3.org/2005/07/scxml"
@@ -20,7 +20,6 @@ OURS = "urn:tral:machine"
 
 _STATE, _FINAL, _TRANSITION, _INITIAL = (f"{{{W3C}}}{tag}" for tag in ("state", "final", "transition", "initial"))
 _MACHINE, _CONDITION = f"{{{OURS}}}machine", f"{{{OURS}}}condition"
-_XML_NAME = re.compile(r"\s*(\S+)\s*")
 
 
 def plain(root: Node, problems: Problems) -> Plain:
@@ -57,7 +56,7 @@ class _Reading:
             for index, (owner, arrow) in enumerate(arrows)
         ]
         self.strangers(node, pointer, (_STATE, _FINAL, _INITIAL, _MACHINE, _TRANSITION))
-        value: dict[str, Any] = {"root": self.root(node, ids), "states": states, "transitions": transitions}
+        value: dict[str, Any] = {"root": self.root(node, ids), "states": states, "transitions": with_ids(transitions)}
         head = next(node.all(_MACHINE), None)
         value |= self.members(head) if head is not None else {}
         if node.tag.endswith("}scxml") and "name" in node.attributes:
@@ -78,10 +77,10 @@ class _Reading:
         self.places[pointer] = _place(node)
         found: dict[str, Any] = {} if node.attributes.get("id") is None else {"id": _id(node)}
         if node.tag == _FINAL:
-            found["final"] = True
+            found |= {"type": "Stop", "final": True}
         found |= self.members(node)
         if any(child.tag in (_STATE, _FINAL) for child in node.children):
-            found["machine"] = self.machine(node, f"{pointer}/machine")
+            found = {"type": "FSMState", **found, "machine": self.machine(node, f"{pointer}/machine")}
         else:
             self.strangers(node, pointer, (_TRANSITION,))
         return found
@@ -91,10 +90,13 @@ class _Reading:
         self.places[pointer] = _place(node)
         if "cond" in node.attributes:
             self.complain(pointer, "got cond, which is not read: tral:type and its parameters say when it fires", node)
-        found = self.condition(node, pointer, ("order",))
-        target = _XML_NAME.fullmatch(node.attributes.get("target", ""))
-        if target is not None:
-            found["to"] = ids.get(target[1], target[1])
+        found = {"type": node.attributes.get("event", "Always"), **self.condition(node, pointer, ("order",))}
+        targets = node.attributes.get("target", "").split()
+        if len(targets) == 1:
+            found["to"] = ids.get(targets[0], targets[0])
+        elif targets:
+            self.complain(f"{pointer}/to", f"got {len(targets)} targets, expected one", node)
+            found["to"] = None
         return {**found, "from": _id(owner)}
 
     def condition(self, node: Node, pointer: str, without: tuple[str, ...] = ()) -> dict[str, Any]:

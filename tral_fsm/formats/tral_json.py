@@ -60,8 +60,8 @@ def parse(text: str, problems: Problems) -> Any:
         problems.complain("", f"not JSON: {error.msg} at line {error.lineno}, column {error.colno}{hint}")
     except RecursionError:
         problems.complain("", "nested too deeply")
-    except ValueError as error:  # an integer of thousands of digits
-        problems.complain("", f"not readable: {error}")
+    except ValueError:
+        problems.complain("", "not readable: a whole number of thousands of digits")
     return None
 
 

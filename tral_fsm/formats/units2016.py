@@ -59,7 +59,7 @@ def _machine(value: dict[str, Any], depth: int) -> dict[str, Any]:
         if isinstance(found.get(key), list):
             found[key] = [_part(item, known, depth) for item in found[key]]
     if isinstance(found.get("transitions"), list):
-        found["transitions"] = _with_ids(found["transitions"])
+        found["transitions"] = with_ids(found["transitions"])
     if "root" in found:
         found["root"] = _whole(found["root"])
     return found
@@ -104,7 +104,7 @@ def _whole(value: Any) -> Any:
     return int(value) if isinstance(value, str) and _INTEGER.fullmatch(value) else value
 
 
-def _with_ids(transitions: list[Any]) -> list[Any]:
+def with_ids(transitions: list[Any]) -> list[Any]:
     """Those without an id get the lowest numbers that are free."""
     taken = {str(item.get("id")) for item in transitions if isinstance(item, dict)}
     free = (number for number in itertools.count() if str(number) not in taken)

@@ -163,7 +163,7 @@ class TestOf2016:
 
     def test_nothing_is_guessed(self) -> None:
         told = message(json.dumps({key: value for key, value in of_2016().items() if key != "units"}))
-        assert 'got "1500": Input should be a valid number' in told
+        assert 'got "1500": expected a number' in told
         assert 'but in files that say "units": "2016"' in told
         assert "the key 'id' is missing" in told
 
@@ -246,7 +246,24 @@ class TestScxml:
             '<state id="a" tral:type="Stop"><transition target="a" cond="x"/></state>'
         )
 
+    def test_a_plain_state_chart_is_understood_as_far_as_its_words_go(self) -> None:
+        """Events that are our types, transitions without event or id, final states, states that hold states."""
+        text = """<scxml xmlns="http://www.w3.org/2005/07/scxml" xmlns:tral="urn:tral:machine" version="1.0">
+          <state id="on" tral:type="Motor" tral:speed="0.5" tral:distance="1"><transition event="Finished" target="in"/>
+          </state>
+          <state id="in"><final id="x"/><transition target="off"/></state><final id="off"/></scxml>"""
+        found = read(text, "a")
+        assert [state.type for state in found.states] == ["Motor", "FSMState", "Stop"]
+        assert [(way.id, way.source, way.target, way.when.type) for way in found.transitions] == [
+            (0, "on", "in", "Finished"), (1, "in", "off", "Always"),
+        ]  # fmt: skip
+        assert found.states[2].final
+
+    def test_two_targets_are_told_once(self) -> None:
+        told = self.told('<state id="a" tral:type="Stop"><transition target="a b"/></state>')
+        assert told == "transition (line 2): got 2 targets, expected one"
+
     def test_problems_name_element_and_line(self) -> None:
         told = self.told('<state id="a" tral:type="Stopp"/>\n<state id="b" tral:type="Stop" tral:brake="2"/>')
         assert "state 'a' (line 2) /type: got \"Stopp\"" in told
-        assert "state 'b' (line 3) /brake: got 2: Input should be less than or equal to 1" in told
+        assert "state 'b' (line 3) /brake: got 2: expected 1 or less" in told

@@ -1,0 +1,19 @@
+"""The machines that come with the package, by name."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.resources import files
+
+_FOLDER = files("tral_fsm").joinpath("machines")
+
+
+@cache
+def names() -> tuple[str, ...]:
+    """Their names, sorted."""
+    return tuple(sorted(entry.name[:-5] for entry in _FOLDER.iterdir() if entry.name.endswith(".json")))
+
+
+def text(name: str) -> str:
+    """TRAL JSON of one of them."""
+    return _FOLDER.joinpath(f"{name}.json").read_text("utf-8")
