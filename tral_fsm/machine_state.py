@@ -116,6 +116,7 @@ class MachineState:
         "doubt",
         "front",
         "gate",
+        "given_trim",
         "left",
         "lock_scale",
         "marker",
@@ -178,6 +179,8 @@ class MachineState:
         """+1 forward, -1 after reverse gear was ordered at standstill: the hall sensor does not know."""
         self.trim = 0.0
         """Steering at which the car drives straight, as far as the states have learnt it."""
+        self.given_trim = 0.0
+        """Steering at which the car drives straight, as far as the active state's parameters say so."""
         self.lock_scale = 1.0
         """Curvature that the car drives over the one that its steering should give, as far as gates have taught it."""
         self.trim_fault = 0.0
@@ -235,11 +238,11 @@ class MachineState:
         if self.speed < 0.05 and self.applied_throttle != 0.0:
             self.direction = -1.0 if self.applied_throttle < 0.0 else 1.0
         if step > 0.0:  # also false for NaN, at the first tick
-            bend = self.lock_scale * curvature(self._wheel - self.trim)
+            bend = self.lock_scale * curvature(self._wheel - self.trim - self.given_trim)
             # the magnets sit on the rear left wheel, which runs on the inner circle of a left turn
             step = self.direction * step / (1.0 - bend * TRACK / 2.0)
             self.path += step
-            self.doubt += BEND_PER_STEERING * abs(behind) * step
+            self.doubt += BEND_PER_STEERING * abs(behind * step)
             middle = self.yaw + step * bend / 2.0
             self.x += step * math.cos(middle)
             self.y += step * math.sin(middle)

@@ -99,7 +99,8 @@ class DrivingState(State[D]):
 
     def steer(self, m: MachineState, steering: float) -> None:
         """Set the steering, with the spec's trim, and the trim and lock that were learnt."""
-        m.steering = clip(steering / m.lock_scale + self.spec.steering_trim + m.trim)
+        m.given_trim = self.spec.steering_trim
+        m.steering = clip(steering / m.lock_scale + m.given_trim + m.trim)
 
     def drive(self, m: MachineState, speed: float | None = None) -> None:
         """Set the throttle: open loop, or regulated to the spec's speed or to the one given [m/s]."""

@@ -379,8 +379,31 @@ SAMPLES = {
     "BackUp": {"throttle": -0.2},
     "Stop": {},
     "Idle": {},
-    "FSMState": {"machine": {"root": 0, "states": [{"id": 0, "type": "Stop"}]}},
+    "FSMState": {
+        "machine": {"root": 0, "states": [{"id": 0, "type": "ApproachPoint", "throttle": 0.1, "final": True}]}
+    },
 }
+
+
+def test_dead_reckoning_takes_the_trim_of_the_parameters_off() -> None:
+    bench = one_state(type="Motor", throttle=0.2, steering_trim=0.1)
+    for _ in range(80):
+        assert bench.tick(distance=0.0, speed=2.0, steering=0.1)[0] == pytest.approx(0.1)
+    for k in range(200):
+        bench.tick(distance=0.01 * k)
+    assert abs(math.degrees(bench.m.yaw)) < 2.0  # 17 degrees if it were taken for a turn
+    assert bench.m.x == pytest.approx(1.99, abs=0.01)
+
+
+def test_doubt_about_turns_grows_in_reverse_too() -> None:
+    bench = one_state(type="Motor", throttle=-0.2)
+    doubts = []
+    for k in range(100):
+        bench.tick(distance=0.01 * k, speed=0.04, throttle=-0.2, steering=(-1.0) ** (k // 20))
+        doubts.append(bench.m.doubt)
+    assert bench.m.path < 0.0
+    assert doubts == sorted(doubts)
+    assert doubts[-1] > 0.1
 
 
 @pytest.mark.parametrize("name", SAMPLES)
@@ -389,7 +412,7 @@ def test_specs_tell_which_states_are_finishable_and_targetable(name: str) -> Non
     bench.tick()
     running = bench.machine.active
     assert isinstance(running, Finishable) == running.spec.finishable
-    assert isinstance(running, Targetable) == running.spec.targetable
+    assert isinstance(running, Targetable) == running.spec.takes_target
 
 
 def test_every_type_of_state_can_run() -> None:
@@ -399,6 +422,7 @@ def test_every_type_of_state_can_run() -> None:
 def test_the_finishable_and_targetable_states_are_those_of_2016_and_their_like() -> None:
     spec = {name: one_state(type=name, **SAMPLES[name]).machine.active.spec for name in SAMPLES}
     assert {name for name in spec if spec[name].targetable} == {"ApproachPoint", "FollowWallRamp", "SCurve"}
+    assert {name for name in spec if spec[name].takes_target and not spec[name].targetable} == {"FSMState"}
     assert {name for name in spec if spec[name].finishable} == {
         "ApproachPoint", "FollowWallRamp", "SCurve", "ArucoGateCenter", "Motor", "Turn", "BackUp", "FSMState",
     }  # fmt: skip
