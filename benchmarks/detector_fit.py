@@ -1,9 +1,9 @@
 """Which figures of `DetectorLaw` fit the rendered detector best?
 
-Renders one marker from everywhere, at each of the law's levels of image degradation, and prints the figures beside those
-in use.
+Renders one marker from everywhere, at each of the law's levels of image degradation, and prints the figures beside
+those in use.
 
-    python benchmarks/detector_fit.py [--views 2400] [--seed 1]
+    python benchmarks/detector_fit.py [--views 2400] [--seed 1] [--codes 50]
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ from tral_env.perception.detector_law import LAW
 STEEPEST = 1.0
 """Views more slanted than this, rad, do not count: their errors are no longer those of a size in the image."""
 FAR_PX = 40.0
-"""Larger markers do not count for the position: its errors there are below a millimetre or two."""
+"""Larger markers (root of their area) do not count for the position: their errors are millimetres, and would outnumber
+those that matter."""
+IDS_IN_COURSES = 43
 STRAY = 0.015
 """Share of headings that are wrong for no reason that the law knows."""
 
@@ -36,13 +38,11 @@ def fit(views: Columns, seen: Columns) -> dict[str, float]:
     half, slope = _fit_rate(views["size"][counted], found[counted])
     extent = LENS.fx * LENS.marker_size / views["distance"] * np.sqrt(np.cos(views["angle"]))
     far = counted & found & (extent < FAR_PX)
-    soft = LAW.softness(extent)
+    soft = LAW.softness(extent, LAW.sharp_share)
     size_error = seen["range"][far] * extent[far] / soft[far]
     bearing = seen["bearing"][far] * LENS.fx / soft[far]
     hit = counted & found
-    noise, gain, flip = _fit_heading(
-        views["distance"][hit], views["angle"][hit], seen["heading"][hit], LAW.softness(extent[hit])
-    )
+    noise, gain, flip = _fit_heading(views["distance"][hit], views["angle"][hit], seen["heading"][hit], soft[hit])
     return {
         "half_found_px": half,
         "found_slope": slope,
@@ -55,17 +55,32 @@ def fit(views: Columns, seen: Columns) -> dict[str, float]:
     }
 
 
+def weakness(rng: np.random.Generator, count: int) -> list[float]:
+    """Of the ids that courses have: how much larger strongly degraded ones must be, as `DetectorLaw` has it."""
+    views = draw_views(LENS, rng, 12 * count)
+    limit = (views["nominal"] >= 3.0) & (np.abs(views["angle"]) < STEEPEST)
+    views = {name: values[limit][:count] for name, values in views.items()}
+    usual, share, slope = LAW.half_found_px[-1], LAW.code_share[-1], LAW.found_slope[-1]
+    out = []
+    for marker in range(IDS_IN_COURSES):
+        views["id"] = np.full(len(views["id"]), float(marker))
+        seen = rendered(LENS, views, {"strong": (LAW.levels[-1], WEBCAM)}, rng)["strong"]
+        half, _ = _fit_rate(views["size"], ~np.isnan(seen["range"]), slopes=(slope,))
+        out.append(round((half / usual - 1) / share, 1))
+    return out
+
+
 def _best(likelihood: Callable[..., float], *grids: Iterable[float]) -> tuple[float, ...]:
     """The point of a grid that is likeliest."""
     return tuple(float(value) for value in max(itertools.product(*grids), key=lambda point: likelihood(*point)))
 
 
-def _fit_rate(size: Array, found: np.ndarray) -> tuple[float, ...]:
+def _fit_rate(size: Array, found: np.ndarray, slopes: Iterable[float] = np.arange(0.2, 1.5, 0.05)) -> tuple[float, ...]:
     def likelihood(half: float, slope: float) -> float:
         rate = np.clip(LAW.always_found / (1 + np.exp(-slope * (size - half))), 1e-6, 1 - 1e-6)
         return float(np.log(np.where(found, rate, 1 - rate)).sum())
 
-    return _best(likelihood, np.arange(6, 22, 0.1), np.arange(0.2, 1.5, 0.05))
+    return _best(likelihood, np.arange(6, 28, 0.1), slopes)
 
 
 def _fit_heading(distance: Array, angle: Array, error: Array, soft: Array) -> tuple[float, ...]:
@@ -91,6 +106,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--views", type=int, default=2400)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--codes", type=int, default=0, help="views of each id, to fit the weakness of codes as well")
     arguments = parser.parse_args()
     rng = np.random.default_rng(arguments.seed)
     views = draw_views(LENS, rng, arguments.views)
@@ -100,7 +116,10 @@ def main() -> None:
     for name in fitted["0"]:
         pairs = zip(fitted.values(), getattr(LAW, name), strict=True)
         table.add_row(name, *(f"{figures[name]:.3g} / {used:g}" for figures, used in pairs))
-    Console().print(table)
+    console = Console()
+    console.print(table)
+    if arguments.codes:
+        console.print("weakness", weakness(rng, arguments.codes))
 
 
 if __name__ == "__main__":

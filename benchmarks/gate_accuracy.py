@@ -3,7 +3,7 @@
 Sweeps distance, lateral offset and heading of a gate of two markers in the rendered corridor, at each level of
 degradation: middle, bearing, axis. Prints tables, writes results/gate_accuracy.json.
 
-    python benchmarks/gate_accuracy.py [--views 1200] [--seed 0] [--out FILE]
+    python benchmarks/gate_accuracy.py [--views 900] [--seed 0] [--out FILE]
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ def draw_views(rng: np.random.Generator, count: int) -> Columns:
         "axis": np.radians(rng.uniform(-30, 30, n)),
         "width": rng.uniform(0.78, 1.38, n),
         "z": rng.uniform(0.15, 0.3, n),
+        "id": rng.integers(0, 5, n).astype(np.float64),
     }
 
 
@@ -48,7 +49,8 @@ def gate_of(views: Columns, row: int) -> list[Marker]:
     """Both markers of a view."""
     x, y, axis, width, z = (float(views[name][row]) for name in ("x", "y", "axis", "width", "z"))
     side = -math.sin(axis) * width / 2, math.cos(axis) * width / 2
-    return [(i, x + s * side[0], y + s * side[1], z, axis + math.pi) for i, s in ((0, 1), (1, -1))]
+    left = 2 * int(views["id"][row])
+    return [(left + i, x + s * side[0], y + s * side[1], z, axis + math.pi) for i, s in ((0, 1), (1, -1))]
 
 
 def rendered(views: Columns, rng: np.random.Generator) -> dict[str, Sighting]:
@@ -110,7 +112,7 @@ def deviation(error: Array) -> float | None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--views", type=int, default=1200)
+    parser.add_argument("--views", type=int, default=900)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=RESULTS)
     arguments = parser.parse_args()
@@ -121,7 +123,7 @@ def main() -> None:
     tables: dict[str, list[dict[str, Any]]] = {"distance": [], "offset": [], "heading": []}
     for level, distance in itertools.product(LEVELS, DISTANCES):
         rows = views["distance"] == distance
-        row = {"level": level, "distance_m": distance}
+        row: dict[str, Any] = {"level": level, "distance_m": distance, "views": int(rows.sum())}
         tables["distance"].append(row | {name: summary(views, levels[level], rows) for name, levels in seen.items()})
     for level, low in itertools.product(LEVELS, (0.0, 0.4, 0.8)):
         offset = np.abs(views["y"])

@@ -1,9 +1,14 @@
 """What a webcam does to an image."""
 
+from dataclasses import replace
+
 import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
 
-from tral_env.perception.degrade import WebcamLaw, degrade
+from tral_env.perception.degrade import PATCH_GREYS, WebcamLaw, degrade
 
+CLEAR = WebcamLaw(exposure=0, blur_px=0, glare=0, noise=0)
 GREY = np.full((48, 64, 3), 128, np.uint8)
 
 
@@ -42,3 +47,41 @@ def test_blur_softens_an_edge() -> None:
     edge[:, 8:] = 200
     image = degrade(edge, 2.0, rng(), WebcamLaw(exposure=0, glare=0, noise=0))
     assert 0 < image[8, 7, 0] < image[8, 8, 0] < 200
+
+
+def test_a_streak_softens_upright_edges_alone() -> None:
+    corner = np.zeros((40, 40, 3), np.uint8)
+    corner[20:, 20:] = 200
+    image = degrade(corner, 3.0, np.random.default_rng(1), replace(CLEAR, streak_px=4.0))
+    assert 0 < image[30, 19, 0] <= image[30, 20, 0] < 200
+    assert image[19].max() == 0
+    assert image[20, 35, 0] == 200
+
+
+def test_a_streak_keeps_the_brightness() -> None:
+    dot = np.zeros((9, 41, 3), np.uint8)
+    dot[4, 20] = 240
+    for seed in range(10):
+        image = degrade(dot, 1.0, np.random.default_rng(seed), replace(CLEAR, streak_px=6.0))
+        assert abs(image[4, :, 0].astype(int).sum() - 240) <= 4
+
+
+def test_a_streak_of_less_than_a_pixel_changes_nothing() -> None:
+    image = np.random.default_rng(0).integers(0, 255, (20, 20, 3), np.uint8)
+    assert np.array_equal(degrade(image, 1.0, rng(), replace(CLEAR, streak_px=1.0)), image)
+
+
+@given(st.integers(0, 1000), st.floats(0.1, 3.0))
+def test_a_patch_is_a_dark_or_bright_square_of_its_size_cut_at_the_edge(seed: int, level: float) -> None:
+    image = degrade(GREY, level, np.random.default_rng(seed), replace(CLEAR, patch=0.25))
+    rows, columns = np.nonzero(image[..., 0] != 128)
+    side = round(0.25 * level * 48)
+    assert side // 2 <= np.ptp(rows) + 1 <= side
+    assert side // 2 <= np.ptp(columns) + 1 <= side
+    assert len(rows) == (np.ptp(rows) + 1) * (np.ptp(columns) + 1)
+    assert len(np.unique(image[rows, columns])) == 1
+    assert image[rows[0], columns[0], 0] in PATCH_GREYS
+
+
+def test_streak_and_patch_are_off_until_asked_for() -> None:
+    assert WebcamLaw().streak_px == WebcamLaw().patch == 0.0

@@ -102,7 +102,7 @@ def test_a_box_hides_a_marker_only_from_in_between(box, seen):
 
 
 def test_of_all_markers_of_a_size_the_law_s_share_is_found():
-    law = DetectorLaw(always_found=1.0, half_found_px=(LENS.fx * 0.18 / 5.0,) * len(LAW.levels))
+    law = DetectorLaw(always_found=1.0, weakness=(), half_found_px=(LENS.fx * 0.18 / 5.0,) * len(LAW.levels))
     marker = (3, 5.0 + CAR.camera_x, 0.0, CAR.camera_z, FACING)
     assert see([marker], law=law, chance=0.49).valid[0, 0]
     assert not see([marker], law=law, chance=0.51).valid[0, 0]
@@ -140,10 +140,16 @@ def test_between_the_levels_the_law_s_figures_are_interpolated():
     assert law.at(law.half_found_px, np.array([0.0, 0.5, 2.0, 9.0])).tolist() == [8.0, 9.0, 12.0, 12.0]
 
 
+def test_weak_codes_need_larger_images_the_more_so_the_more_blurred():
+    chance = LAW.found(np.full(4, 17.5), np.array([0, 9, 2, 42]), np.full(4, 3.0))
+    assert chance[2] == pytest.approx(LAW.always_found / 2)
+    assert (np.diff(chance) > 0.05).all()
+
+
 @pytest.mark.parametrize("level", [0.0, 3.0])
 def test_markers_far_below_the_limit_are_not_found_and_large_ones_are(level):
-    small, large = LAW.found(np.array([5.0, 60.0]), np.full(2, level))
-    assert small < 0.1
+    small, large = LAW.found(np.array([4.0, 60.0]), np.array([2, 2]), np.full(2, level))
+    assert small < 0.15
     assert large == pytest.approx(LAW.always_found, abs=1e-6)
 
 

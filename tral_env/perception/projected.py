@@ -144,7 +144,8 @@ def project(
     size = _shorter_side(pixels)
     level = np.zeros(len(near.row)) if degradation is None else degradation[near.row]
     chance = uniform[near.row, near.place % NOISE_PLACES, 0]
-    index = np.flatnonzero(_in_image(pixels, camera, law) & (chance < law.found(size, level)))
+    ids = scenery.ids[rows[near.row], near.place]
+    index = np.flatnonzero(_in_image(pixels, camera, law) & (chance < law.found(size, ids, level)))
     index = index[~_hidden(scenery, rows, near, index)]
     where = near.row[index], near.place[index]
     blur = _Blur(_extent(pixels[index]), level[index], normal[where[0], where[1] % NOISE_PLACES])
@@ -283,17 +284,19 @@ def _position_error(
     ahead: Array, left: Array, blur: _Blur, camera: CameraConfig, law: DetectorLaw
 ) -> tuple[Array, Array]:
     """Errors forward and left: a share of the distance along the line of sight, and pixels across it."""
-    soft, noise = law.softness(blur.extent), blur.noise
+    noise = blur.noise
     smaller = law.at(law.size_bias_px, blur.level) + noise[:, 0] * law.at(law.size_noise_px, blur.level)
-    share = soft * smaller / blur.extent
-    aside = soft * noise[:, 1] * law.at(law.bearing_noise_px, blur.level) / camera.fx
+    share = law.softness(blur.extent, law.at(law.size_share, blur.level)) * smaller / blur.extent
+    aside = (
+        law.softness(blur.extent, law.sharp_share) * noise[:, 1] * law.at(law.bearing_noise_px, blur.level) / camera.fx
+    )
     return share * ahead - aside * left, share * left + aside * ahead
 
 
 def _seen_heading(near: _Candidates, index: Indices, blur: _Blur, camera: CameraConfig, law: DetectorLaw) -> Array:
     """Heading with its error: the width tells the angle to the line of sight, the perspective tells its sign."""
     ahead, left = near.rays[index, 4, 0], near.rays[index, 4, 1]
-    edge, soft, noise = 2.0 * _half_edge(near.points[index]), law.softness(blur.extent), blur.noise
+    edge, soft, noise = 2.0 * _half_edge(near.points[index]), law.softness(blur.extent, law.sharp_share), blur.noise
     distance = np.sqrt(ahead * ahead + left * left)
     sight = np.arctan2(left, ahead)
     angle = wrap_angle(near.heading[index] - sight)
