@@ -6,6 +6,7 @@ import os
 import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -24,10 +25,14 @@ CHEAPER = {
     "python benchmarks/compare.py --steps 20000 --scenario straight --seeds 1000:1010 --out runs/compare.json": (
         "--steps 512 --seeds 1000:1001"
     ),
+    "python benchmarks/marker_accuracy.py --out runs/marker_accuracy.json": "--views 16",
+    "python benchmarks/gate_accuracy.py --out runs/gate_accuracy.json": "--views 12",
+    "python benchmarks/detector_fit.py": "--views 48",
 }
 """Shell examples that would take too long -> options that come after theirs and win."""
 
 LITERAL = (
+    "python benchmarks/plot_perception.py runs/img",
     "tral doctor",
     "tral courses",
     "tral calibrate --simulated --out runs/calibrate",
@@ -114,7 +119,11 @@ def test_no_command_is_listed_that_no_page_shows() -> None:
 
 def test_other_blocks_are_no_forgotten_programs() -> None:
     languages = {example.language for page in PAGES for example in examples(page, read(page))}
-    assert languages <= {"python", "bash", "json", ""}
+    assert languages <= {"python", "bash", "json", "toml", ""}
+    for page in PAGES:
+        for example in examples(page, read(page)):
+            if example.language == "toml":
+                tomllib.loads(example.text)
 
 
 def test_the_command_of_ci_is_the_one_of_the_readme() -> None:

@@ -41,7 +41,7 @@ def test_every_type_has_its_row() -> None:
 def test_every_test_that_the_page_names_is_there() -> None:
     table = PAGE[PAGE.index("## Which test holds what") :]
     here = Path(__file__).parent
-    named = re.findall(r"(test_\w+\.py)?((?:::\w+)*)(?=[;,| ])", table)
+    named = re.findall(r"((?:\w+/)?test_\w+\.py)?((?:::\w+)*)(?=[;,| ])", table)
     file, count = "", 0
     for name, path in named:
         file = name or file
