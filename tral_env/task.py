@@ -20,6 +20,14 @@ Flags = NDArray[np.bool_]
 ROUTE_WINDOW = (3, 6)
 """Route points looked at behind and ahead of the last one: a car cannot jump to another leg of its route."""
 _NEARBY = np.arange(-ROUTE_WINDOW[0], ROUTE_WINDOW[1])
+CUT_M = 0.85
+"""So far from its route a car may be inside a corner, beyond the centre of its curve (radius 0.9 m): the curve is then
+farther away than the corridors before and behind it, and only a long look finds the way across."""
+_FAR = np.arange(-16, 64)
+_SAME_WAY = -0.3
+"""Least cosine between the route here and there in a long look: around one corner, not into the leg that comes back."""
+_CLEARLY = 0.8
+"""What a long look finds has to be nearer by this factor: a leg behind a thin wall is not."""
 GATE_REACH_M = 3.0
 """The plane of a gate ends this far from its middle."""
 GATE_ROUTE_REACH_M = 1.5
@@ -130,8 +138,22 @@ def locate(track: Track, rows: Index, position: Array, index: Index) -> tuple[Ar
     Returns:
         (k,) arc length [m], (k,) signed distance to the route [m], left positive, (k,) segment.
     """
+    s, lateral, segment, _ = _nearest(track, rows, position, index, _NEARBY)
+    far = np.flatnonzero(np.abs(lateral) > CUT_M)
+    if len(far):
+        *found, distance = _nearest(track, rows[far], position[far], segment[far], _FAR)
+        across = distance < _CLEARLY * np.abs(lateral[far])
+        for values, there in zip((s, lateral, segment), found, strict=True):
+            values[far[across]] = there[across]
+    return s, lateral, segment
+
+
+def _nearest(
+    track: Track, rows: Index, position: Array, index: Index, around: Index
+) -> tuple[Array, Array, Index, Array]:
+    """As `locate`, among the segments `around` the last one; and the distance, (k,) m."""
     # minimum and maximum: for a single car np.clip costs five times as much.
-    segment = np.minimum(np.maximum(index[:, None] + _NEARBY, 0), track.last[rows, None] - 1)
+    segment = np.minimum(np.maximum(index[:, None] + around, 0), track.last[rows, None] - 1)
     # Taking from flat arrays costs a third of indexing by row and segment.
     at = rows[:, None] * track.route.shape[1] + segment
     start, unit = track.route.reshape(-1, 2).take(at, axis=0), track.route_unit.reshape(-1, 2).take(at, axis=0)
@@ -139,10 +161,13 @@ def locate(track: Track, rows: Index, position: Array, index: Index) -> tuple[Ar
     dx, dy = position[:, None, 0] - start[..., 0], position[:, None, 1] - start[..., 1]
     ux, uy = unit[..., 0], unit[..., 1]
     t = np.minimum(np.maximum(dx * ux + dy * uy, 0.0), end - s)
-    best = ((dx - ux * t) ** 2 + (dy - uy * t) ** 2).argmin(axis=1)
-    pick = np.arange(len(rows)), best
+    square = (dx - ux * t) ** 2 + (dy - uy * t) ** 2
+    if around is _FAR:
+        here = -around[:1]
+        square = np.where(ux * ux[:, here] + uy * uy[:, here] < _SAME_WAY, np.inf, square)
+    pick = np.arange(len(rows)), square.argmin(axis=1)
     lateral = ux[pick] * dy[pick] - uy[pick] * dx[pick]
-    return s[pick] + t[pick], lateral, segment[pick]
+    return s[pick] + t[pick], lateral, segment[pick], np.sqrt(square[pick])
 
 
 def cross_gates(track: Track, before: Array, after: Array, s: Array, passed: Index) -> tuple[Flags, Flags]:

@@ -5,6 +5,8 @@ import pytest
 
 from tral_env import task
 from tral_env.config import CarConfig, TaskConfig
+from tral_env.course.geometry import build_plan
+from tral_env.course.layout import Course, Segment
 from tral_env.course.plan import Plan
 
 
@@ -48,6 +50,34 @@ def test_the_place_on_a_straight_route_is_x_and_left_is_positive() -> None:
 def test_a_car_cannot_jump_to_a_far_part_of_its_route() -> None:
     s, _, _ = locate(track(plan()), 9.0, 0.0, 10)
     assert s == pytest.approx(1.6)
+
+
+def corner(width: float, *turns: str) -> Plan:
+    """Legs of 8 m joined by turns, in corridors of one width."""
+    legs = [Segment(length=8.0, width=width, then=turn) for turn in turns]
+    return build_plan(Course(name="corner", segments=(*legs, Segment(length=8.0, width=width))))
+
+
+@pytest.mark.parametrize("width", [1.6, 2.6, 4.0, 6.0])
+def test_a_car_that_cuts_a_corner_is_found_again_behind_it(width: float) -> None:
+    around, inner = track(corner(width, "left")), width / 2 - 0.15  # m from the inner wall
+    ahead = [(x, inner) for x in np.arange(1.0, 8.0 - inner, 0.03)]
+    ahead += [(8.0 - inner, y) for y in np.arange(inner, 7.0, 0.03)]
+    segment = 0
+    for x, y in ahead:
+        s, lateral, segment = locate(around, x, y, segment)
+        assert lateral <= inner / 0.8 + 0.03
+    assert s == pytest.approx(8.0 - 1.0 - 0.9 + 0.45 * np.pi + y - 0.9, abs=0.01)
+
+
+def test_a_car_beside_the_leg_that_comes_back_stays_on_its_own() -> None:
+    wide, narrow = Segment(length=8.0, width=2.6, then="left"), Segment(length=8.0, width=1.6)
+    course = Course(name="u", segments=(wide, Segment(length=2.4, width=1.6, then="left"), narrow))
+    u = track(build_plan(course))
+    segment = 0
+    for x in np.arange(1.0, 7.0, 0.03):  # 1.25 m from its own leg, 1.15 m from the one that comes back
+        s, lateral, segment = locate(u, x, 1.25, segment)
+        assert (s, lateral) == (pytest.approx(x - float(u.route[0, 0, 0])), pytest.approx(1.25))
 
 
 def test_routes_of_unlike_lengths_live_side_by_side() -> None:
