@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -58,11 +58,11 @@ class CorridorConfig:
     task: TaskConfig = field(default_factory=TaskConfig)
 
     def __post_init__(self) -> None:
-        if self.scenario not in SCENARIOS:
+        if self.scenario not in tuple(SCENARIOS):  # a tuple, so that a list is told as any other wrong name
             raise ConfigError(f"unknown scenario '{self.scenario}': {nearest(self.scenario, SCENARIOS)}")
         if self.camera not in CAMERAS:
             raise ConfigError(f"unknown camera '{self.camera}': {nearest(self.camera, CAMERAS)}")
-        if self.courses is not None and (not isinstance(self.courses, int | np.integer) or self.courses < 1):
+        if self.courses is not None and not is_count(self.courses):
             raise ConfigError(f"courses = {self.courses!r}: expected a whole number, 1 or more, or None")
         if self.courses is not None and self.course is not None:
             raise ConfigError(f"courses = {self.courses!r} with a course of your own: expected one of them")
@@ -88,6 +88,8 @@ class CorridorConfig:
         Raises:
             ConfigError: one of them is unknown or cannot be.
         """
+        if isinstance(groups, str) or not isinstance(groups, Iterable):
+            raise ConfigError(f"groups = {groups!r}: expected names in a tuple, such as ('imu',)")
         return cls(
             groups=tuple(groups),
             car=as_config(CarConfig, car),
@@ -99,6 +101,11 @@ class CorridorConfig:
     def fixed_course(self) -> Course | None:
         """The course that every episode drives, if there is one."""
         return as_course(self.course)
+
+
+def is_count(value: object) -> bool:
+    """Whether it is a whole number, 1 or more, that can be counted to. True is none."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool) and 1 <= value <= np.iinfo(np.int64).max
 
 
 def as_course(course: Course | str | Path | None) -> Course | None:
@@ -204,7 +211,7 @@ class Corridor:
         if not self._started and len(rows) != self.n:
             raise ConfigError(f"the first reset starts {len(rows)} of {self.n} cars: expected all")
         options = _checked(options or {})
-        cars = self._cars(options.get("car") or {})
+        cars = self._cars(options.get("car"))
         given = as_course(options.get("course"))
         fixed = self._fixed if given is None else (given, build_plan(given))
         if not len(rows):
@@ -242,21 +249,22 @@ class Corridor:
     def _parameters(self) -> dict[str, Array]:
         return {name: values.copy() for name, values in self.sim.parameters.items()}
 
-    def _cars(self, given: Mapping[str, Any]) -> Callable[[int], Randomization]:
+    def _cars(self, given: Mapping[str, Any] | None) -> Callable[[int], Randomization]:
         """Randomization of each row, where some parameters are given: for all cars, or one value each."""
-        if not given:
+        if given is None:
             return lambda row: self._randomization
-        if not isinstance(given, Mapping):
-            raise ConfigError(f"options['car'] = {given!r}: expected name -> number or {self.n} numbers")
+        wrong = f"options['car'] = {given!r}: expected name -> number or {self.n} numbers"
+        if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
+            raise ConfigError(wrong)
+        # A vector environment tells its parameters with masks, `_name`.
+        given = {name: value for name, value in given.items() if not name.startswith("_")}
         try:
             values = {name: np.broadcast_to(np.asarray(value, float), self.n) for name, value in given.items()}
         except (TypeError, ValueError):
-            raise ConfigError(f"options['car'] = {given!r}: expected name -> number or {self.n} numbers") from None
+            raise ConfigError(wrong) from None
         return lambda row: self._randomization.fixed(**{name: float(value[row]) for name, value in values.items()})
 
-    def _draw(
-        self, rng: np.random.Generator, fixed: tuple[Course, Plan] | None, randomization: Randomization
-    ) -> Drawn:
+    def _draw(self, rng: np.random.Generator, fixed: tuple[Course, Plan] | None, randomization: Randomization) -> Drawn:
         course, plan = self._generate(rng) if fixed is None else fixed
         return course, plan, randomization.draw(rng)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from tral_env.config import CameraConfig, CarConfig, TaskConfig
-from tral_env.corridor import Corridor, CorridorConfig, Step
+from tral_env.corridor import Corridor, CorridorConfig, Step, is_count
 from tral_env.course.layout import Course
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, action_space
@@ -59,7 +59,7 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
     ) -> None:
         """See the class."""
         for name, count in (("num_envs", num_envs), ("nthread", nthread)):
-            if not isinstance(count, int | np.integer) or count < 1:
+            if not is_count(count):
                 raise ConfigError(f"{name} = {count!r}: expected a whole number, 1 or more")
         self._mode = _autoreset_mode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
@@ -110,17 +110,27 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         return np.flatnonzero(mask)
 
     def _seed(self, seed: int | Sequence[int | None] | None, rows: NDArray[np.int64]) -> None:
-        seeds = [None] * self.num_envs if seed is None else seed
-        if isinstance(seeds, int | np.integer):
-            seeds = [int(seeds) + i for i in range(self.num_envs)]
-        if len(seeds) != self.num_envs:
-            raise ConfigError(f"{len(seeds)} seeds for {self.num_envs} environments")
+        seeds = self._seeds(seed)
         if not self._rngs:
             self._rngs = [seeding.np_random(each)[0] for each in seeds]
             return
         for row in rows:
             if seeds[row] is not None:
                 self._rngs[row] = seeding.np_random(seeds[row])[0]
+
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        """One for each row."""
+        if seed is None or isinstance(seed, int | np.integer):
+            return [None if seed is None else int(seed) + i for i in range(self.num_envs)]
+        wrong = f"seed = {seed!r}: expected a whole number, or one for each of {self.num_envs} environments, 0 or more"
+        if isinstance(seed, str) or not isinstance(seed, Iterable):
+            raise ConfigError(wrong)
+        seeds = list(seed)
+        if len(seeds) != self.num_envs:
+            raise ConfigError(f"{len(seeds)} seeds for {self.num_envs} environments")
+        if not all(each is None or isinstance(each, int | np.integer) for each in seeds):
+            raise ConfigError(wrong)
+        return [None if each is None else int(each) for each in seeds]
 
     def step(self, actions: Array) -> tuple[Array, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Drive all cars for 12.5 ms. `actions` is (n, 2).

@@ -235,10 +235,9 @@ def test_a_parameter_can_be_swept_over_the_rows_and_replayed() -> None:
     observation, info = env.reset(seed=1, options={"car": {"friction": [0.5, 0.7, 0.9], "mass_scale": 1.1}})
     assert info["car"]["friction"].tolist() == [0.5, 0.7, 0.9]
     assert info["car"]["mass_scale"].tolist() == [1.1, 1.1, 1.1]
-    drawn = {name: values for name, values in info["car"].items() if not name.startswith("_")}
-    again, info = env.reset(seed=1, options={"car": drawn})
+    again, info_again = env.reset(seed=1, options={"car": info["car"]})
     assert np.array_equal(observation, again)
-    assert all(np.array_equal(info["car"][name], values) for name, values in drawn.items())
+    assert all(np.array_equal(info_again["car"][name], values) for name, values in info["car"].items())
     with pytest.raises(ConfigError, match="expected name -> number or 3 numbers"):
         env.reset(options={"car": {"friction": [0.5, 0.7]}})
 
@@ -253,6 +252,11 @@ def test_a_parameter_can_be_swept_over_the_rows_and_replayed() -> None:
         ({"groups": ("imu", "imu")}, "'imu' is given twice"),
         ({"course": 3}, "course = 3"),
         ({"courses": 0}, "courses = 0: expected a whole number, 1 or more"),
+        ({"courses": True}, "courses = True: expected a whole number"),
+        ({"courses": 2**70}, "expected a whole number"),
+        ({"scenario": ["corners"]}, "unknown scenario"),
+        ({"groups": "imu"}, r"groups = 'imu': expected names in a tuple"),
+        ({"groups": None}, "groups = None: expected names in a tuple"),
         ({"courses": 5, "course": "mine.json"}, "courses = 5 with a course of your own"),
         ({"lens": 3}, "expected a CameraConfig"),
         ({"task": {"nominal_sped": 1}}, "did you mean 'nominal_speed'"),
@@ -379,3 +383,47 @@ def test_a_course_given_at_reset_is_driven(tmp_path: object) -> None:
     assert info["gates_total"] == len(env.unwrapped.plan.gate_id)
     env.reset(seed=0)
     assert env.unwrapped.course != course
+
+
+@pytest.mark.parametrize("seed", [3.5, "ab", [1, 2.5], [1, "2"]])
+def test_seeds_that_are_no_numbers_are_refused(seed: object) -> None:
+    with pytest.raises(ConfigError, match=r"seed = .*expected a whole number, or one for each of 2"):
+        TralCorridorVectorEnv(2, scenario="straight").reset(seed=seed)
+
+
+def test_an_array_of_seeds_counts_as_a_list() -> None:
+    env = TralCorridorVectorEnv(2, scenario="straight")
+    counted, _ = env.reset(seed=5)
+    assert np.array_equal(env.reset(seed=np.arange(5, 7))[0], counted)
+
+
+@pytest.mark.parametrize("car", [0, [], np.ones(2), {3: 1.0}])
+def test_parameters_of_a_car_that_are_no_names_and_numbers_are_refused(car: object) -> None:
+    with pytest.raises(ConfigError, match=r"options\['car'\] = .*expected name -> number"):
+        TralCorridorVectorEnv(2, scenario="straight").reset(seed=0, options={"car": car})
+
+
+def test_a_reset_that_is_refused_leaves_the_cars_where_they_are() -> None:
+    env, other = (TralCorridorVectorEnv(2, scenario="straight") for _ in range(2))
+    for one in (env, other):
+        one.reset(seed=0)
+    with pytest.raises(ConfigError, match=r"latency_s = \(0.5, 0.5\): expected at most 0.2 s"):
+        env.reset(options={"car": {"latency_s": 0.5}})
+    forward = np.tile([0.1, 0.5], (2, 1))
+    assert np.array_equal(env.step(forward)[0], other.step(forward)[0])
+
+
+def test_course_k_of_those_that_are_kept_is_that_of_seed_k() -> None:
+    env = TralCorridorVectorEnv(6, scenario="obstacles", courses=2, randomization="hard")
+    env.reset(seed=0)
+    alone = TralCorridorVectorEnv(2, scenario="obstacles", randomization="hard")
+    alone.reset(seed=[0, 1])
+    assert {one.model_dump_json() for one in env.corridor.courses} == {
+        one.model_dump_json() for one in alone.corridor.courses
+    }
+
+
+@pytest.mark.parametrize("name", ["num_envs", "nthread"])
+def test_true_is_no_number_of_anything(name: str) -> None:
+    with pytest.raises(ConfigError, match=f"{name} = True: expected a whole number, 1 or more"):
+        TralCorridorVectorEnv(**{"scenario": "straight", name: True})
