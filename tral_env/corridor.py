@@ -105,7 +105,8 @@ class CorridorConfig:
 
 def is_count(value: object) -> bool:
     """Whether it is a whole number, 1 or more, that can be counted to. True is none."""
-    return isinstance(value, int | np.integer) and not isinstance(value, bool) and 1 <= value <= np.iinfo(np.int64).max
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    return whole and 1 <= int(value) <= np.iinfo(np.int64).max  # type: ignore[call-overload]
 
 
 def as_course(course: Course | str | Path | None) -> Course | None:

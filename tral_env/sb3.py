@@ -10,9 +10,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from tral_env.errors import MissingExtraError
+from tral_env.errors import ConfigError, MissingExtraError
 from tral_env.vector_env import TralCorridorVectorEnv
 
 try:
@@ -29,7 +30,14 @@ class SB3CorridorVecEnv(VecEnv):
     """
 
     def __init__(self, env: TralCorridorVectorEnv) -> None:
-        """Wrap an environment made with ``autoreset_mode="SameStep"``."""
+        """Wrap an environment.
+
+        Raises:
+            ConfigError: it was not made with ``autoreset_mode="SameStep"``.
+        """
+        mode = env.metadata["autoreset_mode"]
+        if mode is not AutoresetMode.SAME_STEP:
+            raise ConfigError(f"autoreset_mode '{mode.value}': SB3 resets within the step: expected 'SameStep'")
         self.env = env
         self._seed: int | None = None
         self._actions: NDArray[np.floating] = np.zeros((env.num_envs, 2))
@@ -40,11 +48,25 @@ class SB3CorridorVecEnv(VecEnv):
         self._seed = int(np.random.default_rng().integers(2**31)) if seed is None else seed
         return [self._seed + i for i in range(self.num_envs)]
 
+    def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
+        """Options of the next reset, for all rows together: ``{"car": {"friction": 0.6}}``, or n values for a name.
+
+        Raises:
+            ConfigError: options for each row.
+        """
+        if isinstance(options, list | tuple):
+            raise ConfigError("options for each row: expected one mapping; a parameter in 'car' takes a value a row")
+        super().set_options(options)
+
     def reset(self) -> NDArray[np.float32]:
-        """Start new episodes in all rows."""
-        observation, _ = self.env.reset(seed=self._seed, options=self._options[0] or None)
+        """Start new episodes in all rows; `reset_infos` then holds the drawn parameters of each car as "car"."""
+        observation, info = self.env.reset(seed=self._seed, options=self._options[0] or None)
         self._seed = None
         self._reset_options()
+        cars = {name: values for name, values in info["car"].items() if not name.startswith("_")}
+        self.reset_infos = [
+            {"car": {name: float(values[row]) for name, values in cars.items()}} for row in range(self.num_envs)
+        ]
         return np.asarray(observation, np.float32)
 
     def step_async(self, actions: NDArray[np.floating]) -> None:

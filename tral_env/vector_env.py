@@ -123,13 +123,13 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         if seed is None or isinstance(seed, int | np.integer):
             return [None if seed is None else int(seed) + i for i in range(self.num_envs)]
         wrong = f"seed = {seed!r}: expected a whole number, or one for each of {self.num_envs} environments, 0 or more"
-        if isinstance(seed, str) or not isinstance(seed, Iterable):
+        if not isinstance(seed, Iterable):
             raise ConfigError(wrong)
         seeds = list(seed)
-        if len(seeds) != self.num_envs:
-            raise ConfigError(f"{len(seeds)} seeds for {self.num_envs} environments")
         if not all(each is None or isinstance(each, int | np.integer) for each in seeds):
             raise ConfigError(wrong)
+        if len(seeds) != self.num_envs:
+            raise ConfigError(f"{len(seeds)} seeds for {self.num_envs} environments")
         return [None if each is None else int(each) for each in seeds]
 
     def step(self, actions: Array) -> tuple[Array, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:

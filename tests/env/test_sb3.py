@@ -7,8 +7,11 @@ pytest.importorskip("stable_baselines3")
 
 from stable_baselines3 import PPO
 
+from tral_env.course.generate import generate_plan
+from tral_env.errors import ConfigError
 from tral_env.interface import CORE_LAYOUT
-from tral_env.sb3 import make_vec_env
+from tral_env.sb3 import SB3CorridorVecEnv, make_vec_env
+from tral_env.vector_env import TralCorridorVectorEnv
 
 
 def test_the_end_of_an_episode_is_told_as_sb3_wants_it() -> None:
@@ -41,6 +44,41 @@ def test_a_car_that_stands_is_truncated_not_terminated() -> None:
 def test_the_same_seed_gives_the_same_start() -> None:
     starts = [make_vec_env(3, seed=7, scenario="corners").reset() for _ in range(2)]
     assert np.array_equal(*starts)
+
+
+def test_courses_are_drawn_among_those_that_are_kept() -> None:
+    env = make_vec_env(8, seed=0, scenario="crossing", courses=2, monitor=False)
+    env.reset()
+    corridor = env.get_attr("corridor")[0]
+    first = {course.model_dump_json() for course in corridor.courses}
+    alone = [generate_plan("crossing", np.random.default_rng(k))[0].model_dump_json() for k in range(2)]
+    assert first == set(alone)
+    for _ in range(120):  # into the walls, so that some begin anew
+        _, _, done, _ = env.step(np.tile([1.0, 1.0], (8, 1)))
+        if done.any():
+            break
+    assert done.any()
+    assert {course.model_dump_json() for course in corridor.courses} <= first
+
+
+def test_cars_are_told_at_reset_and_can_be_given_one_value_a_row() -> None:
+    env = make_vec_env(2, seed=0, scenario="straight")
+    env.set_options({"car": {"friction": [0.6, 0.9]}})
+    env.reset()
+    told = env.unwrapped.reset_infos
+    assert [info["car"]["friction"] for info in told] == [0.6, 0.9]
+    env.reset()
+    assert [info["car"]["friction"] for info in env.unwrapped.reset_infos] != [0.6, 0.9]
+
+
+def test_options_for_each_row_are_refused() -> None:
+    with pytest.raises(ConfigError, match="expected one mapping"):
+        make_vec_env(2, scenario="straight").set_options([{"car": {"friction": 0.6}}, {}])
+
+
+def test_an_environment_that_resets_otherwise_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"'NextStep': .* expected 'SameStep'"):
+        SB3CorridorVecEnv(TralCorridorVectorEnv(2, scenario="straight"))
 
 
 def test_ppo_learns_on_it_for_a_few_steps() -> None:
