@@ -166,7 +166,8 @@ class Corridor:
         self.sim = self._simulation(own if pool is None else own.union(pool))
         self.track = task.empty_track(n)
         self._started = False
-        self._bank: dict[int, tuple[Course, Plan]] = {}
+        self.kept: dict[int, tuple[Course, Plan]] = {}
+        """Courses that were built so far, of those that `CorridorConfig.courses` keeps."""
         self.courses: list[Course | None] = [None] * n
         self.plans: list[Plan | None] = [None] * n
         self.wanted_clearance = np.full((n, 2), np.nan)
@@ -275,9 +276,9 @@ class Corridor:
         if count is None:
             return generate_plan(scenario, rng, hard=hard)
         k = int(rng.integers(count))
-        if k not in self._bank:
-            self._bank[k] = generate_plan(scenario, np.random.default_rng(k), hard=hard)
-        return self._bank[k]
+        if k not in self.kept:
+            self.kept[k] = generate_plan(scenario, np.random.default_rng(k), hard=hard)
+        return self.kept[k]
 
     def _fit(self, plans: Sequence[Plan], rows: Index) -> None:
         """Rebuild the simulation if a plan needs more walls or markers than it has."""

@@ -10,6 +10,15 @@ from tral_fsm.bench import speed
 from tral_fsm.bench.size import DOORS, corridor
 from tral_fsm.cli import app
 
+MEASURED = {
+    "contestants": [],
+    "ratios": {},
+    "reset_ms_per_row": 0.75,
+    "reset_ms_per_row_kept": 0.25,
+    "startup": {"import_s": 0.1, "make_and_reset_s": 0.5, "memory_mb_per_row": 0.4},
+    "camera": None,
+    "course_size": None,
+}
 TINY = speed.Plan(rows=(2,), threads=(2,), rivals=2, landmarks=(), rounds=1, seconds=0.05, camera=False, sizes=False)
 
 
@@ -20,7 +29,9 @@ def test_every_contestant_is_measured() -> None:
     assert all(row["steps_per_s"] > 0 for row in result["contestants"])
     # How large it is cannot be known from a twentieth of a second on a busy machine.
     assert result["ratios"]["single_over_bare_loop"] > 0
+    assert result["reset_scenario"] == TINY.scenario
     assert result["reset_ms_per_row"] > 0
+    assert result["reset_ms_per_row_kept"] > 0
     assert result["host"]["versions"]["mujoco"]
 
 
@@ -42,6 +53,14 @@ def test_json_is_the_only_thing_on_stdout(monkeypatch: pytest.MonkeyPatch) -> No
     result = CliRunner().invoke(app, ["bench", "speed", "--quick", "--json", "--scenario", "straight"])
     assert result.exit_code == 0
     assert json.loads(result.stdout)["plan"]["scenario"] == "straight"
+
+
+def test_the_cost_of_a_reset_is_told_with_its_family(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(speed, "measure", lambda plan, on_round: MEASURED | {"reset_scenario": plan.scenario})
+    result = CliRunner().invoke(app, ["bench", "speed", "--quick", "--scenario", "gates"])
+    assert result.exit_code == 0
+    told = " ".join(result.stdout.split())
+    assert "reset of a row, family gates: 0.75 ms with a new course, 0.25 ms with one that was kept" in told
 
 
 def test_larger_courses_have_more_boxes() -> None:

@@ -229,7 +229,8 @@ def measure(plan: Plan, on_round: Callable[[str], None] = lambda name: None) -> 
         on_round: told the name of each contestant when its turn comes.
 
     Returns:
-        ``host``, ``plan``; ``contestants``: records; ``ratios`` by name; ``reset_ms_per_row``, ``startup``, ``camera``,
+        ``host``, ``plan``; ``contestants``: records; ``ratios`` by name; ``reset_ms_per_row`` with a new course of the
+        family ``reset_scenario``, ``reset_ms_per_row_kept`` with one built before; ``startup``, ``camera``,
         ``course_size``.
     """
     field_ = list(contestants(plan))
@@ -248,7 +249,9 @@ def measure(plan: Plan, on_round: Callable[[str], None] = lambda name: None) -> 
         "plan": asdict(plan),
         "contestants": [contestant.record() for contestant in field_],
         "ratios": ratios(field_),
+        "reset_scenario": plan.scenario,
         "reset_ms_per_row": reset_cost(plan.scenario),
+        "reset_ms_per_row_kept": reset_cost(plan.scenario, courses=KEPT),
         "startup": startup_cost(plan.scenario),
         "camera": camera_cost() if plan.camera else None,
         "course_size": size_cost() if plan.sizes else None,
@@ -277,10 +280,22 @@ def ratios(field_: list[Contestant]) -> dict[str, float]:
     return {name: value for name, value in found.items() if value is not None}
 
 
-def reset_cost(scenario: str, rows: int = 64) -> float:
-    """Time to reset a row with a new course and a new car, ms, amortized over `rows`."""
-    env = TralCorridorVectorEnv(rows, scenario=scenario)
+KEPT = 8
+"""Courses where resets with kept ones are timed: once they are built, their number does not matter."""
+
+
+def reset_cost(scenario: str, rows: int = 64, courses: int | None = None) -> float:
+    """Time to reset a row with a new car, ms, amortized over `rows`.
+
+    Args:
+        scenario: family of the courses.
+        rows: cars that are reset together.
+        courses: None: each on a course that is built for it; else on one of so many that were built before.
+    """
+    env = TralCorridorVectorEnv(rows, scenario=scenario, courses=courses)
     env.reset(seed=0)
+    while courses is not None and len(env.corridor.kept) < courses:
+        env.reset()
     times = []
     for _ in range(5):
         start = time.perf_counter()

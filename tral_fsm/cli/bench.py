@@ -71,7 +71,10 @@ def _show(result: dict[str, Any], out: Path | None) -> None:
     console = Console()
     for name, value in result["ratios"].items():
         console.print(f"{name.replace('_', ' ')}: {value:.2f}")
-    console.print(f"reset of a row: {result['reset_ms_per_row']:.2f} ms")
+    console.print(
+        f"reset of a row, family {result['reset_scenario']}: {result['reset_ms_per_row']:.2f} ms with a new course, "
+        f"{result['reset_ms_per_row_kept']:.2f} ms with one that was kept (courses=N)"
+    )
     startup = result["startup"]
     console.print(
         f"import {startup['import_s']:.2f} s, make and first reset {startup['make_and_reset_s']:.2f} s, "
