@@ -15,7 +15,9 @@ from tral_env.perception.degrade import degrade
 MARGIN = 0.02
 """White around the squares, m."""
 PIXELS_PER_METRE = 4000.0
-"""Of the board's texture: four for a millimetre."""
+"""Of the board's texture: four for a millimetre,"""
+MOST_PIXELS = 4096
+"""but no more than this across or down."""
 
 _SCENE = """
 <mujoco>
@@ -41,6 +43,11 @@ _FLIP = np.diag([1.0, -1.0, -1.0])
 """Between OpenCV's axes, y down and z forward, and MuJoCo's, y up and z back."""
 
 
+def pixels_per_metre(board: Board) -> float:
+    """How fine the texture of a board is."""
+    return min(PIXELS_PER_METRE, MOST_PIXELS / (max(board.size) + 2 * MARGIN))
+
+
 class BoardStage:
     """A board that can be put anywhere before a camera."""
 
@@ -53,7 +60,7 @@ class BoardStage:
             degradation: noise, blur, exposure and glare of the images, see `degrade`.
             seed: of these.
         """
-        ok, png = cv2.imencode(".png", board.image(PIXELS_PER_METRE, MARGIN))
+        ok, png = cv2.imencode(".png", board.image(pixels_per_metre(board), MARGIN))
         assert ok, "a grey image can be written as PNG"
         half = (length / 2 + MARGIN for length in board.size)
         scene = _SCENE.format(x=next(half), y=next(half))

@@ -14,7 +14,7 @@ import pytest
 from board_world import photograph
 from typer.testing import CliRunner, Result
 
-from tral_env.calibration_stage import BoardStage
+from tral_env.calibration_stage import MARGIN, BoardStage, pixels_per_metre
 from tral_env.config import WIDE_LENS, CameraConfig
 from tral_env.errors import RenderError
 from tral_env.perception.board import Board
@@ -134,6 +134,21 @@ def test_ctrl_c_ends_the_looking_of_a_camera(shots: Path, tmp_path: Path, monkey
     assert (tmp_path / "poor_camera_info.yaml").exists()
 
 
+def test_kept_images_of_one_name_do_not_replace_each_other(shots: Path, tmp_path: Path) -> None:
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "00.png").write_bytes((shots / "01.png").read_bytes())
+    tral(shots / "00.png", tmp_path / "other" / "00.png", "--keep-images", "--out", tmp_path / "out")
+    kept = sorted((tmp_path / "out" / "images").iterdir())
+    assert [path.name for path in kept] == ["0001_00_png.png", "0002_00_png.png"]
+    assert np.array_equal(cv2.imread(str(kept[1])), cv2.imread(str(shots / "01.png")))
+
+
+def test_a_large_board_takes_no_more_memory_than_a_small_one() -> None:
+    assert pixels_per_metre(Board()) == 4000
+    hall = Board(columns=13, rows=7, square=1.0, marker=0.8)
+    assert pixels_per_metre(hall) * (13 + 2 * MARGIN) == pytest.approx(4096)
+
+
 def test_enough_views_end_the_looking(shots: Path, tmp_path: Path) -> None:
     report = json.loads(tral(shots, "--max-views", 5, "--out", tmp_path, "--json").stdout)
     assert len(report["views"]) + len([one for one in report["rejected"] if one["reason"] == "outlier error"]) == 5
@@ -143,6 +158,8 @@ def test_enough_views_end_the_looking(shots: Path, tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         ([], "nothing to look at: name images, a folder, a video or a camera, or use --simulated"),
+        (["--square-mm", "0", "."], "Board.square = 0.0: expected a length above 0"),
+        (["--marker-mm", "0", "."], "Board.marker = 0.0: expected a length above 0"),
         (["--simulated", "a.png"], "--simulated makes its own images: leave out a.png"),
         (["none.png"], "none.png: no such file or folder"),
         (["--simulated", "--lens", "wied"], "unknown lens 'wied': did you mean 'wide'?"),
@@ -175,7 +192,7 @@ def test_the_simulated_camera_calibrates_itself_and_says_how_far_off_it_is(tmp_p
     report = json.loads(tral(*arguments, "--json").stdout)
     assert max(abs(report["error_percent"][name]) for name in ("fx", "fy")) < 0.5
     assert max(abs(report["error_percent"][name]) for name in ("cx", "cy")) < 1.0
-    assert len(list((tmp_path / "images").glob("simulated_*.png"))) == 16
+    assert len(list((tmp_path / "images").glob("*_simulated_*.png"))) == 16
 
 
 def test_difference_of_lenses_is_in_pixels() -> None:

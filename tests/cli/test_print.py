@@ -123,7 +123,13 @@ def test_a_pdf_is_the_same_each_time(tmp_path: Path) -> None:
 
 
 def sheets() -> list[Sheet]:
-    return [board_sheet(Board()), marker_sheet(5), *gate_sheets(19, 200.0, "A3")]
+    boards = [
+        Board(),
+        Board(columns=5, rows=7),
+        Board(columns=3, rows=3, square=0.01, marker=0.007),
+        Board(columns=3, rows=20, square=0.01, marker=0.01 * 28 / 36),
+    ]
+    return [*(board_sheet(board) for board in boards), marker_sheet(5), *gate_sheets(19, 200.0, "A3")]
 
 
 @pytest.mark.parametrize("sheet", sheets(), ids=lambda sheet: sheet.name)
@@ -165,6 +171,8 @@ def test_a_marker_has_half_a_cell_of_white_or_is_refused(size: float, paper: str
         (["marker", 5, "--size-mm", -1], "--size-mm -1: expected a length above 0"),
         (["gate", 20], "gate 20: there are 0 to 19"),
         (["board", "--square-mm", 50], "is 350 x 250 mm and does not fit on A4: squares of 36.8 mm would"),
+        (["board", "--square-mm", 0], "Board.square = 0.0: expected a length above 0"),
+        (["board", "--marker-mm", 0], "Board.marker = 0.0: expected a length above 0"),
         (["board", "--square-mm", 20, "--marker-mm", 20], "expected less than the square's 0.02 m"),
         (["board", "--out", "board.png"], "unknown suffix '.png'. Allowed: .pdf, .svg"),
     ],
@@ -173,6 +181,17 @@ def test_what_cannot_be_printed_is_bad_usage(arguments: list[object], message: s
     result = tral("print", *arguments)
     assert result.exit_code == 2
     assert message in result.stderr
+
+
+def test_no_folder_is_made_for_what_cannot_be_written(tmp_path: Path) -> None:
+    assert tral("print", "board", "--out", tmp_path / "new" / "board.png").exit_code == 2
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_marker_that_is_asked_for_twice_is_one_svg(tmp_path: Path) -> None:
+    result = tral("print", "marker", 3, 3, 4, "--out", tmp_path / "m.svg")
+    assert result.stdout.count("m_3.svg") == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["m_3.svg", "m_4.svg"]
 
 
 def test_what_is_said_to_fit_fits() -> None:

@@ -98,6 +98,12 @@ def test_a_rational_model_without_its_own_terms_is_read():
         ("- 0.\n", "- 2.0\n", r"expected \[fx, 0, cx, 0, fy, cy, 0, 0, 1\]"),
         ("distortion_model: plumb_bob", "distortion_model: plum_bob", r"did you mean 'plumb_bob'"),
         ("distortion_model: plumb_bob", "distortion_model: equidistant", r"distortion_model 'equidistant': .*Allowed"),
+        (
+            "distortion_model: plumb_bob",
+            "distortion_model: [plumb_bob]",
+            r"distortion_model \['plumb_bob'\]: .*Allowed",
+        ),
+        ("image_width: 640", "image_width: 1" + 30 * "0", r"image_width = 10*.*: expected .* 1 to 65535"),
         ("-0.0047]", "-0.0047, 0, 0]", r"expected 'data' with 0 or 4 or 5 numbers"),
         ("image_height: 480", "image_height: [480", r"lens.yaml:\d+:\d+: not YAML"),
     ],
@@ -112,6 +118,16 @@ def test_a_file_that_cannot_be_used_is_refused_with_its_place(old, new, message)
 def test_what_is_no_lens_at_all_is_refused(text):
     with pytest.raises(CalibrationError):
         parse_camera_info(text, "lens.yaml")
+
+
+def test_an_error_is_short_however_much_was_got():
+    tenfold = "a: &a [0, 0, 0, 0, 0, 0, 0, 0, 0, 0]\n"
+    for one, many in zip("abcde", "bcdef", strict=True):
+        tenfold += f"{many}: &{many} [{', '.join([f'*{one}'] * 10)}]\n"
+    text = tenfold + FROM_ROS.replace("camera_matrix:", "camera_matrix: *f\nunused:")
+    with pytest.raises(CalibrationError, match="camera_matrix: got") as caught:
+        parse_camera_info(text, "lens.yaml")
+    assert len(str(caught.value)) < 1000
 
 
 @given(st.text())

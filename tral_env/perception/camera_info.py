@@ -7,6 +7,7 @@ those of `CameraConfig`.
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,13 @@ _SUFFIXES = (".yaml", ".yml")
 _MODELS = {"plumb_bob": 5, "radtan": 5, "rational_polynomial": 8}
 """Distortion models that can be read -> coefficients. Of the third, only what the first could say."""
 _REQUIRED = ("image_width", "image_height", "camera_matrix", "distortion_model", "distortion_coefficients")
+
+
+_MOST_PIXELS = 65535
+"""Across or down."""
+_SHORT = reprlib.Repr()
+"""Tells what was got: a few lines of YAML can mean millions of values."""
+_SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxstring = 2, 9, 60
 
 
 def load_lens(source: str | Path | CameraConfig | Mapping[str, Any] | None) -> CameraConfig:
@@ -102,8 +110,10 @@ def parse_camera_info(text: str, where: str) -> CameraConfig:
 def _distortion(content: Mapping[str, Any], where: str) -> tuple[float, ...]:
     """k1, k2, p1, p2, k3."""
     model = content["distortion_model"]
-    if model not in _MODELS:
-        raise CalibrationError(f"{where}: distortion_model {model!r}: {nearest(model, _MODELS)}")
+    if not isinstance(model, str) or model not in _MODELS:
+        raise CalibrationError(
+            f"{where}: distortion_model {_SHORT.repr(model)}: {nearest(_SHORT.repr(model), _MODELS)}"
+        )
     values = _numbers(
         content["distortion_coefficients"], f"{where}: distortion_coefficients", (0, 4, 5, _MODELS[model])
     )
@@ -120,7 +130,7 @@ def _numbers(matrix: Any, where: str, lengths: tuple[int, ...]) -> list[float]:
     data = matrix.get("data") if isinstance(matrix, dict) else None
     if not isinstance(data, list) or len(data) not in lengths:
         allowed = " or ".join(str(length) for length in sorted(set(lengths)))
-        raise CalibrationError(f"{where}: got {matrix!r}: expected 'data' with {allowed} numbers")
+        raise CalibrationError(f"{where}: got {_SHORT.repr(matrix)}: expected 'data' with {allowed} numbers")
     return [_number(value, f"{where}.data[{i}]") for i, value in enumerate(data)]
 
 
@@ -131,13 +141,15 @@ def _number(value: Any, where: str) -> float:
     except (TypeError, ValueError):
         number = math.nan
     if not math.isfinite(number):
-        raise CalibrationError(f"{where} = {value!r}: expected a finite number")
+        raise CalibrationError(f"{where} = {_SHORT.repr(value)}: expected a finite number")
     return number
 
 
 def _whole(value: Any, where: str) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-        raise CalibrationError(f"{where} = {value!r}: expected a whole number of pixels above 0")
+    if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= _MOST_PIXELS:
+        raise CalibrationError(
+            f"{where} = {_SHORT.repr(value)}: expected a whole number of pixels, 1 to {_MOST_PIXELS}"
+        )
     return value
 
 

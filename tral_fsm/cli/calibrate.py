@@ -62,8 +62,8 @@ def make_board(
     from tral_env.perception.board import Board
 
     usual = SIZES[kind]
-    square = (square_mm or usual[2]) / 1000
-    marker = marker_mm / 1000 if marker_mm else square * 28 / 36
+    square = (usual[2] if square_mm is None else square_mm) / 1000
+    marker = square * 28 / 36 if marker_mm is None else marker_mm / 1000
     return Board(kind=kind, columns=columns or usual[0], rows=rows or usual[1], square=square, marker=marker)
 
 
@@ -192,7 +192,7 @@ def _look(
             for name, image in images:
                 show(collection.add(name, image))
                 if asked.keep_images:
-                    _keep(out / "images", name, image)
+                    _keep(out / "images", _looked_at(collection), name, image)
                 if len(collection.views) >= asked.max_views:
                     break
         except KeyboardInterrupt:
@@ -201,11 +201,19 @@ def _look(
                 raise
 
 
-def _keep(folder: Path, name: str, image: NDArray[np.uint8]) -> None:
+def _looked_at(collection: Collection) -> int:
+    return len(collection.views) + len(collection.rejected)
+
+
+def _keep(folder: Path, number: int, name: str, image: NDArray[np.uint8]) -> None:
+    """Save an image under its number, since folders may hold images of one name."""
     import cv2
 
-    folder.mkdir(exist_ok=True)
-    cv2.imwrite(str(folder / f"{Path(name).name.replace(':', '_').replace('.', '_')}.png"), image)
+    prepare_folder(folder)
+    stem = Path(name).name.replace(":", "_").replace(".", "_")
+    file = folder / f"{number:04d}_{stem}.png"
+    if not cv2.imwrite(str(file), image):
+        raise ConfigError(f"{file}: cannot be written")
 
 
 def _write(

@@ -72,8 +72,9 @@ def gate(
 
 
 def _save(sheets: Sequence[Sheet], out: Path) -> None:
-    from tral_fsm.report.sheet import save
+    from tral_fsm.report.sheet import page_suffix, save
 
+    page_suffix(out)  # before a folder is made for it
     prepare_folder(out.parent)
     written = save(sheets, out)
     for sheet in sheets:

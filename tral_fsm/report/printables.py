@@ -15,6 +15,8 @@ EDGE_MM = 8.0
 """White that stays at the edges of a board's page: most printers leave out 4 to 6 mm."""
 FOOT_MM = 18.0
 """Below, with ruler and text."""
+FOOT_LEFT_MM = 20.0
+"""Ruler and text begin here at the latest, so that they end on the page beside a small board too."""
 MODULES = 6
 """Cells along the edge of a marker's black square."""
 LEAST_QUIET = 0.5
@@ -47,9 +49,10 @@ def board_sheet(board: Board, paper: str = "A4") -> Sheet:
     kind = f"{board.kind}, {board.columns} x {board.rows} squares of {1000 * board.square:g} mm"
     if board.kind == "charuco":
         kind += f", markers of {1000 * board.marker:g} mm, DICT_5X5_50"
-    lines, text = ruler(left, page[1] - 9.0)
+    foot = min(left, FOOT_LEFT_MM)
+    lines, text = ruler(foot, page[1] - 9.0)
     ink = 1000 * board.black + np.array([left, top, 0.0, 0.0])
-    return Sheet("board", *page, ink, lines, (text, Text(left + 120.0, page[1] - 9.0, kind, 2.8)))
+    return Sheet("board", *page, ink, lines, (text, Text(foot, page[1] - 12.2, kind, 2.6)))
 
 
 def marker_sheet(marker: int, size_mm: float = 180.0, paper: str = "A4", note: str = "") -> Sheet:
@@ -83,7 +86,7 @@ def marker_sheet(marker: int, size_mm: float = 180.0, paper: str = "A4", note: s
     told = f"marker {marker}, {size_mm:g} mm, DICT_4X4_50{', ' + note if note else ''}; this way up"
     texts = [text, Text(20.0, foot + 9.0, told)]
     if left < QUIET * cell:
-        needed = f"Mount on white card: {QUIET * cell:g} mm of white all around, {left:g} are on this paper."
+        needed = f"Mount on white card: {QUIET * cell:.4g} mm of white all around, {left:.4g} are on this paper."
         texts.append(Text(20.0, foot + 14.0, needed))
     return Sheet(str(marker), *page, ink, (*lines, *_crop_marks(left, top, size_mm, cell, page)), tuple(texts))
 

@@ -121,6 +121,18 @@ def to_figure(sheet: Sheet) -> Figure:
     return figure
 
 
+def page_suffix(out: Path) -> str:
+    """What kind of file it is, ".pdf" or ".svg".
+
+    Raises:
+        ConfigError: neither.
+    """
+    suffix = out.suffix.lower()
+    if suffix not in (".pdf", ".svg"):
+        raise ConfigError(f"--out {out}: unknown suffix '{out.suffix}'. Allowed: .pdf, .svg")
+    return suffix
+
+
 def save(sheets: Sequence[Sheet], out: Path) -> list[Path]:
     """Write pages, each file at once: a PDF with all of them, or an SVG for each.
 
@@ -134,15 +146,14 @@ def save(sheets: Sequence[Sheet], out: Path) -> list[Path]:
     Raises:
         ConfigError: another suffix, or a file that cannot be written.
     """
-    suffix = out.suffix.lower()
-    if suffix not in (".pdf", ".svg"):
-        raise ConfigError(f"--out {out}: unknown suffix '{out.suffix}'. Allowed: .pdf, .svg")
+    suffix = page_suffix(out)
     try:
         if suffix == ".pdf":
             return [_save_pdf(sheets, out)]
         if len(sheets) == 1:
             return [_save_text(to_svg(sheets[0]), out)]
-        return [_save_text(to_svg(sheet), out.with_name(f"{out.stem}_{sheet.name}{out.suffix}")) for sheet in sheets]
+        pages = {out.with_name(f"{out.stem}_{sheet.name}{out.suffix}"): sheet for sheet in sheets}
+        return [_save_text(to_svg(sheet), file) for file, sheet in pages.items()]
     except OSError as error:
         raise ConfigError(f"--out {out}: cannot be written: {error.strerror}") from error
 
