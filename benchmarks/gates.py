@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,16 +19,18 @@ import numpy as np
 import typer
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
-from report import append, lines, span
+from report import Settings, append, lines, span, stretches
 from rich.console import Console
 from rich.progress import Progress
 
 from tral_env.config import CarConfig
 from tral_env.corridor import Corridor, CorridorConfig
+from tral_env.course.plan import BOX_KINDS, Plan
 from tral_env.errors import ConfigError, TralError
 from tral_fsm import load_policy
 from tral_fsm.bench.host import host
 from tral_fsm.cli.drive import Camera, Randomization
+from tral_fsm.cli.files import prepare_folder
 from tral_fsm.report.summary import wilson
 
 TOGETHER = 8
@@ -37,15 +39,8 @@ NEAR_M = 1.6
 """The path is kept from so far before a gate's plane to as far behind it,"""
 STEP_M = 0.05
 """one point in so many metres."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Settings:
-    """What all drives of a file have in common."""
-
-    policy: str
-    camera: str
-    randomization: str
+TOUCH_M = 0.03
+"""A car in collision that is so near to a post touches it."""
 
 
 def main(
@@ -54,7 +49,7 @@ def main(
     policy: str = "gate_scurve",
     camera: Camera = "rendered",
     randomization: Randomization = "default",
-    processes: int = 2,
+    processes: Annotated[int, typer.Option(min=1)] = 2,
     out: Path = Path("benchmarks/results/gates.jsonl"),
     table: Annotated[bool, typer.Option(help="Print the table of the files.")] = False,
     plot: Annotated[Path | None, typer.Option(help="Draw the paths of the files through their gates.")] = None,
@@ -63,9 +58,9 @@ def main(
     try:
         if plot is not None:
             draw(files or [out], plot)
-        if not (table or plot):
+        if not (table or plot is not None):
             drive(span(seeds), Settings(policy=policy, camera=camera, randomization=randomization), processes, out)
-        if plot is None:
+        if table or plot is None:
             print(markdown(files or [out]))
     except TralError as error:
         raise SystemExit(f"Error: {error}") from None
@@ -92,18 +87,22 @@ def drive(seeds: range, settings: Settings, processes: int, out: Path) -> None:
     context = multiprocessing.get_context("spawn")
     with Progress(console=Console(stderr=True)) as bar, ProcessPoolExecutor(processes, context) as pool:
         task = bar.add_task("drives", total=len(missing))
-        for future in as_completed(pool.submit(together, part, settings) for part in parts):
-            for record in future.result():
-                append(out, record)
-            bar.advance(task, len(future.result()))
+        try:
+            for future in as_completed([pool.submit(together, part, settings) for part in parts]):
+                for record in future.result():
+                    append(out, record)
+                bar.advance(task, len(future.result()))
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 class Watch:
     """What a drive shows at its gates."""
 
-    def __init__(self, seed: int, gates: NDArray[np.float64], widths: NDArray[np.float64]) -> None:
-        self.seed, self.gates, self.widths = seed, gates, widths
-        self.paths: list[list[tuple[float, float]]] = [[] for _ in gates]
+    def __init__(self, seed: int, plan: Plan) -> None:
+        self.seed, self.plan, self.gates, self.widths = seed, plan, plan.gate_pose, plan.gate_width
+        self.paths: list[list[tuple[float, float]]] = [[] for _ in self.gates]
         self.crossings: dict[int, tuple[float, float]] = {}
         self.next = 0
 
@@ -123,18 +122,12 @@ class Watch:
     def record(self, info: dict[str, Any]) -> dict[str, Any]:
         """The drive as a line of the file."""
         collision = bool(info["collision"])
-        nose = info["pose"][:2] + CarConfig().middle_x * np.array([np.cos(info["pose"][2]), np.sin(info["pose"][2])])
-        contact = collision and any(
-            abs(x) < 0.35 and abs(y) < width / 2 + 0.4
-            for gate, width in zip(self.gates, self.widths, strict=True)
-            for x, y in [in_gate(gate, nose)]
-        )
         outcome = "success" if info["success"] else "collision" if collision else "timeout"
         return {
             "kind": "drive",
             "seed": self.seed,
             "outcome": "missed_gate" if info["missed_gate"] else outcome,
-            "gate_contact": contact,
+            "gate_contact": collision and near_post(self.plan, info["pose"]) < TOUCH_M,
             "time_s": round(float(info["time_s"]), 3),
             "progress": round(float(info["progress"]), 4),
             "gates": [
@@ -147,10 +140,33 @@ class Watch:
 
 
 def in_gate(gate: NDArray[np.float64], pose: NDArray[np.float64]) -> tuple[float, float]:
-    """A place in the frame of a gate: x along its axis, y to the left, m."""
+    """A place in the frame of a gate, or of any other pose: x along its axis, y to the left, m."""
     dx, dy = pose[0] - gate[0], pose[1] - gate[1]
     cos, sin = math.cos(gate[2]), math.sin(gate[2])
     return cos * dx + sin * dy, cos * dy - sin * dx
+
+
+def near_post(plan: Plan, pose: NDArray[np.float64]) -> float:
+    """Distance between a car and the nearest post of a gate, m; infinite where there are no gates."""
+    car = CarConfig()
+    x, y, yaw = pose
+    body = np.array([x + car.middle_x * math.cos(yaw), y + car.middle_x * math.sin(yaw), yaw])
+    half = np.array([car.length, car.width]) / 2
+    gaps = [math.inf]
+    for k in np.flatnonzero(plan.box_kind == BOX_KINDS.index("post")):
+        post = np.array([*plan.box_position[k, :2], plan.box_yaw[k]])
+        gaps += [gap(body, half, post, plan.box_size[k, :2]), gap(post, plan.box_size[k, :2], body, half)]
+    return min(gaps)
+
+
+def gap(
+    one: NDArray[np.float64], half: NDArray[np.float64], other: NDArray[np.float64], other_half: NDArray[np.float64]
+) -> float:
+    """Distance of a rectangle's corners from another rectangle, m; each by its pose (3,) and half its sides (2,)."""
+    cos, sin = math.cos(one[2]), math.sin(one[2])
+    corners = one[:2] + half * [[1, 1], [1, -1], [-1, 1], [-1, -1]] @ np.array([[cos, sin], [-sin, cos]])
+    beyond = [np.maximum(np.abs(in_gate(other, corner)) - other_half, 0.0) for corner in corners]
+    return min(math.hypot(*each) for each in beyond)
 
 
 def together(seeds: list[int], settings: Settings) -> list[dict[str, Any]]:
@@ -161,7 +177,7 @@ def together(seeds: list[int], settings: Settings) -> list[dict[str, Any]]:
     world.reset(np.arange(n), [seeding.np_random(seed)[0] for seed in seeds])
     policy = load_policy(settings.policy)
     policy.reset(n)
-    watches = [Watch(seed, world.plans[i].gate_pose, world.plans[i].gate_width) for i, seed in enumerate(seeds)]
+    watches = [Watch(seed, world.sim.plan(i)) for i, seed in enumerate(seeds)]
     records: dict[int, dict[str, Any]] = {}
     observation = world.observation()
     while len(records) < n:
@@ -204,7 +220,7 @@ def markdown(paths: list[Path]) -> str:
         crossed = [gate for gate in gates if gate["passed"]]
         low, high = wilson(len(good), len(drives))
         rows.append(
-            f"| {settings['policy']} | {settings['randomization']} | {drives[0]['seed']} to {drives[-1]['seed']} "
+            f"| {settings['policy']} | {settings['randomization']} | {stretches(one['seed'] for one in drives)} "
             f"| {len(good)}/{len(drives)} | {low:.1%} to {high:.1%} | {len(crossed)}/{len(gates)} "
             f"| {sum(one['gate_contact'] for one in drives)} "
             f"| {spread([100 * gate['offset_m'] for gate in crossed])} "
@@ -220,9 +236,16 @@ def spread(values: list[float]) -> str:
 
 
 def draw(paths: list[Path], to: Path) -> None:
-    """All paths through the gates, a panel a file."""
+    """All paths through the gates, a panel a file; black: where posts stand, of the narrowest gate to the widest.
+
+    Raises:
+        ConfigError: no folder or no format for the picture.
+    """
     from matplotlib.figure import Figure
 
+    if to.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise ConfigError(f"--plot {to}: unknown suffix '{to.suffix}'. Allowed: .png, .svg, .pdf")
+    prepare_folder(to.parent, f"--plot {to}")
     figure = Figure(figsize=(9.0, 2.9 * len(paths)), layout="constrained")
     panels = figure.subplots(len(paths), 1, squeeze=False)[:, 0]
     for panel, path in zip(panels, paths, strict=True):

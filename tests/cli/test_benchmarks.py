@@ -6,14 +6,18 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from test_summary import record
 
 from tral_env.course.generate import SCENARIOS
+from tral_env.course.geometry import build_plan
+from tral_env.course.layout import Course, Gate, Segment
 from tral_env.errors import ConfigError, MissingExtraError
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 import compare
+import gates
 import report
 
 CALM = report.Settings(policy="wall", camera="projected", randomization="none")
@@ -103,3 +107,110 @@ def test_a_missing_learner_is_named_with_its_extra(monkeypatch: pytest.MonkeyPat
     monkeypatch.setitem(sys.modules, "torch", None)
     with pytest.raises(MissingExtraError, match=r"torch.*pip install 'tral-env\[rl\]'"):
         compare.train("straight", "none", 1, 0)
+
+
+ONE_GATE = build_plan(
+    Course(name="gate", segments=(Segment(length=10.0, width=2.0, gates=(Gate(id=0, at=5.0, offset=0.1, width=0.8),)),))
+)
+"""Posts stand 0.4 to 0.64 m to either side of (5, 0.1)."""
+
+
+def passed(x: float, y: float, yaw: float = 0.0) -> gates.Watch:
+    """A drive straight along x that ends at a pose, having crossed the gate at its last tick but one."""
+    watch = gates.Watch(3, ONE_GATE)
+    for place in np.arange(3.0, 5.0, 0.02):
+        watch.follow(np.array([place, y, yaw]), 0)
+    watch.follow(np.array([5.005, y, yaw]), 1)
+    watch.follow(np.array([x, y, yaw]), 1)
+    return watch
+
+
+def drive_record(seed: int, outcome: str = "success", y: float = 0.12) -> dict[str, Any]:
+    info = {"success": outcome == "success", "collision": outcome == "collision", "missed_gate": False}
+    ending = {"pose": np.array([9.0, y, 0.0]), "time_s": 20.0, "progress": 1.0}
+    return passed(9.0, y).record(info | ending) | {"seed": seed}
+
+
+def gates_file(path: Path, *drives: dict[str, Any]) -> Path:
+    report.append(path, {"kind": "run", "settings": asdict(CALM), "host": report.host()})
+    for line in drives:
+        report.append(path, line)
+    return path
+
+
+def test_a_crossing_is_told_where_and_at_what_angle() -> None:
+    watch = passed(6.0, 0.15, np.radians(3.0))
+    assert watch.crossings == {0: (0.05, 3.0)}
+    x, y = np.transpose(watch.paths[0])
+    assert x.min() == pytest.approx(-gates.NEAR_M, abs=0.03)
+    assert np.all(np.diff(x) > 0.049)
+    assert np.all(y == 0.05)
+
+
+def test_a_post_is_as_far_as_the_nearest_side_of_the_car() -> None:
+    car = gates.CarConfig()
+    beside = np.array([5.0 - car.middle_x, 0.1, 0.0])
+    assert gates.near_post(ONE_GATE, beside) == pytest.approx(0.4 - car.width / 2)
+    before = np.array([4.5 - car.middle_x - car.length / 2, 0.1 + 0.52, 0.0])
+    assert gates.near_post(ONE_GATE, before) == pytest.approx(0.5 - 0.015)
+    turned = np.array([5.0, 0.1 - car.middle_x, np.pi / 2])
+    assert gates.near_post(ONE_GATE, turned) == pytest.approx(0.4 - car.length / 2)
+
+
+@pytest.mark.parametrize(
+    ("y", "collision", "contact"), [(0.1 + 0.31, True, True), (0.1 + 0.31, False, False), (-0.85, True, False)]
+)
+def test_only_a_collision_beside_a_post_is_one_with_it(y: float, collision: bool, contact: bool) -> None:
+    pose = np.array([5.0 - gates.CarConfig().middle_x, y, 0.0])
+    info = {"success": False, "collision": collision, "missed_gate": False, "time_s": 9.0, "progress": 0.5}
+    assert passed(5.1, 0.1).record(info | {"pose": pose})["gate_contact"] is contact
+
+
+def test_the_table_of_gates_has_a_row_a_file_with_its_interval(tmp_path: Path) -> None:
+    drives = [drive_record(k, "success" if k else "collision", y=0.12 + 0.01 * k) for k in (0, 1, 2, 8)]
+    (row,) = gates.markdown([gates_file(tmp_path / "a.jsonl", *drives)]).splitlines()[2:]
+    assert row == "| wall | none | 0 to 2, 8 | 3/4 | 30.1% to 95.4% | 4/4 | 0 | 3.5 / 9.1 | 0.0 / 0.0 | 20 |"
+
+
+def test_a_file_without_drives_is_no_table(tmp_path: Path) -> None:
+    with pytest.raises(SystemExit, match="no drives in it"):
+        gates.main(files=[gates_file(tmp_path / "a.jsonl")], table=True, out=tmp_path / "a.jsonl", **BY_DEFAULT)
+
+
+BY_DEFAULT: dict[str, Any] = {"camera": "projected", "randomization": "none", "policy": "gate", "processes": 1}
+
+
+def test_table_and_plot_of_a_file_drive_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, plot = gates_file(tmp_path / "a.jsonl", drive_record(1)), tmp_path / "new" / "a.png"
+    before = path.read_text()
+    gates.main(files=[path], table=True, plot=plot, **BY_DEFAULT)
+    assert "| wall | none | 1 | 1/1 |" in capsys.readouterr().out
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    assert path.read_text() == before
+
+
+def test_a_plot_of_no_known_kind_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SystemExit, match=r"unknown suffix '.jpgg'"):
+        gates.main(files=[tmp_path / "a.jsonl"], plot=tmp_path / "a.jpgg", **BY_DEFAULT)
+
+
+def test_drives_of_other_settings_are_not_mixed_in(tmp_path: Path) -> None:
+    path = gates_file(tmp_path / "a.jsonl")
+    with pytest.raises(SystemExit, match="choose another --out"):
+        gates.main(seeds="3:4", out=path, **BY_DEFAULT | {"policy": "gate_scurve"})
+
+
+def test_a_drive_among_others_is_the_one_alone_and_is_not_driven_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    calm = report.Settings(policy="gate", camera="projected", randomization="none")
+    both = gates.together([3, 4], calm)
+    out = tmp_path / "a.jsonl"
+    gates.main(seeds="4:5", out=out, **BY_DEFAULT)
+    assert gates.read(out)[1] == [json.loads(json.dumps(both[1]))]
+    assert both[1]["outcome"] == "success"
+    assert all(gate["passed"] and abs(gate["offset_m"]) < gate["width_m"] / 2 for gate in both[1]["gates"])
+    before = out.read_text()
+    gates.main(seeds="4:5", out=out, **BY_DEFAULT)
+    assert out.read_text() == before
+    assert "| gate | none | 4 | 1/1 |" in capsys.readouterr().out
