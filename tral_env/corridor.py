@@ -22,6 +22,7 @@ from tral_env.interface import Layout
 from tral_env.perception.camera_info import load_lens
 from tral_env.randomization import Randomization, level
 from tral_env.sim import Simulation
+from tral_env.window import WINDOW_BOXES, crowd
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -162,6 +163,7 @@ class Corridor:
         self._randomization = level(config.randomization)
         fixed = config.fixed_course()
         self._fixed = None if fixed is None else (fixed, build_plan(fixed))
+        self._near = 0 if self._fixed is None else crowd(self._fixed[1])
         own = Pool.for_scenario(config.scenario) if self._fixed is None else Pool.of(self._fixed[1])
         self.sim = self._simulation(own if pool is None else own.union(pool))
         self.track = task.empty_track(n)
@@ -188,6 +190,7 @@ class Corridor:
             car=config.car,
             lens=config.lens,
             nthread=self._nthread,
+            near=self._near,
         )
 
     def reset(
@@ -218,7 +221,10 @@ class Corridor:
         fixed = self._fixed if given is None else (given, build_plan(given))
         if not len(rows):
             return self._parameters()
-        self.begin(rows, [self._draw(rngs[row], fixed, cars(int(row))) for row in rows], rngs)
+        drawn = [self._draw(rngs[row], fixed, cars(int(row))) for row in rows]
+        if given is not None:
+            self._fit([drawn[0][1]], rows, crowd(drawn[0][1]))
+        self.begin(rows, drawn, rngs)
         return self._parameters()
 
     def begin(self, rows: Index, drawn: Sequence[Drawn], rngs: Sequence[np.random.Generator]) -> None:
@@ -280,19 +286,21 @@ class Corridor:
             self.kept[k] = generate_plan(scenario, np.random.default_rng(k), hard=hard)
         return self.kept[k]
 
-    def _fit(self, plans: Sequence[Plan], rows: Index) -> None:
-        """Rebuild the simulation if a plan needs more walls or markers than it has."""
+    def _fit(self, plans: Sequence[Plan], rows: Index, near: int = 0) -> None:
+        """Rebuild the simulation if a plan needs more walls or markers than it has, or more of them near the car."""
         needed = self.sim.pool
         for plan in plans:
             needed = needed.union(Pool.of(plan))
-        if needed == self.sim.pool:
+        if needed == self.sim.pool and near <= max(self._near, WINDOW_BOXES):
             return
         if len(rows) != self.n:
+            told = f", {near} boxes near the car" if near > WINDOW_BOXES else ""
             raise ConfigError(
-                f"this course needs {needed}, but the cars were built for {self.sim.pool}: "
+                f"this course needs {needed}{told}, but the cars were built for {self.sim.pool}: "
                 "give the course to make_vec(course=...), or reset all cars at once"
             )
         self.sim.close()
+        self._near = max(self._near, near)
         self.sim = self._simulation(needed)
 
     def observation(self) -> NDArray[np.float32]:

@@ -61,6 +61,7 @@ class Simulation:
         car: CarConfig | None = None,
         lens: CameraConfig | None = None,
         nthread: int = 1,
+        near: int = 0,
     ) -> None:
         """Compile the model and bind what is read and written.
 
@@ -72,15 +73,16 @@ class Simulation:
             car: geometry of the car.
             lens: its camera.
             nthread: threads that step the cars.
+            near: how many boxes may be near a car, if that may be more than in the families of courses, see `crowd`.
         """
         self.n, self.pool, self.layout = n, pool, layout
         self.car, self.lens = car or CarConfig(), lens or CameraConfig()
         self.sonar = UltrasonicConfig()
-        self._window = Window(n, pool.boxes)
-        near = Pool(self._window.size)
-        self.model = build_model(near, looks=False)
+        self._window = Window(n, pool.boxes, near)
+        around = Pool(self._window.size)
+        self.model = build_model(around, looks=False)
         self.handles = CarHandles(self.model, self.sonar)
-        self._boxes = pool_geoms(self.model, near)
+        self._boxes = pool_geoms(self.model, around)
         self.batch = Batch(self.model, n, nthread, True)
         self.substeps = round(CONTROL_PERIOD_S / self.model.opt.timestep)
         self.actuation = Actuation(n, car=self.car, lead_s=STEERING_LEAD_STEPS * self.model.opt.timestep)

@@ -10,30 +10,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.config import UltrasonicConfig
-from tral_env.course.scene import Placement
+from tral_env.course.plan import Plan
+from tral_env.course.scene import Placement, Pool, place
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 WINDOW_BOXES = 48
-"""Boxes around a car. The families of courses have at most 46 within 5.5 m of a place on their routes."""
+"""Boxes around a car. The families of courses have at most 46 within 5.5 m of a place on their routes; for courses of
+your own there are as many as their densest place needs, see `crowd`."""
 REACH_M = UltrasonicConfig().max_range + 0.35
 """From the rear axle as far as a sonar hears: its range, and how far ahead of the axle it sits."""
 _FEWEST_M = 0.25
 """In a place with more boxes within reach than the window holds, the farthest are left out; look again this often."""
+_ASIDE_M = 1.0
+"""A car may be so far from its route without more boxes within reach than `crowd` counts."""
+_TOGETHER = 64
+"""Places on a route that are looked at together."""
 
 
 class Window:
     """The boxes of n courses, and those of them that stand around the n cars."""
 
-    def __init__(self, n: int, boxes: int) -> None:
+    def __init__(self, n: int, boxes: int, near: int = 0) -> None:
         """No boxes yet.
 
         Args:
             n: number of cars.
             boxes: how many a course may have at the most.
+            near: how many of them may be near a car, if that may be more than in the families of courses.
         """
-        self.size = min(boxes, WINDOW_BOXES)
+        self.size = min(boxes, max(WINDOW_BOXES, near))
         """Boxes around a car, W."""
         self._pos, self._quat, self._half = np.zeros((n, boxes, 3)), np.zeros((n, boxes, 4)), np.zeros((n, boxes, 3))
         self._centre = np.zeros((n, 2))
@@ -68,7 +75,7 @@ class Window:
         everything = self._pos[rows], self._quat[rows], self._half[rows]
         if self.size == self._pos.shape[1]:
             return everything
-        distance = self._distance(rows, position)
+        distance = _distance(self._pos[rows], self._quat[rows], self._half[rows], position)
         order = np.argsort(distance, axis=1, kind="stable")
         left_out = distance[np.arange(len(rows)), order[:, self.size]]
         self._free[rows] = np.maximum(left_out - REACH_M, _FEWEST_M)
@@ -76,12 +83,23 @@ class Window:
         pos, quat, half = (np.take_along_axis(values, near, axis=1) for values in everything)
         return pos, quat, half
 
-    def _distance(self, rows: Index, position: Array) -> Array:
-        """(k, B) from cars to the floor plans of their boxes; those parked below the floor are far away."""
-        pos, quat, half = self._pos[rows], self._quat[rows], self._half[rows]
-        w, z = quat[..., 0], quat[..., 3]
-        cos, sin = w * w - z * z, 2 * w * z
-        dx, dy = position[:, None, 0] - pos[..., 0], position[:, None, 1] - pos[..., 1]
-        along = np.maximum(np.abs(cos * dx + sin * dy) - half[..., 0], 0.0)
-        across = np.maximum(np.abs(cos * dy - sin * dx) - half[..., 1], 0.0)
-        return np.where(pos[..., 2] < 0.0, np.inf, np.sqrt(along * along + across * across))
+
+def crowd(plan: Plan) -> int:
+    """The most boxes of a course that are within reach at once, anywhere on its route or a metre beside it."""
+    boxes = len(plan.box_kind)
+    if boxes <= WINDOW_BOXES:
+        return boxes
+    placed = place(plan, Pool(boxes, len(plan.marker_id), len(plan.tape)))
+    pos, quat, half = (getattr(placed, name)[None, :boxes] for name in ("geom_pos", "geom_quat", "geom_size"))
+    parts = np.array_split(plan.route, -(-len(plan.route) // _TOGETHER))
+    return max(int((_distance(pos, quat, half, part) < REACH_M + _ASIDE_M).sum(axis=1).max()) for part in parts)
+
+
+def _distance(pos: Array, quat: Array, half: Array, position: Array) -> Array:
+    """(k, B) from cars to the floor plans of their boxes; those parked below the floor are far away."""
+    w, z = quat[..., 0], quat[..., 3]
+    cos, sin = w * w - z * z, 2 * w * z
+    dx, dy = position[:, None, 0] - pos[..., 0], position[:, None, 1] - pos[..., 1]
+    along = np.maximum(np.abs(cos * dx + sin * dy) - half[..., 0], 0.0)
+    across = np.maximum(np.abs(cos * dy - sin * dx) - half[..., 1], 0.0)
+    return np.where(pos[..., 2] < 0.0, np.inf, np.sqrt(along * along + across * across))

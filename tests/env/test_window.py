@@ -6,8 +6,11 @@ from numpy.testing import assert_array_equal
 
 from tral_env import window
 from tral_env.corridor import Corridor, CorridorConfig
+from tral_env.course.generate import SCENARIOS, generate_plan
+from tral_env.course.geometry import build_plan
+from tral_env.course.layout import Course, Door, Segment
 from tral_env.course.scene import Placement
-from tral_env.window import REACH_M, Window
+from tral_env.window import REACH_M, Window, crowd
 from tral_fsm import load_policy
 
 
@@ -54,6 +57,34 @@ def test_a_box_is_as_near_as_its_nearest_side():
     around.place(0, placed)
     _, _, half = around.look(np.array([0]), np.zeros((1, 2)))
     assert half[0, -1, 1] == 15.0
+
+
+def dense() -> Course:
+    """A door each 1.15 m on both sides: up to 90 boxes near the car."""
+    doors = tuple(Door(side=side, at=1.6 + 1.15 * i) for i in range(11) for side in ("left", "right"))
+    return Course(name="dense", segments=(Segment(length=16.0, width=2.0, doors=doors),))
+
+
+def ranges(near: str) -> np.ndarray:
+    """Readings of a drive through a dense course, that was named at the start or at the reset."""
+    fixed = CorridorConfig(scenario="straight", randomization="none", course=dense() if near == "start" else None)
+    world = Corridor(1, fixed)
+    world.reset(np.array([0]), [np.random.default_rng(0)], {"course": dense()} if near == "reset" else None)
+    return np.stack([world.observation()] + [world.step(np.array([[0.0, 0.5]])).observation for _ in range(500)])
+
+
+@pytest.mark.parametrize("near", ["start", "reset"])
+def test_a_dense_course_is_seen_as_a_whole(near: str, monkeypatch: pytest.MonkeyPatch):
+    assert crowd(build_plan(dense())) > window.WINDOW_BOXES
+    seen = ranges(near)
+    monkeypatch.setattr(window, "WINDOW_BOXES", 1000)
+    assert_array_equal(seen, ranges("start"))
+
+
+def test_courses_of_the_families_need_no_larger_window():
+    for scenario in SCENARIOS:
+        plans = [generate_plan(scenario, np.random.default_rng(seed))[1] for seed in range(3)]
+        assert max(crowd(plan) for plan in plans) <= window.WINDOW_BOXES
 
 
 @pytest.mark.parametrize("scenario", ["office", "doors"])
