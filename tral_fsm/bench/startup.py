@@ -17,14 +17,20 @@ env.reset(seed=0)
 print(json.dumps({"import_s": imported - start, "make_and_reset_s": time.perf_counter() - imported}))
 """
 _MEMORY = """
-import json, resource, sys
+import json, sys
 import numpy as np
 from tral_env.vector_env import TralCorridorVectorEnv
 rows = int(sys.argv[2])
 env = TralCorridorVectorEnv(rows, scenario=sys.argv[1])
 env.reset(seed=0)
 env.step(np.zeros((rows, 2)))
-print(json.dumps({"mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}))
+try:
+    with open("/proc/self/status") as status:
+        kilobytes = next(int(line.split()[1]) for line in status if line.startswith("VmRSS"))
+except OSError:  # elsewhere than on Linux, where the peak would be that of the process that started this one
+    import resource
+    kilobytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024 if sys.platform == "darwin" else 1)
+print(json.dumps({"mb": kilobytes / 1024}))
 """
 _FEW, _MANY = 16, 272
 
