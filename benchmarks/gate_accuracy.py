@@ -16,13 +16,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from marker_accuracy import CAR, LENS, LEVELS, Array, Columns, Hall, Marker, hall_plan, quantiles, show
+from marker_accuracy import CAR, LENS, LEVELS, Array, Columns, Hall, Marker, from_the_origin, hall_plan, quantiles, show
 from numpy.typing import NDArray
 from rich.console import Console
 
 from tral_env.interface import wrap_angle
 from tral_env.perception.gate import Sighting, sight
-from tral_env.perception.projected import NOISE_PLACES, NORMALS, UNIFORMS, Scenery, project
+from tral_env.perception.projected import Scenery
 from tral_fsm.bench.host import host
 
 RESULTS = Path(__file__).parent / "results" / "gate_accuracy.json"
@@ -74,17 +74,7 @@ def projected(views: Columns, level: float, rng: np.random.Generator) -> Sightin
     scenery = Scenery(n)
     for row in range(n):
         scenery.place(row, hall_plan(gate_of(views, row)))
-    seen = project(
-        scenery,
-        np.arange(n),
-        np.zeros((n, 3)),
-        LENS,
-        CAR,
-        mounting=np.zeros((n, 3)),
-        normal=rng.standard_normal((n, NOISE_PLACES, NORMALS)),
-        uniform=rng.random((n, NOISE_PLACES, UNIFORMS)),
-        degradation=np.full(n, level),
-    )
+    seen = from_the_origin(scenery, LENS, level, rng)
     return sight(seen.ids, seen.x, seen.y, seen.heading, seen.valid)
 
 

@@ -33,7 +33,15 @@ from tral_env.perception.aruco import Detector, MarkerPoses, marker_poses
 from tral_env.perception.camera import OnboardCamera
 from tral_env.perception.degrade import WebcamLaw, degrade
 from tral_env.perception.detector_law import LAW
-from tral_env.perception.projected import NOISE_PLACES, NORMALS, UNIFORMS, Scenery, project, project_points
+from tral_env.perception.projected import (
+    NOISE_PLACES,
+    NORMALS,
+    UNIFORMS,
+    Scenery,
+    Seen,
+    project,
+    project_points,
+)
 from tral_fsm.bench.host import host
 
 Array = NDArray[np.float64]
@@ -160,7 +168,15 @@ def projected(lens: CameraConfig, views: Columns, level: float, rng: np.random.G
     scenery = Scenery(n)
     for row, marker in enumerate(markers_of(views)):
         scenery.place(row, hall_plan([marker]))
-    seen = project(
+    seen = from_the_origin(scenery, lens, level, rng)
+    pose = np.stack([seen.x[:, 0], seen.y[:, 0], seen.heading[:, 0]], axis=1)
+    return errors(views, np.where(seen.valid[:, :1], pose, np.nan))
+
+
+def from_the_origin(scenery: Scenery, lens: CameraConfig, level: float, rng: np.random.Generator) -> Seen:
+    """What the projected camera of cars at the origin makes of the scenery around each."""
+    n = len(scenery.markers)
+    return project(
         scenery,
         np.arange(n),
         np.zeros((n, 3)),
@@ -171,8 +187,6 @@ def projected(lens: CameraConfig, views: Columns, level: float, rng: np.random.G
         uniform=rng.random((n, NOISE_PLACES, UNIFORMS)),
         degradation=np.full(n, level),
     )
-    pose = np.stack([seen.x[:, 0], seen.y[:, 0], seen.heading[:, 0]], axis=1)
-    return errors(views, np.where(seen.valid[:, :1], pose, np.nan))
 
 
 def errors(views: Columns, pose: Array) -> Columns:

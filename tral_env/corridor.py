@@ -20,6 +20,7 @@ from tral_env.course.scene import Pool
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import Layout
 from tral_env.perception.camera_info import load_lens
+from tral_env.perception.degrade import WebcamLaw
 from tral_env.randomization import Randomization, level
 from tral_env.sim import Simulation
 from tral_env.window import WINDOW_BOXES, crowd
@@ -57,6 +58,9 @@ class CorridorConfig:
     """Only its full lock can be other than that of `assets/car.xml`."""
     lens: CameraConfig = field(default_factory=CameraConfig)
     task: TaskConfig = field(default_factory=TaskConfig)
+    image_faults: WebcamLaw = field(default_factory=WebcamLaw)
+    """How much of each fault a level of `image_degradation` brings to a rendered image: streaks and covered patches
+    are off until they are asked for here."""
 
     def __post_init__(self) -> None:
         if self.scenario not in tuple(SCENARIOS):  # a tuple, so that a list is told as any other wrong name
@@ -67,6 +71,11 @@ class CorridorConfig:
             raise ConfigError(f"courses = {self.courses!r}: expected a whole number, 1 or more, or None")
         if self.courses is not None and self.course is not None:
             raise ConfigError(f"courses = {self.courses!r} with a course of your own: expected one of them")
+        if self.camera == "projected" and self.image_faults != WebcamLaw():
+            raise ConfigError(
+                f"image_faults = {self.image_faults!r} with camera='projected', which takes no image: expected "
+                "camera='rendered'"
+            )
         level(self.randomization)
         Layout.of(self.groups)
         for place in fields(CarConfig):
@@ -82,6 +91,7 @@ class CorridorConfig:
         car: CarConfig | Mapping[str, Any] | None = None,
         lens: CameraConfig | str | Path | Mapping[str, Any] | None = None,
         task: TaskConfig | Mapping[str, Any] | None = None,
+        image_faults: WebcamLaw | Mapping[str, Any] | None = None,
         **others: Any,
     ) -> CorridorConfig:
         """A configuration from the arguments of an environment: None for defaults, mappings for what JSON was.
@@ -96,6 +106,7 @@ class CorridorConfig:
             car=as_config(CarConfig, car),
             lens=load_lens(lens),
             task=as_config(TaskConfig, task),
+            image_faults=as_config(WebcamLaw, image_faults),
             **others,
         )
 
@@ -191,6 +202,7 @@ class Corridor:
             lens=config.lens,
             nthread=self._nthread,
             near=self._near,
+            image_faults=config.image_faults,
         )
 
     def reset(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -78,6 +77,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         lens: CameraConfig | str | None = None,
         task: TaskConfig | None = None,
         courses: int | None = None,
+        image_faults: WebcamLaw | None = None,
     ) -> None:
         """See the class."""
         given = {name: value for name, value in locals().items() if name not in ("self", "__class__")}
@@ -97,6 +97,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
             car=car,
             lens=lens,
             task=task,
+            image_faults=image_faults,
         )
         self.corridor = Corridor(1, config)
         self.action_space = action_space()
@@ -232,9 +233,7 @@ class TralCorridorPixelsEnv(TralCorridorEnv):
         if webcam is None or sim is not self._sim:
             if webcam is not None:
                 webcam.close()
-            # Fewer pixels, each the mean of many: less of the noise and of the blur is left.
-            share, law = self._image_size[0] / sim.lens.width, WebcamLaw()
-            law = replace(law, blur_px=law.blur_px * share, noise=law.noise * share)
+            law = self.corridor.config.image_faults.scaled(self._image_size[0] / sim.lens.width)
             webcam = Webcam(1, sim.pool, sim.lens.scaled(*self._image_size), law)
             self._webcam, self._sim = webcam, sim
         degradation = float(sim.parameters["image_degradation"][0])

@@ -62,6 +62,7 @@ class Simulation:
         lens: CameraConfig | None = None,
         nthread: int = 1,
         near: int = 0,
+        image_faults: WebcamLaw | None = None,
     ) -> None:
         """Compile the model and bind what is read and written.
 
@@ -74,6 +75,7 @@ class Simulation:
             lens: its camera.
             nthread: threads that step the cars.
             near: how many boxes may be near a car, if that may be more than in the families of courses, see `crowd`.
+            image_faults: how much of each fault a level of degradation brings to a rendered image.
         """
         self.n, self.pool, self.layout = n, pool, layout
         self.car, self.lens = car or CarConfig(), lens or CameraConfig()
@@ -92,7 +94,7 @@ class Simulation:
         self.noise = NoiseTape(n)
         self.extras = Extras(n, layout, self.noise)
         self.vision: Vision = (
-            RenderedVision(n, pool, self.lens, self.car)
+            RenderedVision(n, pool, self.lens, self.car, image_faults)
             if camera == "rendered"
             else ProjectedVision(n, self.noise, self.lens, self.car)
         )

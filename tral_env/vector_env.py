@@ -16,6 +16,7 @@ from tral_env.corridor import Corridor, CorridorConfig, Step, is_count
 from tral_env.course.layout import Course
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, action_space
+from tral_env.perception.degrade import WebcamLaw
 from tral_env.randomization import Randomization
 
 Array = NDArray[np.floating]
@@ -56,6 +57,7 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         lens: CameraConfig | str | None = None,
         task: TaskConfig | None = None,
         courses: int | None = None,
+        image_faults: WebcamLaw | None = None,
     ) -> None:
         """See the class."""
         for name, count in (("num_envs", num_envs), ("nthread", nthread)):
@@ -73,6 +75,7 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
             car=car,
             lens=lens,
             task=task,
+            image_faults=image_faults,
         )
         self.num_envs = num_envs
         self.corridor = Corridor(num_envs, config, nthread=nthread)

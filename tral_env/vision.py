@@ -31,7 +31,7 @@ class Vision(Protocol):
         Args:
             row: which car.
             plan: its course.
-            degradation: level of noise, blur and wrong exposure of its images, see `degrade`.
+            degradation: level of its images' faults, see `degrade`.
             seed: of the noise in its images.
         """
 
@@ -101,7 +101,7 @@ class Webcam:
     """The images that n cars' cameras take: through the lens, mounted askew, degraded as a webcam does."""
 
     def __init__(self, n: int, pool: Pool, lens: CameraConfig, law: WebcamLaw | None = None) -> None:
-        """OpenGL is opened with the first image."""
+        """OpenGL is opened with the first image; `law`: how much of each fault a level brings."""
         self._stage = Stage(pool)
         self._plans: list[Plan | None] = [None] * n
         self._rngs = [np.random.default_rng(0) for _ in range(n)]
@@ -139,9 +139,11 @@ class Webcam:
 class RenderedVision:
     """The image of the camera, rendered and searched by OpenCV's detector."""
 
-    def __init__(self, n: int, pool: Pool, lens: CameraConfig, car: CarConfig) -> None:
-        """OpenGL is opened with the first image."""
-        self._webcam = Webcam(n, pool, lens)
+    def __init__(
+        self, n: int, pool: Pool, lens: CameraConfig, car: CarConfig, law: WebcamLaw | None = None
+    ) -> None:
+        """OpenGL is opened with the first image; `law`: how much of each fault a level brings."""
+        self._webcam = Webcam(n, pool, lens, law)
         self._detector = Detector()
         self._lens, self._car = lens, car
 

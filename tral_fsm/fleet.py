@@ -9,7 +9,7 @@ import copy
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from gymnasium.utils import seeding
@@ -22,9 +22,9 @@ from tral_env.randomization import level
 from tral_fsm.definition import MachineDefinition
 from tral_fsm.machine import Machine
 from tral_fsm.machine_state import COLUMNS, MachineState
+from tral_fsm.rollout import Result, outcome
 
 Array = NDArray[np.float64]
-Outcome = Literal["success", "collision", "missed_gate", "timeout"]
 
 ROWS = 128
 """Drives at once. Source: measured; from here on a row costs little less, and the last drives end later."""
@@ -47,59 +47,20 @@ class Job:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drive:
-    """How one drive went, in figures."""
+class Drive(Result):
+    """How one drive of a fleet went."""
 
-    scenario: str
-    seed: int
-    outcome: Outcome
-    crash: bool
-    """A collision at a closing speed that counts as a crash, not as a touch."""
-    progress: float
-    """Share of the route, in [0, 1]."""
     route_m: float
     """Length of the route."""
-    time_s: float
-    mean_speed: float
-    """Mean of the true speed, m/s."""
-    clearance_rmse: float
-    """Root of the mean square of the clearance error, m; NaN if there was none to measure."""
-    clearance_samples: int
-    """Ticks at which there was one."""
-    lateral_rms: float
-    """Root of the mean square of the distance from the route, m."""
     steering_travel: float
     """Sum of the changes of the steering command, either way: from full right to full left is 2."""
-    gates_passed: int
-    gates_total: int
     errors: NDArray[np.int64] = field(repr=False, compare=False)
     """(100,) ticks by clearance error, in the bins of `ERROR_BINS`."""
 
-    @property
-    def success(self) -> bool:
-        """The goal was reached, all gates passed, nothing touched."""
-        return self.outcome == "success"
-
     def record(self) -> dict[str, Any]:
         """The numbers fit for JSON and for `report.summary.summarize`: what could not be measured is None."""
-        rmse = None if math.isnan(self.clearance_rmse) else round(self.clearance_rmse, 5)
-        return {
-            "scenario": self.scenario,
-            "seed": self.seed,
-            "success": self.success,
-            "outcome": self.outcome,
-            "crash": self.crash,
-            "progress": round(self.progress, 4),
-            "route_m": round(self.route_m, 3),
-            "time_s": round(self.time_s, 4),
-            "mean_speed_mps": round(self.mean_speed, 4),
-            "clearance_rmse_m": rmse,
-            "clearance_samples": self.clearance_samples,
-            "lateral_rms_m": round(self.lateral_rms, 5),
-            "steering_travel": round(self.steering_travel, 4),
-            "gates_passed": self.gates_passed,
-            "gates_total": self.gates_total,
-        }
+        own = {"route_m": round(self.route_m, 3), "steering_travel": round(self.steering_travel, 4)}
+        return super().record() | own
 
 
 class Fleet:
@@ -320,12 +281,3 @@ class _Run:
         self._idle[job.machine].append(machine)
         self._job[row] = -1
         self.ended += 1
-
-
-def outcome(info: dict[str, Any]) -> Outcome:
-    """How an episode ended, from its last info."""
-    if info["success"]:
-        return "success"
-    if info["collision"]:
-        return "collision"
-    return "missed_gate" if info["missed_gate"] else "timeout"

@@ -68,8 +68,8 @@ class Trace:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Episode:
-    """How one drive went."""
+class Result:
+    """How one drive went, in figures."""
 
     seed: int
     scenario: str
@@ -89,7 +89,6 @@ class Episode:
     """Root of the mean square of the distance from the route, m."""
     gates_passed: int
     gates_total: int
-    trace: Trace = field(repr=False)
 
     @property
     def success(self) -> bool:
@@ -97,7 +96,7 @@ class Episode:
         return self.outcome == "success"
 
     def record(self) -> dict[str, Any]:
-        """The numbers without the trace, fit for JSON: what could not be measured is None."""
+        """The numbers fit for JSON and for `report.summary.summarize`: what could not be measured is None."""
         rmse = None if math.isnan(self.clearance_rmse) else round(self.clearance_rmse, 5)
         return {
             "scenario": self.scenario,
@@ -114,6 +113,13 @@ class Episode:
             "gates_passed": self.gates_passed,
             "gates_total": self.gates_total,
         }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Episode(Result):
+    """How one drive went, tick by tick."""
+
+    trace: Trace = field(repr=False)
 
 
 def drive(
@@ -215,7 +221,7 @@ def _episode(seed: int, scenario: str, ticks: list[Tick]) -> Episode:
     return Episode(
         seed=seed,
         scenario=scenario,
-        outcome=_outcome(last),
+        outcome=outcome(last),
         crash=bool(last["crash"]),
         progress=float(last["progress"]),
         time_s=float(last["time_s"]),
@@ -248,7 +254,8 @@ def _trace(ticks: list[Tick]) -> Trace:
     )
 
 
-def _outcome(info: Mapping[str, Any]) -> Outcome:
+def outcome(info: Mapping[str, Any]) -> Outcome:
+    """How an episode ended, from its last info."""
     if info["success"]:
         return "success"
     if info["collision"]:

@@ -5,14 +5,19 @@ Two faults more are off until asked for: the streak that turning leaves, and som
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.errors import ConfigError
+
 Image = NDArray[np.uint8]
+
+_MOST = {"exposure": 1.0, "blur_px": 100.0, "glare": 255.0, "noise": 255.0, "streak_px": 1000.0, "patch": 1.0}
+"""Most that a level of 1 may bring of each fault."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +37,19 @@ class WebcamLaw:
     the shutter of the default lens is open for 10 ms."""
     patch: float = 0.0
     """Side of a dark or bright square somewhere in the image, as a share of the image's height."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value, most = getattr(self, field.name), _MOST[field.name]
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= most:
+                raise ConfigError(f"WebcamLaw.{field.name} = {value!r}: expected a number from 0 to {most:g}")
+
+    def scaled(self, share: float) -> WebcamLaw:
+        """The law of an image with this share of the pixels across, each the mean of many: less of what is told in
+        pixels and of the noise is left."""
+        return replace(
+            self, blur_px=self.blur_px * share, noise=self.noise * share, streak_px=self.streak_px * share
+        )
 
 
 def degrade(image: Image, level: float, rng: np.random.Generator, law: WebcamLaw | None = None) -> Image:
@@ -55,7 +73,8 @@ def degrade(image: Image, level: float, rng: np.random.Generator, law: WebcamLaw
         out = np.asarray(cv2.GaussianBlur(image, (0, 0), law.blur_px * level), np.uint8)
     if law.streak_px > 0:
         out = _streaked(out, law.streak_px * level * rng.uniform(0, 1))
-    out = np.asarray(cv2.convertScaleAbs(out, alpha=1 + law.exposure * level * rng.uniform(-1, 1)), np.uint8)
+    light = max(1 + law.exposure * level * rng.uniform(-1, 1), 0.0)
+    out = np.asarray(cv2.convertScaleAbs(out, alpha=light), np.uint8)
     fade = np.clip(1 - 2 * np.arange(height) / height, 0, 1) * law.glare * level * rng.uniform(0, 1)
     top, left = rng.integers(_SHIFTS, size=2)
     grain = _grain(height + _SHIFTS, width + _SHIFTS)[top : top + height, left : left + width]
