@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +11,6 @@ import pytest
 from courses import blind
 
 from tral_env.errors import ConfigError, MissingExtraError
-from tral_fsm.definition import MachineDefinition
 from tral_fsm.library import load
 from tral_fsm.tuning import Objective, Progress, Racing, Settings, Task, Tuned, tune
 from tral_fsm.tuning.evaluate import Evaluator
@@ -240,74 +235,6 @@ class TestOptuna:
         assert asked[0] == ("right", 2, 3.0)  # the machine's own values come first
         assert {each[0] for each in asked} == {"left", "right"}
         assert all(isinstance(each[1], int) for each in asked)
-
-    def test_a_storage_of_another_study_is_refused(self, tmp_path: Path) -> None:
-        settings = replace(SETTINGS, sampler="random", budget=4, report_seeds=())
-        storage = str(tmp_path / "study.log")
-        tune(CRASHING, PARAMS, TASK, settings=settings, processes=1, storage=storage)
-        with pytest.raises(ConfigError, match="the study in the storage has task"):
-            tune(CRASHING, PARAMS, replace(TASK, seeds=(4,)), settings=settings, processes=1, storage=storage)
-
-    def test_what_a_dead_process_left_open_is_done_by_the_next(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        from tral_fsm.tuning import optuna_search
-
-        parameters, storage = find(CRASHING, PARAMS), str(tmp_path / "study.log")
-        lost = optuna_search.OptunaSearch(parameters, "random", storage=storage, population=4).ask()
-        other = optuna_search.OptunaSearch(parameters, "random", storage=storage, population=4)
-        assert not set(other.ask()) & set(lost)  # it may still be at work
-        monkeypatch.setattr(optuna_search, "LOST_AFTER_S", -1.0)
-        third = optuna_search.OptunaSearch(parameters, "random", storage=storage, population=8)
-        assert set(lost) <= set(third.ask())
-
-    @pytest.mark.slow
-    def test_two_processes_share_a_study_and_nothing_is_lost_when_one_is_killed(self, tmp_path: Path) -> None:
-        import optuna
-        from optuna.storages import JournalStorage
-        from optuna.storages.journal import JournalFileBackend
-
-        machine = write_machine(tmp_path, CRASHING)
-        storage = tmp_path / "study.log"
-
-        def process(name: str) -> subprocess.Popen[bytes]:
-            arguments = [
-                "tune", "--policy", machine, "--params", ",".join(PARAMS), "--seeds", "0:2", "--budget", "160",
-                "--population", "4", "--sampler", "tpe", "--storage", storage, "--processes", "1", "--grid", "0",
-                "--report-seeds", "500:501", "--out", tmp_path / name,
-            ]  # fmt: skip
-            code = "from tral_fsm.cli import app; app()"
-            return subprocess.Popen([sys.executable, "-c", code, *map(str, arguments)], stderr=subprocess.DEVNULL)
-
-        def told() -> dict[int, float]:
-            study = optuna.load_study(study_name="tral", storage=JournalStorage(JournalFileBackend(str(storage))))
-            return {each.number: each.value for each in study.trials if each.value is not None}
-
-        first, second = process("one"), process("two")
-        try:
-            while not storage.exists() or len(told()) < 8:
-                time.sleep(0.3)
-            os.kill(first.pid, signal.SIGKILL)
-            before = told()
-            assert second.wait(timeout=240) == 0
-        finally:
-            for each in (first, second):
-                if each.poll() is None:
-                    each.kill()
-                each.wait()
-        after = told()
-        assert before.items() <= after.items()
-        report = json.loads((tmp_path / "two" / "tune.json").read_text())
-        assert report["drives"] >= 160
-        assert report["trials"] == len(after)
-
-
-def write_machine(folder: Path, machine: MachineDefinition) -> Path:
-    from tral_fsm.formats import write
-
-    path = folder / "crashing.json"
-    path.write_text(write(machine, "json"))
-    return path
 
 
 def test_every_machine_drives_every_course() -> None:

@@ -153,7 +153,15 @@ def _check_suffix(path: Path | None) -> None:
 
 
 def _origin() -> str:
-    return " ".join(["tral", *map(shlex.quote, sys.argv[1:])]) if sys.argv[1:2] == ["tune"] else "tral tune"
+    """The command, as files tell it: without the password of a database."""
+    from tral_fsm.tuning.storage import masked
+
+    arguments = sys.argv[1:]
+    return (
+        " ".join(["tral", *(shlex.quote(masked(each)) for each in arguments)])
+        if arguments[:1] == ["tune"]
+        else "tral tune"
+    )
 
 
 class _Bar:

@@ -12,12 +12,14 @@ from tral_env.errors import ConfigError, MissingExtraError, nearest
 from tral_fsm.tuning.objective import PARTS, Weights
 from tral_fsm.tuning.parameters import Parameter, Value
 from tral_fsm.tuning.search import Trial, Values, default_population, trial
+from tral_fsm.tuning.storage import open_storage, reachable
 
 SAMPLERS = ("tpe", "nsga2", "random")
 OBJECTIVES = ("clearance", "time", "steering")
 """Parts of the cost that may stand for themselves."""
 LOST_AFTER_S = 1800.0
 """A process that has told nothing for so long is taken for dead, and its open trials are done by others."""
+_STAYS = ". What was told to it stays; the same command goes on"
 
 
 def imported() -> Any:
@@ -62,8 +64,8 @@ class OptunaSearch:
             header: what is asked for, which must be the same for all that work on it.
 
         Raises:
-            ConfigError: unknown sampler, or another study in the storage.
-            MissingExtraError: Optuna is not installed.
+            ConfigError: unknown sampler, a storage that cannot be used, or another study in it.
+            MissingExtraError: Optuna, or the driver of the database, is not installed.
         """
         optuna = imported()
         if sampler not in SAMPLERS:
@@ -72,17 +74,20 @@ class OptunaSearch:
         self.population = population or default_population(len(self.parameters))
         self.weights = weights or Weights()
         self._worker = uuid.uuid4().hex
-        self._shared = storage is not None
-        self._distributions = {each.label: _distribution(optuna, each) for each in self.parameters}
-        self.study = optuna.create_study(
-            study_name="tral",
-            storage=None if storage is None else _storage(optuna, storage),
-            sampler=_sampler(optuna, sampler, seed + (int(self._worker[:6], 16) if storage else 0), self.population),
-            directions=["minimize"] * max(len(self.objectives), 1),
-            load_if_exists=True,
-        )
-        self._join(header or {})
+        self._storage = storage
         self._open: list[Any] = []
+        self._distributions = {each.label: _distribution(optuna, each) for each in self.parameters}
+        with reachable(storage):
+            self.study = optuna.create_study(
+                study_name="tral",
+                storage=None if storage is None else open_storage(storage),
+                sampler=_sampler(
+                    optuna, sampler, seed + (int(self._worker[:6], 16) if storage else 0), self.population
+                ),
+                directions=["minimize"] * max(len(self.objectives), 1),
+                load_if_exists=True,
+            )
+            self._join(header or {})
 
     def _join(self, header: dict[str, Any]) -> None:
         """Make sure that all work on the same, and begin at the machine's own values."""
@@ -97,12 +102,13 @@ class OptunaSearch:
 
     def ask(self) -> list[Values]:
         """The next generation, beginning with what dead processes left open."""
-        if self._shared:
-            self._adopt()
-        self._open = [self.study.ask(self._distributions) for _ in range(self.population)]
-        for each in self._open:
-            each.set_user_attr("worker", self._worker)
-            each.set_user_attr("asked", time.time())
+        with reachable(self._storage, _STAYS):
+            if self._storage is not None:
+                self._adopt()
+            self._open = [self.study.ask(self._distributions) for _ in range(self.population)]
+            for each in self._open:
+                each.set_user_attr("worker", self._worker)
+                each.set_user_attr("asked", time.time())
         return [tuple(each.params[parameter.label] for parameter in self.parameters) for each in self._open]
 
     def _adopt(self) -> None:
@@ -119,9 +125,28 @@ class OptunaSearch:
 
     def tell(self, trials: Sequence[Trial]) -> None:
         """What they cost; each is in the storage from then on."""
-        for open_, done in zip(self._open, trials, strict=True):
-            open_.set_user_attr("record", done.record())
-            self.study.tell(open_, self.costs(done))
+        from optuna.exceptions import UpdateFinishedTrialError
+
+        with reachable(self._storage, _STAYS):
+            for open_, done in zip(self._open, trials, strict=True):
+                try:
+                    open_.set_user_attr("record", done.record())
+                    self.study.tell(open_, self.costs(done))
+                except UpdateFinishedTrialError:  # so late that another process took it for lost
+                    self._add(open_, done)
+
+    def _add(self, open_: Any, done: Trial) -> None:
+        """Keep what a trial cost that is closed already."""
+        import optuna
+
+        self.study.add_trial(
+            optuna.trial.create_trial(
+                params=open_.params,
+                distributions=open_.distributions,
+                values=self.costs(done),
+                user_attrs={"record": done.record()},
+            )
+        )
 
     def costs(self, done: Trial) -> list[float]:
         """What the study minimizes: the cost, or the objectives, each with what failing costs."""
@@ -136,7 +161,8 @@ class OptunaSearch:
         """All that were told, by whichever process."""
         import optuna
 
-        done = self.study.get_trials(deepcopy=False, states=(optuna.trial.TrialState.COMPLETE,))
+        with reachable(self._storage, _STAYS):
+            done = self.study.get_trials(deepcopy=False, states=(optuna.trial.TrialState.COMPLETE,))
         return [trial(each.user_attrs["record"]) for each in done]
 
 
@@ -146,15 +172,6 @@ def _sampler(optuna: Any, name: str, seed: int, population: int) -> Any:
     if name == "nsga2":
         return optuna.samplers.NSGAIISampler(seed=seed, population_size=population)
     return optuna.samplers.RandomSampler(seed=seed)
-
-
-def _storage(optuna: Any, where: str) -> Any:
-    if "://" in where:
-        return where
-    from optuna.storages import JournalStorage
-    from optuna.storages.journal import JournalFileBackend
-
-    return JournalStorage(JournalFileBackend(where.removeprefix("journal:")))
 
 
 def _distribution(optuna: Any, parameter: Parameter) -> Any:

@@ -1,0 +1,185 @@
+"""One study, several processes: in a journal file and in PostgreSQL."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from courses import blind
+from throwaway_postgres import server
+
+from tral_env.errors import ConfigError, MissingExtraError
+from tral_fsm.formats import write
+from tral_fsm.tuning import Settings, Task, optuna_search, tune
+from tral_fsm.tuning.optuna_search import OptunaSearch
+from tral_fsm.tuning.parameters import find
+from tral_fsm.tuning.search import Trial
+from tral_fsm.tuning.storage import masked, open_storage
+
+optuna = pytest.importorskip("optuna")
+
+CRASHING = blind(0.5, 1.0)
+"""Hits the wall within two seconds, whatever is tuned: cheap to drive."""
+PARAMS = ["0.steering=0.3:0.9", "0.speed=0.8:1.6"]
+TASK = Task(scenarios=("straight",), seeds=(0, 1))
+SETTINGS = Settings(
+    budget=4, sampler="random", population=4, report_seeds=(), finalists=1, final_seeds=1
+)  # fmt: skip
+
+
+@pytest.fixture(params=["journal", "postgresql"])
+def storage(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+    """A place for a study, empty."""
+    if request.param == "journal":
+        yield str(tmp_path / "study.log")
+        return
+    with server() as url:
+        yield url
+
+
+def searching(storage: str, population: int = 4) -> OptunaSearch:
+    return OptunaSearch(find(CRASHING, PARAMS), "random", storage=storage, population=population)
+
+
+def trial(values: tuple[Any, ...], cost: float) -> Trial:
+    return Trial(values=values, cost=cost, full=True, drives=1, successes=0, parts=(0, 0, 0, 0, 0))
+
+
+def test_a_storage_of_another_study_is_refused(tmp_path: Path) -> None:
+    storage = str(tmp_path / "study.log")
+    tune(CRASHING, PARAMS, TASK, settings=SETTINGS, processes=1, storage=storage)
+    with pytest.raises(ConfigError, match="the study in the storage has task"):
+        tune(CRASHING, PARAMS, replace(TASK, seeds=(4,)), settings=SETTINGS, processes=1, storage=storage)
+
+
+def test_what_a_dead_process_left_open_is_done_by_the_next(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    storage = str(tmp_path / "study.log")
+    lost = searching(storage).ask()
+    assert not set(searching(storage).ask()) & set(lost)  # it may still be at work
+    monkeypatch.setattr(optuna_search, "LOST_AFTER_S", -1.0)
+    assert set(lost) <= set(searching(storage, population=8).ask())
+
+
+def test_who_was_taken_for_dead_and_tells_all_the_same_loses_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    storage = str(tmp_path / "study.log")
+    slow = searching(storage)
+    asked = slow.ask()
+    monkeypatch.setattr(optuna_search, "LOST_AFTER_S", -1.0)
+    searching(storage).ask()
+    slow.tell([trial(values, 1.0 + k) for k, values in enumerate(asked)])
+    assert [(each.values, each.cost) for each in slow.trials] == [(values, 1.0 + k) for k, values in enumerate(asked)]
+
+
+def test_a_journal_in_no_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"--storage .*study.log: cannot be written: No such file or directory"):
+        open_storage(str(tmp_path / "nowhere" / "study.log"))
+
+
+def test_a_server_that_does_not_answer_is_told_without_its_password() -> None:
+    pytest.importorskip("psycopg")
+    began = time.monotonic()
+    with pytest.raises(ConfigError, match=r"--storage postgresql://me:\*\*\*@127.0.0.1:1/x: .*refused$"):
+        open_storage("postgresql://me:secret@127.0.0.1:1/x")
+    assert time.monotonic() - began < 5.0  # to try again would be in vain
+
+
+def test_the_missing_driver_of_postgresql_is_told_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "psycopg", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'tral-env\[storage\]'"):
+        open_storage("postgresql://me@127.0.0.1/x")
+
+
+def test_another_missing_driver_is_named() -> None:
+    with pytest.raises(ConfigError, match=r"--storage mysql://me@127\.0\.0\.1/x: No module named 'MySQLdb'"):
+        open_storage("mysql://me@127.0.0.1/x")
+
+
+def test_an_unknown_kind_of_database_is_named() -> None:
+    with pytest.raises(ConfigError, match=r"--storage postgrsql://me:\*\*\*@there/x: .*postgrsql"):
+        open_storage("postgrsql://me:secret@there/x")
+
+
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        ("postgresql://me:se:cret@there:5432/x", "postgresql://me:***@there:5432/x"),
+        ("--storage=mysql+pymysql://:secret@there/x", "--storage=mysql+pymysql://:***@there/x"),
+        ("postgresql://there/x?user=me&password=secret&a=b", "postgresql://there/x?user=me&password=***&a=b"),
+        ("postgresql://me@there/x", "postgresql://me@there/x"),
+        ("*.p=0.5:8", "*.p=0.5:8"),
+    ],
+)
+def test_passwords_are_masked(said: str, shown: str) -> None:
+    assert masked(said) == shown
+
+
+def process(machine: Path, storage: str, budget: int, out: Path) -> subprocess.Popen[bytes]:
+    arguments = [
+        "tune", "--policy", machine, "--params", ",".join(PARAMS), "--seeds", "0:2", "--budget", budget,
+        "--population", "4", "--sampler", "tpe", "--storage", storage, "--processes", "1", "--grid", "0",
+        "--report-seeds", "none", "--out", out,
+    ]  # fmt: skip
+    code = "from tral_fsm.cli import app; app()"
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *map(str, arguments)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+
+
+@contextlib.contextmanager
+def watched(storage: str) -> Iterator[Any]:
+    """A function that reads what the study has been told: number of the trial -> cost."""
+    place = open_storage(storage)
+
+    def told() -> dict[int, float]:
+        try:
+            study = optuna.load_study(study_name="tral", storage=place)
+        except KeyError:  # nobody has begun it
+            return {}
+        return {each.number: each.value for each in study.trials if each.value is not None}
+
+    yield told
+    if hasattr(place, "engine"):
+        place.remove_session()
+        place.engine.dispose()
+
+
+@pytest.mark.slow
+def test_one_of_two_processes_is_killed_the_other_goes_on_and_nothing_is_lost(storage: str, tmp_path: Path) -> None:
+    machine = tmp_path / "crashing.json"
+    machine.write_text(write(CRASHING, "json"))
+    first, second = started = [process(machine, storage, 120, tmp_path / name) for name in ("one", "two")]
+    with watched(storage) as told:
+        try:
+            while len(told()) < 8:
+                assert (first.poll(), second.poll()) == (None, None)
+                time.sleep(0.2)
+            os.kill(first.pid, signal.SIGKILL)
+            before = told()
+            assert second.wait(timeout=240) == 0
+            after = told()
+            assert before.items() < after.items()
+            report = json.loads((tmp_path / "two" / "tune.json").read_text())
+            assert (report["drives"] >= 120, report["trials"]) == (True, len(after))
+            assert "secret" not in "".join(path.read_text() for path in (tmp_path / "two").iterdir())
+            # The same command with a larger budget goes on where the study is.
+            started.append(process(machine, storage, 140, tmp_path / "one"))
+            assert started[-1].wait(timeout=240) == 0
+            assert after.items() < told().items()
+            assert json.loads((tmp_path / "one" / "tune.json").read_text())["drives"] >= 140
+        finally:
+            for each in started:
+                if each.poll() is None:
+                    each.kill()
+                each.wait()

@@ -1,0 +1,89 @@
+"""Where a study lives that several processes share: a journal file, or a database that SQLAlchemy knows."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import re
+import time
+from collections.abc import Iterator
+from typing import Any
+
+from tral_env.errors import ConfigError, MissingExtraError
+
+_TRIES = 5
+"""Of opening a database. Processes that meet at an empty one make its tables at once, and all but one fail."""
+_PASSWORD = re.compile(r"(://[^:/@\s]*:)[^@\s]+(?=@)|([?&]password=)[^&\s]+")
+
+
+def masked(text: str) -> str:
+    """A text in which no URL tells its password."""
+    return _PASSWORD.sub(lambda found: f"{found[1] or found[2]}***", text)
+
+
+def open_storage(where: str) -> Any:
+    """A storage for a study of Optuna, which must be installed.
+
+    Args:
+        where: URL of a database, or path of a journal file.
+
+    Raises:
+        ConfigError: it cannot be opened.
+        MissingExtraError: the driver of PostgreSQL is not installed.
+    """
+    if "://" in where:
+        return _database(where)
+    from optuna.storages import JournalStorage
+    from optuna.storages.journal import JournalFileBackend
+
+    try:
+        return JournalStorage(JournalFileBackend(where.removeprefix("journal:")))
+    except OSError as error:
+        raise ConfigError(f"--storage {where}: cannot be written: {error.strerror}") from error
+
+
+def _database(url: str) -> Any:
+    from optuna.storages import RDBStorage
+    from sqlalchemy.exc import DBAPIError
+
+    # Named, since which one the bare scheme means depends on SQLAlchemy's version.
+    named = re.sub(r"^postgres(ql)?://", "postgresql+psycopg://", url)
+    for left in reversed(range(_TRIES)):
+        with reachable(url):
+            try:
+                # A server or what lies on the way may have dropped the connection while the cars drove.
+                return RDBStorage(named, engine_kwargs={"pool_pre_ping": True})
+            except DBAPIError as error:
+                if left == 0 or error.statement is None:  # there is no connection at all
+                    raise
+            except ImportError as error:
+                if "psycopg" in named.partition("://")[0]:
+                    raise MissingExtraError("psycopg", "storage", "a study on PostgreSQL") from None
+                raise ConfigError(f"--storage {masked(url)}: {error.__cause__}: install this driver") from None
+        time.sleep(random.uniform(0.2, 1.0))
+    raise AssertionError
+
+
+@contextlib.contextmanager
+def reachable(where: str | None, more: str = "") -> Iterator[None]:
+    """Say in words that a database cannot be used.
+
+    Args:
+        where: URL of a database; all else passes.
+        more: for the end of the message.
+
+    Raises:
+        ConfigError: it cannot.
+    """
+    if where is None or "://" not in where:
+        yield
+        return
+    from optuna.exceptions import StorageInternalError
+    from sqlalchemy.exc import SQLAlchemyError
+
+    try:
+        yield
+    except (SQLAlchemyError, StorageInternalError) as error:
+        cause = error.__cause__ if isinstance(error, StorageInternalError) and error.__cause__ else error
+        reason = str(getattr(cause, "orig", None) or cause).strip().splitlines()[0]
+        raise ConfigError(f"--storage {masked(where)}: {masked(reason)}{more}") from error
