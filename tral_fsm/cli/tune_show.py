@@ -1,0 +1,105 @@
+"""What `tral tune` shows: a bar while it searches, tables when it has found."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import typer
+
+from tral_fsm.cli.console import print_figures
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from rich.table import Table
+
+    from tral_fsm.tuning import Progress, Tuned
+    from tral_fsm.tuning.heldout import Comparison, Estimate
+
+
+class Bar:
+    """Progress on stderr, with the best so far."""
+
+    def __init__(self, budget: int) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+        self._bar = Progress(
+            TextColumn("{task.description}", markup=False),
+            BarColumn(),
+            TextColumn("{task.completed:.0f}/{task.total:.0f} drives"),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+        )
+        self._task = self._bar.add_task("tune", total=budget)
+
+    def __enter__(self) -> Bar:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def stop(self) -> None:
+        """Leave the terminal to others."""
+        self._bar.stop()
+
+    def __call__(self, progress: Progress) -> None:
+        """Show where the search is."""
+        said = f"cost {progress.best.cost:.3f} (was {progress.old.cost:.3f})"
+        if progress.drives >= progress.budget:
+            said += ", checking"
+        self._bar.update(self._task, completed=min(progress.drives, progress.budget), description=said)
+
+
+def print_result(tuned: Tuned, out: Path) -> None:
+    """Print what was found and how it did in the check."""
+    if tuned.values is None:
+        typer.echo("Nothing better than the machine as it was has been found.")
+    else:
+        print_figures(_parameters(tuned))
+    if tuned.comparison is not None:
+        print_figures(_held_out(tuned.comparison))
+        typer.echo(tuned.comparison.verdict)
+    typer.echo(f"Files: {out}")
+
+
+def _parameters(tuned: Tuned) -> Table:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=Text("Parameters"), title_justify="left")
+    for heading in ("parameter", "was", "now"):
+        table.add_column(heading, justify="left" if heading == "parameter" else "right")
+    for each, value in zip(tuned.parameters, tuned.values or (), strict=True):
+        unit = f" [{each.unit}]" if each.unit else ""
+        table.add_row(
+            Text(each.label + unit),
+            f"{each.start:.4g}" if isinstance(each.start, float) else str(each.start),
+            str(value),
+        )
+    return table
+
+
+def _held_out(comparison: Comparison) -> Table:
+    from rich.table import Table
+    from rich.text import Text
+
+    from tral_fsm.report.tuning_page import estimate
+
+    table = Table(title=Text("On courses that nothing was tuned on, with 95 % intervals"), title_justify="left")
+    for heading in ("", "was", "now", "difference"):
+        table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
+    old, new = comparison.old, comparison.new
+    split = f"{comparison.only_new} gained, {comparison.only_old} lost"
+    table.add_row("success", *(estimate(each.success, 100.0, 0) + " %" for each in (old, new)), split)
+    rows: Mapping[str, tuple[Estimate, Estimate, Estimate, float]] = {
+        "clearance RMSE [cm]": (old.clearance_rmse_m, new.clearance_rmse_m, comparison.clearance_m, 100.0),
+        "time [s/m]": (old.time_per_m, new.time_per_m, comparison.time_per_m, 1.0),
+        "cost": (old.cost, new.cost, comparison.cost, 1.0),
+    }
+    for name, (was, now, difference, scale) in rows.items():
+        table.add_row(Text(name), estimate(was, scale), estimate(now, scale), estimate(difference, scale, 2, "+"))
+    return table
