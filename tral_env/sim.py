@@ -20,6 +20,7 @@ from tral_env.errors import ConfigError, SimulationError
 from tral_env.handles import CarHandles
 from tral_env.interface import CONTROL_PERIOD_S, STEERING, THROTTLE, Layout
 from tral_env.noise import NoiseTape
+from tral_env.perception.degrade import WebcamLaw
 from tral_env.perception.sightings import Sightings
 from tral_env.sensors import ultrasonic
 from tral_env.sensors.extras import Extras

@@ -139,9 +139,7 @@ class Webcam:
 class RenderedVision:
     """The image of the camera, rendered and searched by OpenCV's detector."""
 
-    def __init__(
-        self, n: int, pool: Pool, lens: CameraConfig, car: CarConfig, law: WebcamLaw | None = None
-    ) -> None:
+    def __init__(self, n: int, pool: Pool, lens: CameraConfig, car: CarConfig, law: WebcamLaw | None = None) -> None:
         """OpenGL is opened with the first image; `law`: how much of each fault a level brings."""
         self._webcam = Webcam(n, pool, lens, law)
         self._detector = Detector()

@@ -1,11 +1,14 @@
 """What a webcam does to an image."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tral_env.errors import ConfigError
 from tral_env.perception.degrade import PATCH_GREYS, WebcamLaw, degrade
 
 CLEAR = WebcamLaw(exposure=0, blur_px=0, glare=0, noise=0)
@@ -81,6 +84,34 @@ def test_a_patch_is_a_dark_or_bright_square_of_its_size_cut_at_the_edge(seed: in
     assert len(rows) == (np.ptp(rows) + 1) * (np.ptp(columns) + 1)
     assert len(np.unique(image[rows, columns])) == 1
     assert image[rows[0], columns[0], 0] in PATCH_GREYS
+
+
+@given(st.integers(0, 1000), st.floats(0.0, 10.0))
+def test_light_never_turns_below_dark(seed: int, level: float) -> None:
+    law = replace(CLEAR, exposure=1.0)
+    light = 1 + level * np.random.default_rng(seed).uniform(-1, 1)
+    image = degrade(GREY, level, np.random.default_rng(seed), law)
+    assert abs(int(image[0, 0, 0]) - np.clip(128 * light, 0, 255)) <= 0.51
+    assert len(np.unique(image)) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "most"),
+    [("patch", 1.5, "1"), ("streak_px", -2.0, "1000"), ("noise", float("nan"), "255"), ("blur_px", "2", "100")],
+)
+def test_a_strength_that_cannot_be_is_named_with_what_can(name: str, value: object, most: str) -> None:
+    told = re.escape(f"WebcamLaw.{name} = {value!r}: expected a number from 0 to {most}")
+    with pytest.raises(ConfigError, match=f"{told}$"):
+        WebcamLaw(**{name: value})
+
+
+def test_a_smaller_image_has_less_noise_and_shorter_blur_and_streak() -> None:
+    law = WebcamLaw(streak_px=2.0, patch=0.1).scaled(0.25)
+    assert law == WebcamLaw(blur_px=0.1, noise=0.625, streak_px=0.5, patch=0.1)
+
+
+def test_a_larger_image_has_no_more_than_there_can_be() -> None:
+    assert WebcamLaw(noise=200.0).scaled(2.0).noise == 255.0
 
 
 def test_streak_and_patch_are_off_until_asked_for() -> None:

@@ -45,11 +45,12 @@ class WebcamLaw:
                 raise ConfigError(f"WebcamLaw.{field.name} = {value!r}: expected a number from 0 to {most:g}")
 
     def scaled(self, share: float) -> WebcamLaw:
-        """The law of an image with this share of the pixels across, each the mean of many: less of what is told in
-        pixels and of the noise is left."""
-        return replace(
-            self, blur_px=self.blur_px * share, noise=self.noise * share, streak_px=self.streak_px * share
-        )
+        """The law of the same image with this share of its pixels across.
+
+        Fewer pixels, each the mean of many: less of the noise is left, and blur and streak are shorter.
+        """
+        names = ("blur_px", "noise", "streak_px")
+        return replace(self, **{name: min(getattr(self, name) * share, _MOST[name]) for name in names})
 
 
 def degrade(image: Image, level: float, rng: np.random.Generator, law: WebcamLaw | None = None) -> Image:
