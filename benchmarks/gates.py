@@ -32,6 +32,7 @@ from tral_fsm.bench.host import host
 from tral_fsm.cli.drive import Camera, Randomization
 from tral_fsm.cli.files import prepare_folder
 from tral_fsm.report.summary import wilson
+from tral_fsm.rollout import outcome
 
 TOGETHER = 8
 """Drives in one batch."""
@@ -121,13 +122,11 @@ class Watch:
 
     def record(self, info: dict[str, Any]) -> dict[str, Any]:
         """The drive as a line of the file."""
-        collision = bool(info["collision"])
-        outcome = "success" if info["success"] else "collision" if collision else "timeout"
         return {
             "kind": "drive",
             "seed": self.seed,
-            "outcome": "missed_gate" if info["missed_gate"] else outcome,
-            "gate_contact": collision and near_post(self.plan, info["pose"]) < TOUCH_M,
+            "outcome": outcome(info),
+            "gate_contact": bool(info["collision"]) and near_post(self.plan, info["pose"]) < TOUCH_M,
             "time_s": round(float(info["time_s"]), 3),
             "progress": round(float(info["progress"]), 4),
             "gates": [

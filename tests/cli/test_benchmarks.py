@@ -166,6 +166,22 @@ def test_only_a_collision_beside_a_post_is_one_with_it(y: float, collision: bool
     assert passed(5.1, 0.1).record(info | {"pose": pose})["gate_contact"] is contact
 
 
+@pytest.mark.parametrize(
+    ("true", "told"),
+    [
+        ({"success"}, "success"),
+        ({"collision"}, "collision"),
+        ({"collision", "missed_gate"}, "collision"),  # a post is hit in the tick that passes beside it
+        ({"missed_gate"}, "missed_gate"),
+        (set(), "timeout"),
+    ],
+)
+def test_a_drive_at_gates_ends_as_any_other_drive_does(true: set[str], told: str) -> None:
+    info = {name: np.bool_(name in true) for name in ("success", "collision", "missed_gate")}
+    ending = {"pose": np.array([9.0, 0.1, 0.0]), "time_s": 9.0, "progress": 0.5}
+    assert passed(9.0, 0.1).record(info | ending)["outcome"] == told
+
+
 def test_the_table_of_gates_has_a_row_a_file_with_its_interval(tmp_path: Path) -> None:
     drives = [drive_record(k, "success" if k else "collision", y=0.12 + 0.01 * k) for k in (0, 1, 2, 8)]
     (row,) = gates.markdown([gates_file(tmp_path / "a.jsonl", *drives)]).splitlines()[2:]
