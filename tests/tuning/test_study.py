@@ -12,7 +12,7 @@ from courses import blind
 
 from tral_env.errors import ConfigError, MissingExtraError
 from tral_fsm.library import load
-from tral_fsm.tuning import Objective, Progress, Racing, Settings, Task, Tuned, tune
+from tral_fsm.tuning import Objective, Progress, Racing, Settings, Stage, Task, Tuned, tune
 from tral_fsm.tuning.evaluate import Evaluator
 from tral_fsm.tuning.journal import NAME
 from tral_fsm.tuning.optuna_search import front
@@ -115,6 +115,21 @@ def test_what_was_asked_differently_is_not_resumed(whole: tuple[Path, Tuned], tm
 @pytest.mark.slow
 def test_two_processes_find_what_one_does(whole: tuple[Path, Tuned]) -> None:
     assert search(None, processes=2).trials == whole[1].trials
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_it_says_what_is_under_way_and_counts_every_drive(processes: int) -> None:
+    stages: list[Stage] = []
+    settings = replace(SETTINGS, budget=4)
+    tuned = tune(CRASHING, PARAMS, TASK, settings=settings, processes=processes, on_stage=stages.append)
+    spent = sum(each.drives for each in tuned.trials)
+    counts = {
+        name: [each.done for each in stages if each.name == name] for name in dict.fromkeys(s.name for s in stages)
+    }
+    assert list(counts) == ["as it was", "search", "finals", "check"]
+    assert all(done == sorted(done) and done[0] == 0 for done in counts.values())
+    assert [done[-1] for done in counts.values()] == [2, spent, 2, 4]
+    assert [next(each.total for each in stages if each.name == name) for name in counts] == [2, 4, 2, 4]
 
 
 def test_a_race_drops_the_weaker_half_after_the_first_courses() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shlex
@@ -19,6 +20,8 @@ from tral_fsm.cli.files import prepare_folder, write_json
 from tral_fsm.cli.tune_show import Bar, print_result
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from tral_fsm.definition import MachineDefinition
     from tral_fsm.tuning import Tuned
 
@@ -113,18 +116,31 @@ def run(arguments: options.TuneArguments, machine: MachineDefinition) -> tuple[T
     _check(arguments, machine)
     prepare_folder(arguments.out)
     origin = _origin()
-    tuned = _tune(arguments, machine, origin)
-    asked = {
-        "policy": arguments.policy,
-        "task": arguments.task.record(),
-        "settings": json.loads(json.dumps(asdict(arguments.settings))),
-    }
-    report = {"command": origin, **asked, "versions": versions(), **tuned.record()}
-    write_json(arguments.out / "tune.json", report)
-    if arguments.save_as is not None:
-        save(tuned, arguments.save_as, origin)
-    _write_page(arguments, tuned, origin, report["versions"]["tral-env"])
+    with _shown() as bar:
+        tuned = _tune(arguments, machine, origin, bar)
+        asked = {
+            "policy": arguments.policy,
+            "task": arguments.task.record(),
+            "settings": json.loads(json.dumps(asdict(arguments.settings))),
+        }
+        report = {"command": origin, **asked, "versions": versions(), **tuned.record()}
+        write_json(arguments.out / "tune.json", report)
+        if arguments.save_as is not None:
+            save(tuned, arguments.save_as, origin)
+        _write_page(arguments, tuned, report, bar)
     return tuned, report
+
+
+@contextlib.contextmanager
+def _shown() -> Iterator[Bar]:
+    """A bar that Ctrl-C ends with a word on what is kept."""
+    with Bar() as bar:
+        try:
+            yield bar
+        except KeyboardInterrupt:
+            bar.stop()
+            typer.echo(_KEPT, err=True)
+            raise
 
 
 def _check(arguments: options.TuneArguments, machine: MachineDefinition) -> None:
@@ -141,36 +157,38 @@ def _check(arguments: options.TuneArguments, machine: MachineDefinition) -> None
         prepare_folder(arguments.save_as.parent)
 
 
-def _tune(arguments: options.TuneArguments, machine: MachineDefinition, origin: str) -> Tuned:
+def _tune(arguments: options.TuneArguments, machine: MachineDefinition, origin: str, bar: Bar) -> Tuned:
     from tral_fsm.tuning import tune
 
-    with Bar(arguments.settings.budget) as bar:
-        try:
-            return tune(
-                machine,
-                arguments.params,
-                arguments.task,
-                objective=arguments.objective,
-                settings=arguments.settings,
-                tie=arguments.tie,
-                processes=arguments.processes,
-                out=arguments.out,
-                resume=arguments.resume,
-                storage=arguments.storage,
-                origin=origin,
-                on_progress=bar,
-            )
-        except KeyboardInterrupt:
-            bar.stop()
-            typer.echo(_KEPT, err=True)
-            raise
+    return tune(
+        machine,
+        arguments.params,
+        arguments.task,
+        objective=arguments.objective,
+        settings=arguments.settings,
+        tie=arguments.tie,
+        processes=arguments.processes,
+        out=arguments.out,
+        resume=arguments.resume,
+        storage=arguments.storage,
+        origin=origin,
+        on_progress=bar.best,
+        on_stage=bar.stage,
+    )
 
 
-def _write_page(arguments: options.TuneArguments, tuned: Tuned, origin: str, version: str) -> None:
+def _write_page(arguments: options.TuneArguments, tuned: Tuned, report: dict[str, Any], bar: Bar) -> None:
     from tral_fsm.report.tuning_page import Page, save_report
 
-    page = Page(tuned=tuned, task=arguments.task, objective=arguments.objective, command=origin, version=version)
-    save_report(page, arguments.out / "report.html", processes=arguments.processes, size=arguments.grid)
+    page = Page(
+        tuned=tuned,
+        task=arguments.task,
+        objective=arguments.objective,
+        command=report["command"],
+        version=report["versions"]["tral-env"],
+    )
+    path = arguments.out / "report.html"
+    save_report(page, path, processes=arguments.processes, size=arguments.grid, on_stage=bar.stage)
 
 
 def _origin() -> str:

@@ -14,26 +14,38 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from tral_fsm.tuning import Progress, Tuned
+    from tral_fsm.tuning import Progress, Stage, Tuned
     from tral_fsm.tuning.heldout import Comparison, Estimate
 
 
-class Bar:
-    """Progress on stderr, with the best so far."""
+STAGES = {
+    "as it was": "the machine as it was",
+    "search": "search",
+    "finals": "finals on fresh courses",
+    "check": "check on held-out courses",
+    "around": "report: cost around the result",
+    "steps": "report: steps in clearance",
+}
+"""Name of a stage -> what the bar says."""
 
-    def __init__(self, budget: int) -> None:
+
+class Bar:
+    """Progress on stderr: a line for each stage, that of the search with the best so far."""
+
+    def __init__(self) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+        from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
         self._bar = Progress(
             TextColumn("{task.description}", markup=False),
             BarColumn(),
-            TextColumn("{task.completed:.0f}/{task.total:.0f} drives"),
+            TextColumn("{task.completed:.0f}/{task.total:.0f} {task.fields[unit]}"),
             TimeElapsedColumn(),
             TimeRemainingColumn(),
             console=Console(stderr=True),
         )
-        self._task = self._bar.add_task("tune", total=budget)
+        self._tasks: dict[str, TaskID] = {}
+        self._best = ""
 
     def __enter__(self) -> Bar:
         self._bar.start()
@@ -46,12 +58,21 @@ class Bar:
         """Leave the terminal to others."""
         self._bar.stop()
 
-    def __call__(self, progress: Progress) -> None:
-        """Show where the search is."""
-        said = f"cost {progress.best.cost:.3f} (was {progress.old.cost:.3f})"
-        if progress.drives >= progress.budget:
-            said += ", checking"
-        self._bar.update(self._task, completed=min(progress.drives, progress.budget), description=said)
+    def best(self, progress: Progress) -> None:
+        """Show what the best costs."""
+        self._best = f": cost {progress.best.cost:.3f} (was {progress.old.cost:.3f})"
+        self._update("search", progress.drives, progress.budget, "drives")
+
+    def stage(self, stage: Stage) -> None:
+        """Show what is under way."""
+        self._update(stage.name, stage.done, stage.total, stage.unit)
+
+    def _update(self, name: str, done: int, total: int, unit: str) -> None:
+        said = STAGES[name] + (self._best if name == "search" else "")
+        if name not in self._tasks:
+            self._tasks[name] = self._bar.add_task(said, total=total, unit=unit)
+        # The last generation is finished, whatever the budget.
+        self._bar.update(self._tasks[name], completed=min(done, total), description=said)
 
 
 def print_result(tuned: Tuned, out: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
 
@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from tral_fsm.report import tuning_figures as pictures
 from tral_fsm.report import tuning_model
 from tral_fsm.tuning.classical import Gains, lqr, margins
-from tral_fsm.tuning.evaluate import Evaluator, Task
-from tral_fsm.tuning.experiments import WallState, relay, step, wall_states
+from tral_fsm.tuning.evaluate import Evaluator, OnStage, Stage, Task
+from tral_fsm.tuning.experiments import Response, WallState, relay, step, wall_states
 from tral_fsm.tuning.heldout import Comparison, Estimate
 from tral_fsm.tuning.objective import Objective
 from tral_fsm.tuning.parameters import Parameter
@@ -51,7 +51,7 @@ class Page:
     version: str
 
 
-def save_report(page: Page, path: Path, *, processes: int = 1, size: int = 9) -> None:
+def save_report(page: Page, path: Path, *, processes: int = 1, size: int = 9, on_stage: OnStage | None = None) -> None:
     """Write the report.
 
     Args:
@@ -59,10 +59,11 @@ def save_report(page: Page, path: Path, *, processes: int = 1, size: int = 9) ->
         path: of the HTML file.
         processes: how many drive the grids.
         size: points along a side of the plane and along a line; 0: neither is driven.
+        on_stage: called with what is under way: "around", drives around what was found, then "steps", the responses.
     """
-    around = _probe(page, processes, size) if size > 1 else None
+    around = _probe(page, processes, size, on_stage) if size > 1 else None
     body = [_head(page), _checked(page.tuned.comparison), _numbers(page.tuned), *_pictures(page, around)]
-    body += _classical(page)
+    body += _classical(page, on_stage)
     title = escape(f"Tuning of {page.tuned.old.name or 'a machine'}")
     html = (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
@@ -73,13 +74,13 @@ def save_report(page: Page, path: Path, *, processes: int = 1, size: int = 9) ->
     part.replace(path)
 
 
-def _probe(page: Page, processes: int, size: int) -> Probe | None:
+def _probe(page: Page, processes: int, size: int, on_stage: OnStage | None) -> Probe | None:
     tuned = page.tuned
     values = [each.start for each in tuned.parameters] if tuned.values is None else list(tuned.values)
     real = _order(tuned.parameters)[:_MOST_LINES]
     if not real:
         return None
-    with Evaluator(page.task, processes=processes) as evaluator:
+    with Evaluator(page.task, processes=processes, on_stage=on_stage) as evaluator:
         return probe(
             evaluator,
             tuned.new,
@@ -266,7 +267,7 @@ def _marks(page: Page, found: Sequence[float], before: Sequence[float]) -> dict[
     return marks
 
 
-def _classical(page: Page) -> list[str]:
+def _classical(page: Page, on_stage: OnStage | None) -> list[str]:
     """The first state that follows a wall, before and after, in the linear model and in the simulation."""
     pairs = list(zip(wall_states(page.tuned.old), wall_states(page.tuned.new), strict=False))
     if not pairs:
@@ -274,7 +275,7 @@ def _classical(page: Page) -> list[str]:
     old, new = next((pair for pair in pairs if pair[0] != pair[1]), pairs[0])
     gains: dict[str, tuple[Gains, float]] = {"was": (old.gains, old.speed), "now": (new.gains, new.speed)}
     gains["LQR"] = (lqr(new.speed), new.speed)
-    responses = {name: (each, speed, step(each, speed)) for name, (each, speed) in gains.items()}
+    responses = _responses(gains, on_stage)
     return [
         picture(
             tuning_model.steps(responses),
@@ -291,6 +292,20 @@ def _classical(page: Page) -> list[str]:
             [margin_row(name, WallState(name=name, gains=each, speed=speed)) for name, (each, speed) in gains.items()],
         ),
     ]  # fmt: skip
+
+
+def _responses(
+    gains: dict[str, tuple[Gains, float]], on_stage: OnStage | None
+) -> dict[str, tuple[Gains, float, Response]]:
+    found: dict[str, tuple[Gains, float, Response]] = {}
+    stage = Stage(name="steps", done=0, total=len(gains), unit="responses")
+    for name, (each, speed) in gains.items():
+        if on_stage is not None:
+            on_stage(replace(stage, done=len(found)))
+        found[name] = each, speed, step(each, speed)
+    if on_stage is not None:
+        on_stage(replace(stage, done=len(found)))
+    return found
 
 
 def margin_row(name: str, state: WallState) -> list[str]:

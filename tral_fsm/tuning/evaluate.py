@@ -6,8 +6,8 @@ import math
 import multiprocessing
 import signal
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from concurrent.futures import FIRST_EXCEPTION, Future, ProcessPoolExecutor, wait
+from dataclasses import asdict, dataclass, replace
 from types import TracebackType
 from typing import Any, Self
 
@@ -20,6 +20,8 @@ from tral_fsm.tuning.objective import Objective
 
 Course = tuple[str, int]
 """Scenario and seed."""
+_LOOK_S = 0.2
+"""So often the drives of other processes are counted."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,21 +83,38 @@ class Scored:
     """It has driven all courses."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Stage:
+    """What is under way, and how far."""
+
+    name: str
+    done: int
+    total: int
+    unit: str = "drives"
+
+
+OnStage = Callable[[Stage], None]
+
+
 class Evaluator:
     """Drives machines on courses; a context manager. The results do not depend on `processes` or `rows`."""
 
-    def __init__(self, task: Task, *, processes: int = 1, rows: int = ROWS) -> None:
+    def __init__(self, task: Task, *, processes: int = 1, rows: int = ROWS, on_stage: OnStage | None = None) -> None:
         """Nothing is built before the first drive.
 
         Args:
             task: families, randomization and camera; the seeds are named by each call.
             processes: how many work.
             rows: drives at once in each.
+            on_stage: called when a stage begins, and in it whenever drives have ended.
         """
         self.task, self.processes, self.rows = task, processes, rows
+        self._on_stage = on_stage
+        self._stage = Stage(name="", done=0, total=0)
         self._fleet: Fleet | None = None
         self._pool: ProcessPoolExecutor | None = None
         self._stop: Any = None
+        self._ended: Any = None
 
     def __enter__(self) -> Self:
         return self
@@ -113,17 +132,29 @@ class Evaluator:
             self._fleet.close()
             self._fleet = None
 
+    def stage(self, name: str, total: int, done: int = 0) -> None:
+        """Name what is driven from now on, for `on_stage`."""
+        self._stage = Stage(name=name, done=done, total=total)
+        self._count(0)
+
+    def _count(self, ended: int) -> None:
+        """So many more drives have ended."""
+        self._stage = replace(self._stage, done=self._stage.done + ended)
+        if self._on_stage is not None:
+            self._on_stage(self._stage)
+
     def drive(self, machines: Sequence[MachineDefinition], jobs: Sequence[Job]) -> list[Drive]:
         """Drive all jobs; how each went, in their order."""
         if self.processes == 1 or len(jobs) == 1:
             if self._fleet is None:
                 self._fleet = _fleet(self.task, self.rows)
-            return self._fleet.drive(machines, jobs)
+            return self._fleet.drive(machines, jobs, _changes(self._count))
         if self._pool is None:
             self._start()
         assert self._pool is not None
         parts = [list(jobs[k :: self.processes]) for k in range(self.processes)]
         futures: list[Future[list[Drive]]] = [self._pool.submit(_drive, list(machines), part) for part in parts]
+        self._watch(futures)
         drives: list[Drive | None] = [None] * len(jobs)
         for k, future in enumerate(futures):
             drives[k :: self.processes] = future.result()
@@ -132,8 +163,22 @@ class Evaluator:
     def _start(self) -> None:
         # Threads do not survive a fork.
         context = multiprocessing.get_context("spawn")
-        self._stop = context.Event()
-        self._pool = ProcessPoolExecutor(self.processes, context, _begin, (self.task, self.rows, self._stop))
+        self._stop, self._ended = context.Event(), context.Value("l", 0)
+        shared = self.task, self.rows, self._stop, self._ended
+        self._pool = ProcessPoolExecutor(self.processes, context, _begin, shared)
+
+    def _watch(self, futures: Sequence[Future[list[Drive]]]) -> None:
+        """Count the drives of the processes until all have ended, or one has failed."""
+        counted = self._ended.value
+        done, left = wait(futures, _LOOK_S, FIRST_EXCEPTION)
+        while True:
+            ended = self._ended.value
+            if ended > counted:
+                self._count(ended - counted)
+            counted = ended
+            if not left or any(each.exception() for each in done):
+                return
+            done, left = wait(futures, _LOOK_S, FIRST_EXCEPTION)
 
     def on_courses(self, machines: Sequence[MachineDefinition], courses: Iterable[Course]) -> list[list[Drive]]:
         """Every machine on every course; per machine its drives in the order of the courses."""
@@ -179,6 +224,19 @@ def _fleet(task: Task, rows: int) -> Fleet:
     return Fleet(task.scenarios, randomization=task.randomization, camera=task.camera, rows=rows, stuck_s=task.stuck_s)
 
 
+def _changes(count: Callable[[int], None]) -> Callable[[int], None]:
+    """Of a number that is told each tick, pass on by how much it has grown."""
+    before = 0
+
+    def changed(now: int) -> None:
+        nonlocal before
+        if now > before:
+            count(now - before)
+            before = now
+
+    return changed
+
+
 class StoppedError(Exception):
     """A worker was told to give up its drives."""
 
@@ -187,22 +245,29 @@ class _Worker:
     """What a process of its own keeps from call to call."""
 
     fleet: Fleet
-    check: Callable[[int], None]
+    stop: Any
+    ended: Any
 
 
-def _begin(task: Task, rows: int, stop: Any) -> None:
+def _begin(task: Task, rows: int, stop: Any, ended: Any) -> None:
     """Prepare a process. Ctrl-C is for the one that started it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    ticks = 0
-
-    def check(_: int) -> None:
-        nonlocal ticks
-        ticks += 1
-        if ticks % 32 == 0 and stop.is_set():
-            raise StoppedError
-
-    _Worker.fleet, _Worker.check = _fleet(task, rows), staticmethod(check)
+    _Worker.fleet, _Worker.stop, _Worker.ended = _fleet(task, rows), stop, ended
 
 
 def _drive(machines: list[MachineDefinition], jobs: list[Job]) -> list[Drive]:
-    return _Worker.fleet.drive(machines, jobs, _Worker.check)
+    ticks, count = 0, _changes(_add)
+
+    def check(ended: int) -> None:
+        nonlocal ticks
+        ticks += 1
+        if ticks % 32 == 0 and _Worker.stop.is_set():
+            raise StoppedError
+        count(ended)
+
+    return _Worker.fleet.drive(machines, jobs, check)
+
+
+def _add(ended: int) -> None:
+    with _Worker.ended.get_lock():
+        _Worker.ended.value += ended

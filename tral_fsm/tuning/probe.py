@@ -85,6 +85,7 @@ def probe(
     machines = [
         apply(machine, parameters, [point.get(k, value) for k, value in enumerate(values)]) for point in [*grid, *lines]
     ]
+    evaluator.stage("around", len(machines) * len(courses))
     drives = evaluator.on_courses(machines, courses)
     cost = np.array([objective.cost(mine) for mine in drives])
     failed = np.array([np.mean([not drive.success for drive in mine]) for mine in drives])

@@ -18,7 +18,7 @@ from tral_fsm import library
 from tral_fsm.definition import MachineDefinition
 from tral_fsm.fleet import Drive
 from tral_fsm.formats import by_suffix, write
-from tral_fsm.tuning.evaluate import Course, Evaluator, Racing, Scored, Task
+from tral_fsm.tuning.evaluate import Course, Evaluator, OnStage, Racing, Scored, Task
 from tral_fsm.tuning.heldout import Comparison, compare
 from tral_fsm.tuning.journal import Journal
 from tral_fsm.tuning.objective import Objective, parts
@@ -232,6 +232,7 @@ def tune(
     storage: str | None = None,
     origin: str = "tral_fsm.tuning.tune",
     on_progress: Callable[[Progress], None] | None = None,
+    on_stage: OnStage | None = None,
 ) -> Tuned:
     """Search numeric parameters of a machine; the same as `tral tune`.
 
@@ -248,6 +249,7 @@ def tune(
         storage: URL of a database or path of a journal file that other processes may work on too.
         origin: command, for the description of the machine.
         on_progress: called after each generation.
+        on_stage: called whenever drives have ended, with what they are for: "as it was", "search", "finals", "check".
 
     Returns:
         What was found. Where it was interrupted (KeyboardInterrupt), that is passed on, and `out` has what was found.
@@ -263,11 +265,12 @@ def tune(
     parameters = find(definition, list(params), tie=tie)
     study = Study(definition, parameters, task, objective, settings, out=out, resume=resume, storage=storage)
     began = time.perf_counter()
-    with Evaluator(task, processes=processes or os.cpu_count() or 1) as evaluator:
+    processes = processes or os.cpu_count() or 1
+    with Evaluator(task, processes=processes, on_stage=on_stage) as evaluator:
         tuned = _search(study, evaluator, origin, on_progress)
         _finals(study, tuned, evaluator)
     if settings.report_seeds:
-        _hold_out(study, tuned, processes or os.cpu_count() or 1)
+        _hold_out(study, tuned, processes, on_stage)
     tuned.complete, tuned.seconds = True, time.perf_counter() - began
     if out is not None:
         save(tuned, out / "machine.json", origin)
@@ -297,6 +300,7 @@ def final_seeds(task: Task, settings: Settings) -> tuple[int, ...]:
 def _search(study: Study, evaluator: Evaluator, origin: str, on_progress: Callable[[Progress], None] | None) -> Tuned:
     """Generations until the budget is spent."""
     task, settings = study.task, study.settings
+    evaluator.stage("as it was", len(task.courses))
     (old,) = evaluator.race([study.machine], task.courses, study.objective, Racing(keep=1.0))
     old_trial = _trial((), old)
     while True:
@@ -312,6 +316,7 @@ def _search(study: Study, evaluator: Evaluator, origin: str, on_progress: Callab
                 on_progress(Progress(generation=count, drives=drives, budget=settings.budget, best=best, old=old_trial))
             if drives >= settings.budget:
                 return tuned
+        evaluator.stage("search", settings.budget, drives)
         study.generation(evaluator)
 
 
@@ -339,13 +344,14 @@ def _finals(study: Study, tuned: Tuned, evaluator: Evaluator) -> None:
     seeds = final_seeds(study.task, study.settings)
     courses: list[Course] = [(scenario, seed) for seed in seeds for scenario in study.task.scenarios]
     machines = [study.machine if each is None else apply(study.machine, study.parameters, each) for each in values]
+    evaluator.stage("finals", len(machines) * len(courses))
     costs = [study.objective.cost(drives) for drives in evaluator.on_courses(machines, courses)]
     tuned.finals = list(zip(values, costs, strict=True))
     tuned.values, _ = min(tuned.finals, key=lambda each: each[1])
     tuned.new = machines[values.index(tuned.values)]
 
 
-def _hold_out(study: Study, tuned: Tuned, processes: int) -> None:
+def _hold_out(study: Study, tuned: Tuned, processes: int, on_stage: OnStage | None) -> None:
     """Old and new on the courses of the report, to the time limit."""
     task = Task(
         scenarios=study.task.scenarios,
@@ -354,7 +360,8 @@ def _hold_out(study: Study, tuned: Tuned, processes: int) -> None:
         camera=study.task.camera,
         stuck_s=None,
     )
-    with Evaluator(task, processes=processes) as evaluator:
+    with Evaluator(task, processes=processes, on_stage=on_stage) as evaluator:
+        evaluator.stage("check", 2 * len(task.courses))
         tuned.old_drives, tuned.new_drives = evaluator.on_courses([tuned.old, tuned.new], task.courses)
     tuned.comparison = compare(tuned.old_drives, tuned.new_drives, study.objective)
 
