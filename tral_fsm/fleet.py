@@ -23,6 +23,7 @@ from tral_fsm.definition import MachineDefinition
 from tral_fsm.machine import Machine
 from tral_fsm.machine_state import COLUMNS, MachineState
 from tral_fsm.rollout import Result, outcome
+from tral_fsm.settled import Settling
 
 Array = NDArray[np.float64]
 
@@ -33,7 +34,7 @@ STUCK_M = 0.25
 ERROR_BINS = np.linspace(-0.5, 0.5, 101)
 """Edges of the histogram of clearance errors, m; what is beyond is counted in the outermost bins."""
 _SEEN = len(COLUMNS)
-_SUMS = ("squares", "samples", "lateral", "speed", "steering", "ticks")
+_SUMS = ("squares", "samples", "settled_squares", "settled_samples", "lateral", "speed", "steering", "ticks")
 
 
 @dataclass(frozen=True)
@@ -181,6 +182,7 @@ class _Run:
         self._steering, self._best, self._since = np.zeros(n), np.zeros(n), np.zeros(n)
         self._sums = {name: np.zeros(n) for name in _SUMS}
         self._errors = np.zeros((n, len(ERROR_BINS) - 1), np.int64)
+        self._settling = Settling(n)
 
     def fill(self, free: NDArray[np.int64]) -> None:
         """Give the next jobs to free rows."""
@@ -196,6 +198,7 @@ class _Run:
             for values in (*self._sums.values(), self._steering, self._best, self._since):
                 values[rows] = 0.0
             self._errors[rows] = 0
+            self._settling.begin(rows)
         self.active = np.flatnonzero(self._job >= 0)
         self._observation = self.fleet.corridor.observation()
 
@@ -236,14 +239,16 @@ class _Run:
     def _add(self, step: Step) -> None:
         """Add a tick to the sums."""
         rows, info, sums = self.active, step.info, self._sums
-        error = info["clearance_error_m"][rows]
+        error, speed = (np.asarray(info[name][rows], np.float64) for name in ("clearance_error_m", "speed_mps"))
         known = np.isfinite(error)
-        sums["squares"][rows] += np.where(known, error, 0.0) ** 2
-        sums["samples"][rows] += known
+        settled = self._settling.add(rows, self.fleet.corridor.wanted_clearance[rows], error, speed)
+        for name, counts in (("", known), ("settled_", settled)):
+            sums[name + "squares"][rows] += np.where(counts, error, 0.0) ** 2
+            sums[name + "samples"][rows] += counts
         bins = np.clip(np.searchsorted(ERROR_BINS, error[known], "right") - 1, 0, len(ERROR_BINS) - 2)
         self._errors[rows[known], bins] += 1
         sums["lateral"][rows] += info["lateral_offset_m"][rows] ** 2
-        sums["speed"][rows] += info["speed_mps"][rows]
+        sums["speed"][rows] += speed
         steering = self.fleet.corridor.sim.command[rows, 0]
         sums["steering"][rows] += np.abs(steering - self._steering[rows])
         sums["ticks"][rows] += 1
@@ -258,7 +263,7 @@ class _Run:
         info = {name: values[row] for name, values in step.info.items()}
         sums = {name: float(values[row]) for name, values in self._sums.items()}
         number = int(self._job[row])
-        job, ticks, samples = self.jobs[number], sums["ticks"], int(sums["samples"])
+        job, ticks = self.jobs[number], sums["ticks"]
         self.drives[number] = Drive(
             scenario=job.scenario,
             seed=job.seed,
@@ -268,8 +273,10 @@ class _Run:
             route_m=float(self.fleet.corridor.track.length[row]),
             time_s=float(info["time_s"]),
             mean_speed=sums["speed"] / ticks,
-            clearance_rmse=math.sqrt(sums["squares"] / samples) if samples else math.nan,
-            clearance_samples=samples,
+            clearance_rmse=_root_mean(sums["squares"], sums["samples"]),
+            clearance_samples=int(sums["samples"]),
+            settled_rmse=_root_mean(sums["settled_squares"], sums["settled_samples"]),
+            settled_samples=int(sums["settled_samples"]),
             lateral_rms=math.sqrt(sums["lateral"] / ticks),
             steering_travel=sums["steering"],
             gates_passed=int(info["gates_passed"]),
@@ -281,3 +288,7 @@ class _Run:
         self._idle[job.machine].append(machine)
         self._job[row] = -1
         self.ended += 1
+
+
+def _root_mean(squares: float, samples: float) -> float:
+    return math.sqrt(squares / samples) if samples else math.nan

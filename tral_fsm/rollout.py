@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tral_env.interface import Policy
 from tral_fsm.machine import Transit
 from tral_fsm.policy import MachinePolicy
+from tral_fsm.settled import settled_ticks
 
 Array = NDArray[np.float64]
 _NONE_WANTED = (math.nan, math.nan)
@@ -85,6 +86,9 @@ class Result:
     """Root of the mean square of the clearance error, m; NaN if there was none to measure."""
     clearance_samples: int
     """Ticks at which there was one."""
+    settled_rmse: float
+    """The same over the ticks at which the car had arrived at the clearance, see `tral_fsm.settled`, m; or NaN."""
+    settled_samples: int
     lateral_rms: float
     """Root of the mean square of the distance from the route, m."""
     gates_passed: int
@@ -97,7 +101,6 @@ class Result:
 
     def record(self) -> dict[str, Any]:
         """The numbers fit for JSON and for `report.summary.summarize`: what could not be measured is None."""
-        rmse = None if math.isnan(self.clearance_rmse) else round(self.clearance_rmse, 5)
         return {
             "scenario": self.scenario,
             "seed": self.seed,
@@ -107,12 +110,18 @@ class Result:
             "progress": round(self.progress, 4),
             "time_s": round(self.time_s, 4),
             "mean_speed_mps": round(self.mean_speed, 4),
-            "clearance_rmse_m": rmse,
+            "clearance_rmse_m": _measured(self.clearance_rmse),
             "clearance_samples": self.clearance_samples,
+            "settled_rmse_m": _measured(self.settled_rmse),
+            "settled_samples": self.settled_samples,
             "lateral_rms_m": round(self.lateral_rms, 5),
             "gates_passed": self.gates_passed,
             "gates_total": self.gates_total,
         }
+
+
+def _measured(metres: float) -> float | None:
+    return None if math.isnan(metres) else round(metres, 5)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,6 +227,8 @@ def _episode(seed: int, scenario: str, ticks: list[Tick]) -> Episode:
     trace = _trace(ticks)
     last = ticks[-1].info
     errors = trace.clearance_error[np.isfinite(trace.clearance_error)]
+    wanted = np.array([tick.wanted for tick in ticks], float)
+    settled = trace.clearance_error[settled_ticks(wanted, trace.clearance_error, trace.speed)]
     return Episode(
         seed=seed,
         scenario=scenario,
@@ -228,6 +239,8 @@ def _episode(seed: int, scenario: str, ticks: list[Tick]) -> Episode:
         mean_speed=float(np.mean(trace.speed)),
         clearance_rmse=float(np.sqrt(np.mean(errors**2))) if len(errors) else math.nan,
         clearance_samples=len(errors),
+        settled_rmse=float(np.sqrt(np.mean(settled**2))) if len(settled) else math.nan,
+        settled_samples=len(settled),
         lateral_rms=float(np.sqrt(np.mean(trace.lateral_offset**2))),
         gates_passed=int(last["gates_passed"]),
         gates_total=int(last["gates_total"]),

@@ -44,6 +44,12 @@ def test_the_clearance_error_is_measured_where_there_is_one() -> None:
     assert episode.clearance_rmse == pytest.approx(math.sqrt((3 * 0.04**2 + 2 * 0.03**2) / 5))
 
 
+def test_the_settled_error_is_that_from_the_first_arrival_on() -> None:
+    episode = drive(Lane(), Cruiser(), seed=1)  # within 5 cm from the first measured tick on
+    assert (episode.settled_samples, episode.settled_rmse) == (5, episode.clearance_rmse)
+    assert episode.record()["settled_rmse_m"] == pytest.approx(0.03633, abs=1e-5)
+
+
 def test_the_distance_from_the_route_is_measured_always() -> None:
     episode = drive(Lane(), Cruiser(), seed=1)
     # Ten steps, 20 cm and 10 cm in turn.

@@ -46,6 +46,13 @@ def test_the_histogram_of_errors_counts_every_measured_tick(fleet: Fleet) -> Non
     assert got.errors.sum() == got.clearance_samples > 100
 
 
+def test_the_settled_error_leaves_out_the_way_from_a_start_far_off(fleet: Fleet) -> None:
+    (got,) = fleet.drive(MACHINES, [Job(0, "straight", 4)])  # begins 68 cm beside its clearance
+    assert got.clearance_rmse > 0.1
+    assert got.settled_rmse < 0.03
+    assert 0.5 * got.clearance_samples < got.settled_samples < got.clearance_samples
+
+
 def test_a_second_call_finds_the_fleet_as_the_first_did(fleet: Fleet) -> None:
     first = fleet.drive(MACHINES, JOBS[:2])
     fleet.drive(MACHINES, JOBS[2:3])

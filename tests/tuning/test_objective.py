@@ -105,3 +105,15 @@ def test_the_bootstrap_interval_of_a_mean_is_near_the_normal_one() -> None:
 def test_one_drive_or_none_has_no_interval() -> None:
     assert bootstrap(lambda index: np.zeros(len(index)), 0).value is None
     assert mean_of([3.0]).low is None
+
+
+def test_the_settled_error_is_compared_beside_the_whole_one() -> None:
+    old = [drive(seed=k, settled_rmse=0.04) for k in range(4)]
+    new = [
+        drive(seed=0, settled_rmse=math.nan, settled_samples=0),
+        *(drive(seed=k, settled_rmse=0.03) for k in (1, 2, 3)),
+    ]
+    found = compare(old, new, Objective())
+    assert (found.old.settled_rmse_m.value, found.new.settled_rmse_m.value) == pytest.approx((0.04, 0.03))
+    assert found.settled_m.value == pytest.approx(-0.01)
+    assert found.clearance_m.value == 0.0

@@ -60,6 +60,8 @@ def test_it_says_the_verdict(tuned: tuple[Path, Result]) -> None:
     report = json.loads((folder / "tune.json").read_text())
     assert report["held_out"]["verdict"] in result.stdout
     assert "clearance RMSE [cm]" in result.stdout
+    assert "settled RMSE [cm]" in result.stdout
+    assert "<td>settled RMSE [cm]</td>" in (folder / "report.html").read_text()
 
 
 def test_the_bar_has_a_line_for_each_stage(tuned: tuple[Path, Result]) -> None:

@@ -118,6 +118,7 @@ def _held_out(comparison: Comparison) -> Table:
     table.add_row("success", *(estimate(each.success, 100.0, 0) + " %" for each in (old, new)), split)
     rows: Mapping[str, tuple[Estimate, Estimate, Estimate, float]] = {
         "clearance RMSE [cm]": (old.clearance_rmse_m, new.clearance_rmse_m, comparison.clearance_m, 100.0),
+        "settled RMSE [cm]": (old.settled_rmse_m, new.settled_rmse_m, comparison.settled_m, 100.0),
         "time [s/m]": (old.time_per_m, new.time_per_m, comparison.time_per_m, 1.0),
         "cost": (old.cost, new.cost, comparison.cost, 1.0),
     }

@@ -39,6 +39,8 @@ class Figures:
     collisions: int
     clearance_rmse_m: Estimate
     """Over all ticks of all drives; bootstrap over drives."""
+    settled_rmse_m: Estimate
+    """The same once the cars had arrived at their clearance, see `tral_fsm.settled`."""
     time_per_m: Estimate
     """Of those that arrived, s/m; bootstrap over drives."""
     steering_per_m: Estimate
@@ -64,6 +66,8 @@ class Comparison:
     """Mean difference; below 0 is better."""
     clearance_m: Estimate
     """Mean difference of the RMSE of drives where both arrived."""
+    settled_m: Estimate
+    """The same of the settled RMSE."""
     time_per_m: Estimate
     """Mean difference of drives where both arrived, s/m."""
 
@@ -116,21 +120,25 @@ def figures(drives: Sequence[Drive], objective: Objective) -> Figures:
     """How a machine did."""
     successes = sum(drive.success for drive in drives)
     low, high = wilson(successes, len(drives))
-    measured = [drive for drive in drives if drive.clearance_samples]
-    samples = np.array([drive.clearance_samples for drive in measured], float)
-    squares = samples * np.array([drive.clearance_rmse for drive in measured]) ** 2
     return Figures(
         drives=len(drives),
         successes=successes,
         success=Estimate(value=successes / len(drives), low=low, high=high),
         collisions=sum(drive.outcome == "collision" for drive in drives),
-        clearance_rmse_m=bootstrap(
-            lambda index: np.sqrt(squares[index].sum(axis=1) / samples[index].sum(axis=1)), len(measured)
-        ),
+        clearance_rmse_m=_pooled([(drive.clearance_rmse, drive.clearance_samples) for drive in drives]),
+        settled_rmse_m=_pooled([(drive.settled_rmse, drive.settled_samples) for drive in drives]),
         time_per_m=mean_of([drive.time_s / drive.route_m for drive in drives if drive.success]),
         steering_per_m=mean_of([drive.steering_travel / drive.route_m for drive in drives if drive.success]),
         cost=mean_of(objective.costs(drives).tolist()),
     )
+
+
+def _pooled(drives: Sequence[tuple[float, int]]) -> Estimate:
+    """RMSE over all samples of drives, from the RMSE and number of samples of each."""
+    measured = [each for each in drives if each[1]]
+    samples = np.array([count for _, count in measured], float)
+    squares = samples * np.array([rmse for rmse, _ in measured]) ** 2
+    return bootstrap(lambda index: np.sqrt(squares[index].sum(axis=1) / samples[index].sum(axis=1)), len(measured))
 
 
 def compare(old: Sequence[Drive], new: Sequence[Drive], objective: Objective) -> Comparison:
@@ -146,6 +154,7 @@ def compare(old: Sequence[Drive], new: Sequence[Drive], objective: Objective) ->
     only_new = sum(b.success and not a.success for a, b in pairs)
     both = [(a, b) for a, b in pairs if a.success and b.success]
     measured = [(a, b) for a, b in both if a.clearance_samples and b.clearance_samples]
+    settled = [(a, b) for a, b in both if a.settled_samples and b.settled_samples]
     return Comparison(
         old=figures(old, objective),
         new=figures(new, objective),
@@ -154,6 +163,7 @@ def compare(old: Sequence[Drive], new: Sequence[Drive], objective: Objective) ->
         sign_p=sign_test(only_old, only_new),
         cost=mean_of((objective.costs(new) - objective.costs(old)).tolist()),
         clearance_m=mean_of([b.clearance_rmse - a.clearance_rmse for a, b in measured]),
+        settled_m=mean_of([b.settled_rmse - a.settled_rmse for a, b in settled]),
         time_per_m=mean_of([(b.time_s - a.time_s) / a.route_m for a, b in both]),
     )
 
