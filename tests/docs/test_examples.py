@@ -22,6 +22,9 @@ CHEAPER = {
     'tral tune --policy wall --scenario straight --params "*.p,*.d" --budget 600 --out runs/tune': (
         "--seeds 0:1 --budget 4 --population 4 --report-seeds 500:501 --grid 0"
     ),
+    "tral tune --policy wall --sampler tpe --storage study.log --out runs/tune1": (
+        "--seeds 0:1 --budget 4 --population 4 --report-seeds none --grid 0"
+    ),
     "python benchmarks/compare.py --steps 20000 --scenario straight --seeds 1000:1010 --out runs/compare.json": (
         "--steps 512 --seeds 1000:1001"
     ),
@@ -55,7 +58,7 @@ LITERAL = (
 IN_CHECKOUT = ("ruff", "mypy")
 """Programs that look at the checkout; everything else runs in a folder of its own, with links to the checkout."""
 
-SKIPS_WITHOUT = {"benchmarks/compare.py": "stable_baselines3"}
+SKIPS_WITHOUT = {"benchmarks/compare.py": "stable_baselines3", "tpe": "optuna"}
 
 PAGE_SKIPS_WITHOUT = {"docs/learning.md": ("stable_baselines3", "skrl")}
 
