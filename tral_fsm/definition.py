@@ -310,6 +310,12 @@ class ArucoGateFoundSpec(SightingSpec):
 
     type: Literal["ArucoGateFound"] = "ArucoGateFound"
     hand_over: bool = Field(True, description="the next state must be targetable and takes the gate as its target")
+    narrower_than: float | None = quantity(
+        None, "m", "only a gate whose opening, as far as it has been seen, is narrower", gt=0.0, le=5.0
+    )
+    one_post: bool = Field(
+        False, description="also fires when only one of its markers was ever seen: the middle is guessed beside it"
+    )
 
 
 class MarkerFoundSpec(SightingSpec):

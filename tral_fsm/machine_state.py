@@ -10,7 +10,14 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
-from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT, MAX_AGE_S, NO_ECHO_M
+from tral_env.interface import (
+    CONTROL_PERIOD_S,
+    CORE_LAYOUT,
+    GATE_MARKER_IDS,
+    MARKER_BOARD_WIDTH_M,
+    MAX_AGE_S,
+    NO_ECHO_M,
+)
 from tral_fsm.control import TRACK, clip, curvature, speed_control, steering_play, wrap
 from tral_fsm.tracking import BEND_PER_STEERING, Stand, Track
 from tral_fsm.walls import SENSOR_X, Ahead, Walls
@@ -26,6 +33,15 @@ _LOCK_LIMIT = 0.2
 _STALL_TICKS, _NEUTRAL_TICKS = 80, 16
 """A car that stands for so long although it should drive gets neutral for so long. Source: choice; 2016's motor
 controllers want 100 ms."""
+_HALF_GATE_M = 0.5
+"""A marker stands so far beside the middle of its gate, m. Source: choice, the family `gates` has 0.4 to 0.7."""
+_POST_ANGLE = math.radians(45.0)
+"""Gates are not guessed from markers that are seen more from the side than this. Source: choice."""
+_OPENING_GAIN = 0.2
+"""Share of an image's word on the width of a gate that is believed. Source: choice."""
+_NEAR_GATE_M, _GATE_ANGLE = 2.0, math.radians(22.0)
+"""A gate that is so near stands within this angle of its corridor. Source: the family `gates` has 10 degrees, and as
+much for the camera."""
 _QUARTER = math.pi / 2.0
 _HALF_PERIOD = CONTROL_PERIOD_S / 2.0
 
@@ -36,6 +52,11 @@ COLUMNS = CORE_LAYOUT.names
 def _is_new(age: float, age_before: float) -> bool:
     """A reading is new unless it only grew older by the tick since."""
     return age < MAX_AGE_S and age < age_before + _HALF_PERIOD
+
+
+def _quarter(angle: float) -> float:
+    """An angle less quarter turns, in [-45, 45) degrees, rad."""
+    return (angle + _QUARTER / 2.0) % _QUARTER - _QUARTER / 2.0
 
 
 class Sonar:
@@ -79,7 +100,7 @@ class Sonar:
 class Sighting:
     """A gate or marker, kept in the frame of dead reckoning, so that it can be found again when out of view."""
 
-    __slots__ = ("age", "heading", "id", "new", "x", "y")
+    __slots__ = ("age", "heading", "id", "new", "opening", "x", "y")
 
     def __init__(self) -> None:
         self.id = -1
@@ -87,6 +108,8 @@ class Sighting:
         self.x = 0.0
         self.y = 0.0
         self.heading = 0.0
+        self.opening = math.nan
+        """Of a gate, between its boards, m; NaN: not known yet."""
         self.age = MAX_AGE_S
         """s since the image was exposed."""
         self.new = False
@@ -117,6 +140,7 @@ class MachineState:
         "front",
         "gate",
         "given_trim",
+        "guessed_gate",
         "left",
         "lock_scale",
         "marker",
@@ -152,6 +176,8 @@ class MachineState:
         self.speed = 0.0
         """By the hall sensor, m/s."""
         self.gate = Sighting()
+        self.guessed_gate = Sighting()
+        """A gate of which only one marker has ever been seen: its middle is guessed."""
         self.marker = Sighting()
         self.applied_steering = 0.0
         """Last command, as applied."""
@@ -224,6 +250,9 @@ class MachineState:
         self._find_walls()
         self._see(self.gate, gate_id, gate_x, gate_y, gate_heading, gate_age)
         self._see(self.marker, marker_id, marker_x, marker_y, marker_heading, marker_age)
+        if self.gate.new and self.marker.new and self.marker.id // 2 == self.gate.id:
+            self._measure_gate(2.0 * math.hypot(gate_x - marker_x, gate_y - marker_y) - MARKER_BOARD_WIDTH_M)
+        self._guess_gate()
         self.wanted_side = self.wanted_clearance = self.speed_target = math.nan
 
     def _reckon(self) -> None:
@@ -257,7 +286,8 @@ class MachineState:
             return
         px, py, yaw = self._pose_before(age)
         cos, sin = math.cos(yaw), math.sin(yaw)
-        seen.id = int(number)
+        if seen.id != int(number):
+            seen.id, seen.opening = int(number), math.nan
         seen.x = px + cos * x - sin * y
         seen.y = py + sin * x + cos * y
         seen.heading = yaw + heading
@@ -275,6 +305,37 @@ class MachineState:
         self.set_trim(self.trim + trim)
         self.lock_scale = 1.0 + clip(self.lock_scale + lock - 1.0, _LOCK_LIMIT)
         gate.x, gate.y, gate.heading = track.x, track.y, track.heading
+        self._follow_axis(gate)
+
+    def _measure_gate(self, opening: float) -> None:
+        """Take the opening [m] of the gate in a new image."""
+        known = self.gate.opening
+        self.gate.opening = known + _OPENING_GAIN * (opening - known) if known == known else opening
+
+    def _guess_gate(self) -> None:
+        """Guess from a marker where the gate is whose other marker is out of view."""
+        marker, guess = self.marker, self.guessed_gate
+        guess.age = min(guess.age + CONTROL_PERIOD_S, MAX_AGE_S)
+        guess.new = (
+            marker.new
+            and marker.id in GATE_MARKER_IDS
+            and marker.id // 2 not in self._tracks
+            and abs(wrap(marker.heading - self.yaw)) < _POST_ANGLE
+        )
+        if guess.new:
+            guess.id, is_right = divmod(marker.id, 2)
+            left = _HALF_GATE_M if is_right else -_HALF_GATE_M
+            guess.x = marker.x - left * math.sin(marker.heading)
+            guess.y = marker.y + left * math.cos(marker.heading)
+            guess.heading, guess.age = marker.heading, marker.age
+            self._follow_axis(guess)
+
+    def _follow_axis(self, gate: Sighting) -> None:
+        """Corridors lead through their gates: a direction that contradicts the axis of a near one was wrong."""
+        near = math.hypot(gate.x - self.x, gate.y - self.y) < _NEAR_GATE_M
+        if near and abs(_quarter(gate.heading - self.corridor_yaw)) > _GATE_ANGLE:
+            self.corridor_yaw = gate.heading
+            self.walls.forget()
 
     def _pose_before(self, age: float) -> Pose:
         """Pose of dead reckoning some seconds ago."""
@@ -327,7 +388,7 @@ class MachineState:
     @property
     def heading(self) -> float:
         """Heading of the car against the corridor, in [-45, 45) degrees, rad: corridors meet at right angles."""
-        return (self.yaw - self.corridor_yaw + _QUARTER / 2.0) % _QUARTER - _QUARTER / 2.0
+        return _quarter(self.yaw - self.corridor_yaw)
 
     def learn_trim(self, gain: float, error: float) -> None:
         """Integrate a small deviation [m], + = too far right, with a gain [1/(m s)] into the trim."""

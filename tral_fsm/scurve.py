@@ -13,7 +13,7 @@ from tral_fsm import states
 from tral_fsm.arcs import Pose, TwoArcs, along, beside, out_of_reach, relative, two_arcs
 from tral_fsm.control import bend_onto, steering_for
 from tral_fsm.definition import DrivingSpec, quantity
-from tral_fsm.machine_state import MachineState
+from tral_fsm.machine_state import MachineState, Sighting
 from tral_fsm.states import NO_GATE, DrivingState
 
 _LEAD_S = 0.1
@@ -83,9 +83,9 @@ class SCurve(DrivingState[SCurveSpec]):
             self.begin = relative(self.target, (m.x, m.y, m.yaw))
             self.turning = along(self.begin, self.arcs.first, self.arcs.curvature)
 
-    def take(self, m: MachineState) -> None:
+    def take(self, m: MachineState, gate: Sighting) -> None:
         """Take a new sighting of the gate: plan anew, or, near the end, move the plan."""
-        gate, old = m.gate, self.arcs
+        old = self.arcs
         self.target = along((gate.x, gate.y, gate.heading), -self.spec.before - self.spec.straight)
         if old is None or m.from_here(*self.target)[0] > _LAST_PLAN:
             self.plan(m)
@@ -94,8 +94,9 @@ class SCurve(DrivingState[SCurveSpec]):
     def tick(self, m: MachineState) -> None:
         """Follow the way."""
         spec = self.spec
-        if m.gate.new and spec.track and m.gate.id == self.gate:
-            self.take(m)
+        for gate in (m.gate, m.guessed_gate):
+            if gate.new and spec.track and gate.id == self.gate:
+                self.take(m, gate)
         here = relative(self.target, (m.x, m.y, m.yaw))
         self.finished = here[0] >= spec.straight - spec.tolerance
         ahead, offset, heading = self.beside_way(here, _LEAD_S * m.speed)

@@ -274,12 +274,18 @@ class ArucoGateFound(Seen[ArucoGateFoundSpec]):
     """Fires when a gate is seen and hands it over."""
 
     def sighting(self, m: MachineState) -> Sighting:
-        """The nearest gate."""
-        return m.gate
+        """The nearest gate, or one that is guessed from its marker if there is none."""
+        is_old = m.gate.age > self.spec.max_age
+        return m.guessed_gate if self.spec.one_post and is_old else m.gate
+
+    def triggered(self, m: MachineState) -> bool:
+        """Seen, and as narrow as asked."""
+        narrower = self.spec.narrower_than
+        return super().triggered(m) and (narrower is None or self.sighting(m).opening < narrower)
 
     def hand_over(self, m: MachineState) -> Sighting | None:
         """The gate."""
-        return m.gate if self.spec.hand_over else None
+        return self.sighting(m) if self.spec.hand_over else None
 
 
 @runs(MarkerFoundSpec)

@@ -9,7 +9,7 @@ import numpy as np
 
 from tral_env.course.frames import TURNS, Frame, Rect, branch_width, stubs
 from tral_env.course.layout import Door, Gate, Tape
-from tral_env.interface import TURN_MARKER_IDS
+from tral_env.interface import MARKER_BOARD_WIDTH_M, TURN_MARKER_IDS
 
 WALL_THICKNESS = 0.15
 """m."""
@@ -21,8 +21,7 @@ LEAF = 0.04
 """Thickness of an open door's leaf, m."""
 FRAME_WIDTH = 0.06
 """Along the wall, on each side of a door, m."""
-BOARD_WIDTH = 0.24
-"""Marker of 0.18 m with a quiet zone of one module (0.03 m) on each side."""
+BOARD_WIDTH = MARKER_BOARD_WIDTH_M
 BOARD_THICKNESS = 0.03
 """m."""
 SIGN_HEIGHT = 0.22
