@@ -7,7 +7,8 @@ from typing import TypeVar
 
 from tral_fsm.control import clip, pid, pid_rate, ramp, slowed, steering_for
 from tral_fsm.definition import BasicFollowWallSpec, FollowWallRampSpec, FollowWallSpec, WallSpec
-from tral_fsm.machine_state import MachineState, Sonar
+from tral_fsm.machine_state import MachineState
+from tral_fsm.sensed import Sonar
 from tral_fsm.states import NO_GATE, DrivingState, runs
 
 W = TypeVar("W", bound=WallSpec)

@@ -16,9 +16,9 @@ from tral_env.interface import (
     GATE_MARKER_IDS,
     MARKER_BOARD_WIDTH_M,
     MAX_AGE_S,
-    NO_ECHO_M,
 )
 from tral_fsm.control import TRACK, clip, curvature, speed_control, steering_play, wrap
+from tral_fsm.sensed import Sighting, Sonar, is_new
 from tral_fsm.tracking import BEND_PER_STEERING, Stand, Track
 from tral_fsm.walls import SENSOR_X, Ahead, Walls
 
@@ -43,77 +43,14 @@ _NEAR_GATE_M, _GATE_ANGLE = 2.0, math.radians(22.0)
 """A gate that is so near stands within this angle of its corridor. Source: the family `gates` has 10 degrees, and as
 much for the camera."""
 _QUARTER = math.pi / 2.0
-_HALF_PERIOD = CONTROL_PERIOD_S / 2.0
 
 COLUMNS = CORE_LAYOUT.names
 """Readings a machine sees, in the order of the observation."""
 
 
-def _is_new(age: float, age_before: float) -> bool:
-    """A reading is new unless it only grew older by the tick since."""
-    return age < MAX_AGE_S and age < age_before + _HALF_PERIOD
-
-
 def _quarter(angle: float) -> float:
     """An angle less quarter turns, in [-45, 45) degrees, rad."""
     return (angle + _QUARTER / 2.0) % _QUARTER - _QUARTER / 2.0
-
-
-class Sonar:
-    """One ultrasonic sensor: its range now and the reading before."""
-
-    __slots__ = ("age", "fired", "interval", "name", "new", "previous", "range")
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-        """left, front or right."""
-        self.range = NO_ECHO_M
-        """m; 6: no echo."""
-        self.age = MAX_AGE_S
-        """s since the sensor fired."""
-        self.new = False
-        """This tick brought a new reading."""
-        self.previous = NO_ECHO_M
-        """The raw reading before, m."""
-        self.interval = 0.0
-        """Time between those two, s; 0 before there were two."""
-        self.fired = math.nan
-        """When the sensor fired, s on the machine's clock."""
-
-    def update(self, reading: float, age: float, time: float) -> None:
-        """Take the reading [m] and its age [s] of this tick."""
-        self.new = new = _is_new(age, self.age)
-        self.age = age
-        if new:
-            fired = time - age
-            self.previous = self.range
-            self.interval = fired - self.fired if self.fired == self.fired else 0.0
-            self.fired = fired
-            self.range = reading
-
-    @property
-    def echo(self) -> bool:
-        """Something answered."""
-        return self.range < NO_ECHO_M - 0.01
-
-
-class Sighting:
-    """A gate or marker, kept in the frame of dead reckoning, so that it can be found again when out of view."""
-
-    __slots__ = ("age", "heading", "id", "new", "opening", "x", "y")
-
-    def __init__(self) -> None:
-        self.id = -1
-        """-1: none yet."""
-        self.x = 0.0
-        self.y = 0.0
-        self.heading = 0.0
-        self.opening = math.nan
-        """Of a gate, between its boards, m; NaN: not known yet."""
-        self.age = MAX_AGE_S
-        """s since the image was exposed."""
-        self.new = False
-        """This tick brought a new image of it."""
 
 
 Pose = tuple[float, float, float]
@@ -280,7 +217,7 @@ class MachineState:
 
     def _see(self, seen: Sighting, number: float, x: float, y: float, heading: float, age: float) -> None:
         """Bring a sighting into the frame of dead reckoning, with the pose at which its image was exposed."""
-        seen.new = number >= 0.0 and _is_new(age, seen.age)
+        seen.new = number >= 0.0 and is_new(age, seen.age)
         seen.age = age
         if not seen.new:
             return

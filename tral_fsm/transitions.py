@@ -29,7 +29,8 @@ from tral_fsm.definition import (
     UnreachableSpec,
     register,
 )
-from tral_fsm.machine_state import MachineState, Sighting
+from tral_fsm.machine_state import MachineState
+from tral_fsm.sensed import Sighting
 from tral_fsm.states import State
 
 C = TypeVar("C", bound=ConditionSpec)

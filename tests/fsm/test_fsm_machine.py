@@ -5,7 +5,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 import pytest
-from readings import Bench, two_states
+from readings import Bench, one_state, two_states
 
 from tral_env.errors import MachineError
 from tral_env.interface import CORE_LAYOUT
@@ -259,6 +259,23 @@ class TestBlackboard:
         neutral = [bench.tick(speed=0.0)[1] == 0.0 for _ in range(96)]
         assert neutral == [False] * 80 + [True] * 16
         assert bench.tick(speed=0.0)[1] > 0.0
+
+
+class TestAxis:
+    """A near gate tells which way the corridor leads."""
+
+    @pytest.mark.parametrize(
+        ("axis_deg", "distance", "believed"),
+        [(21.0, 1.5, False), (23.0, 1.5, True), (-40.0, 1.5, True), (23.0, 2.5, False), (91.0, 1.5, False)],
+        ids=["askew", "too far off", "to the other side", "far away", "across"],
+    )
+    def test_it_mends_a_wrong_direction_of_the_corridor(self, axis_deg: float, distance: float, believed: bool) -> None:
+        bench = one_state(type="Motor", throttle=0.1)
+        gate = {"gate_id": 0.0, "gate_x": distance, "gate_y": 0.0, "gate_heading": math.radians(axis_deg)}
+        for _ in range(2):
+            bench.tick(**gate, gate_age=0.0)
+        expected = -axis_deg if believed else 0.0
+        assert math.degrees(bench.m.heading) == pytest.approx(expected, abs=0.01)
 
 
 class TestYourOwnState:

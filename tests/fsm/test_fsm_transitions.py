@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import pytest
 from readings import Bench, two_states
 
+from tral_env.interface import MARKER_BOARD_WIDTH_M
 from tral_fsm.control import curvature, steering_play
 from tral_fsm.definition import CONDITIONS
 from tral_fsm.transitions import RUNTIMES
@@ -142,6 +143,66 @@ class TestArucoGateFound:
 
     def test_a_gate_behind_is_none(self) -> None:
         assert not fires(self.gate(), **{**self.SEEN, "gate_x": -0.1})
+
+    @pytest.mark.parametrize(("limit", "narrow"), [(0.79, False), (0.81, True)])
+    def test_the_opening_is_told_by_the_middle_and_one_of_its_markers(self, limit: float, narrow: bool) -> None:
+        half = (0.8 + MARKER_BOARD_WIDTH_M) / 2.0
+        marker = {"marker_id": 6.0, "marker_x": 2.0, "marker_y": 0.5 + half, "marker_heading": 0.0, "marker_age": 0.0}
+        assert fires(self.gate(narrower_than=limit), **self.SEEN, **marker) == narrow
+
+    def test_an_opening_that_nobody_has_seen_is_not_narrow(self) -> None:
+        assert not fires(self.gate(narrower_than=5.0), **self.SEEN)
+
+
+class TestOnePost:
+    """The other marker of the gate was never in view."""
+
+    SEEN: ClassVar[dict[str, float]] = {
+        "marker_id": 7.0,
+        "marker_x": 2.0,
+        "marker_y": -0.5,
+        "marker_heading": 0.1,
+        "marker_age": 0.0,
+    }
+
+    def gate(self, **limits: object) -> Bench:
+        return two_states({"type": "ArucoGateFound", **limits}, second={"type": "SCurve", "speed": 0.4, "before": 0.0})
+
+    def test_it_is_no_gate_unless_asked_for(self) -> None:
+        assert not fires(self.gate(), **self.SEEN)
+        assert fires(self.gate(one_post=True), **self.SEEN)
+
+    @pytest.mark.parametrize(("marker", "side"), [(6.0, -1.0), (7.0, 1.0)], ids=["left post", "right post"])
+    def test_the_middle_is_guessed_half_a_metre_beside_it(self, marker: float, side: float) -> None:
+        bench = self.gate(one_post=True)
+        fires(bench, **{**self.SEEN, "marker_id": marker})
+        guess = bench.m.guessed_gate
+        assert guess.id == 3
+        x, y, heading = bench.m.from_here(guess.x, guess.y, guess.heading)
+        assert heading == pytest.approx(0.1)
+        assert (x - 2.0, y + 0.5) == pytest.approx((-side * 0.5 * math.sin(0.1), side * 0.5 * math.cos(0.1)))
+
+    def test_signs_at_crossings_are_no_posts(self) -> None:
+        assert not fires(self.gate(one_post=True), **{**self.SEEN, "marker_id": 40.0})
+
+    def test_a_marker_seen_from_the_side_is_none(self) -> None:
+        assert not fires(self.gate(one_post=True), **{**self.SEEN, "marker_heading": 0.9})
+
+    def test_a_gate_that_was_seen_whole_is_not_guessed(self) -> None:
+        bench = self.gate(one_post=True, max_age=0.2)
+        whole = {"gate_id": 3.0, "gate_x": 9.0, "gate_y": 0.0, "gate_heading": 0.0, "gate_age": 1.0}
+        bench.tick(**whole)
+        assert not fires(bench, **self.SEEN)
+
+    def test_the_way_is_planned_anew_once_the_gate_is_seen_whole(self) -> None:
+        bench = self.gate(one_post=True)
+        fires(bench, **self.SEEN)
+        bench.tick()
+        guessed = bench.machine.active.target
+        bench.tick(gate_id=3.0, gate_x=2.0, gate_y=0.3, gate_heading=0.0, gate_age=0.0)
+        x, y, heading = bench.m.from_here(*bench.machine.active.target)
+        assert bench.machine.active.target != guessed
+        assert (x, y, heading) == pytest.approx((2.0 - bench.machine.active.spec.straight, 0.3, 0.0))
 
 
 class TestMarkerFound:

@@ -4,9 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import tral_env
 from tral_env.corridor import Corridor, CorridorConfig
+from tral_env.course.layout import Course
 from tral_fsm import load_machine, load_policy, machine_names
 from tral_fsm.definition import FSMStateSpec
 from tral_fsm.fleet import Fleet, Job
@@ -24,6 +26,7 @@ MADE_FOR = {
     "crossing": "crossing",
 }
 SEEDS = range(5)
+Arrivals = tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float64]]
 COURSE = Path(tral_env.__file__).parent / "course" / "examples" / "default.json"
 
 
@@ -45,19 +48,37 @@ def test_office_drives_every_family() -> None:
     assert [(drive.scenario, drive.seed) for drive in drives if not drive.success] == []
 
 
-def test_the_known_route_is_driven_to_its_end() -> None:
-    rows = 4
-    world = Corridor(rows, CorridorConfig(course=COURSE))
+def drive_to_the_end(world: Corridor, machine: str) -> Arrivals:
+    """(n,) whether each row arrived, whether it hit something, and where it was in the end."""
+    rows = world.n
     world.reset(np.arange(rows), [np.random.default_rng(seed) for seed in range(rows)])
-    policy, driving, success = load_policy("known_route"), np.ones(rows, bool), np.zeros(rows, bool)
+    policy, driving = load_policy(machine), np.ones(rows, bool)
+    success, collision = np.zeros(rows, bool), np.zeros(rows, bool)
     policy.reset(rows)
     observation = world.observation()
     while driving.any():
         step = world.step(policy.act(observation), np.flatnonzero(driving))
         observation = step.observation
         success |= driving & step.info["success"]
+        collision |= driving & step.info["collision"]
         driving &= ~(step.terminated | step.truncated)
+    return success, collision, world.sim.pose[:, 0].copy()
+
+
+def test_the_known_route_is_driven_to_its_end() -> None:
+    success, _, _ = drive_to_the_end(Corridor(4, CorridorConfig(course=COURSE)), "known_route")
     assert success.all()
+
+
+@pytest.mark.parametrize("machine", ["gate_scurve", "office"])
+@pytest.mark.parametrize(("width", "passed"), [(0.4, False), (0.55, True)])
+def test_a_gate_that_is_too_narrow_is_refused_with_a_stop(machine: str, width: float, passed: bool) -> None:
+    gate = {"id": 0, "at": 4.0, "width": width}
+    course = Course.model_validate({"name": "narrow", "segments": [{"length": 6.0, "width": 2.0, "gates": [gate]}]})
+    success, collision, x = drive_to_the_end(Corridor(4, CorridorConfig(course=course)), machine)
+    assert not collision.any()
+    assert (success == passed).all()
+    assert ((x > 4.0) == passed).all()
 
 
 def test_corner_is_a_machine_that_others_hold() -> None:
