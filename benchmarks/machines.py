@@ -1,0 +1,173 @@
+"""Every reference machine on the family that it is made for, and `office` on all: success, clearance, speed.
+
+    python benchmarks/machines.py --seeds 2000:2200 --out now.jsonl
+    python benchmarks/machines.py --seeds 2000:2200 --folder old_machines --out before.jsonl
+    python benchmarks/machines.py --table before.jsonl now.jsonl
+
+Drives are appended to the file as they end; run it again and it goes on where it was stopped.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from report import append, lines, span, stretches
+from rich.console import Console
+from rich.progress import Progress
+
+from tral_env.course.generate import SCENARIOS
+from tral_env.errors import ConfigError, TralError
+from tral_fsm import load_machine
+from tral_fsm.bench.host import host
+from tral_fsm.cli.drive import Randomization
+from tral_fsm.fleet import Fleet, Job
+from tral_fsm.report.summary import summarize
+
+MADE_FOR = {
+    "straight": "wall",
+    "doors": "doors",
+    "corners": "corners",
+    "loop": "loop",
+    "lane_change": "lane_change",
+    "obstacles": "obstacles",
+    "gates": "gate_scurve",
+    "crossing": "crossing",
+    "office": "office",
+}
+"""The machine of each family."""
+COLUMNS = (
+    "family", "machine", "file", "arrived", "95 %", "collisions", "missed", "RMSE cm", "settled cm", "m/s", "s to arrive",
+)  # fmt: skip
+TOGETHER = 50
+"""Seeds in one batch."""
+Record = dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """What every drive of a file has in common."""
+
+    folder: str
+    camera: str
+    randomization: str
+
+
+def main(
+    files: Annotated[list[Path] | None, typer.Argument(help="With --table: files to show beside each other.")] = None,
+    seeds: Annotated[str, typer.Option(help="FIRST:BEHIND, as a range.")] = "2000:2200",
+    folder: Annotated[str, typer.Option(help="Machine files to drive instead of the packaged ones.")] = "",
+    randomization: Randomization = "default",
+    processes: Annotated[int, typer.Option(min=1)] = 2,
+    out: Path = Path("benchmarks/results/machines.jsonl"),
+    table: Annotated[bool, typer.Option(help="Print the table of the files.")] = False,
+) -> None:
+    """Drive seeds x families with their machines and print a table."""
+    try:
+        if not table:
+            settings = Settings(folder=folder, camera="projected", randomization=randomization)
+            drive(span(seeds), settings, processes, out)
+        print(markdown(files or [out]))
+    except TralError as error:
+        raise SystemExit(f"Error: {error}") from None
+
+
+def drive(seeds: range, settings: Settings, processes: int, out: Path) -> None:
+    """Drive what the file does not hold yet, and append it as it ends.
+
+    Raises:
+        ConfigError: the file was made with other settings.
+    """
+    before = list(lines(out))
+    for line in before:
+        if line["kind"] == "run" and line["settings"] != asdict(settings):
+            raise ConfigError(f"{out} was made with {line['settings']}, not {asdict(settings)}: choose another --out")
+    done = {(line["machine"], line["scenario"], line["seed"]) for line in before if line["kind"] == "drive"}
+    batches = []
+    for scenario in SCENARIOS:
+        machines = sorted({MADE_FOR[scenario], "office"})
+        missing = [(name, seed) for seed in seeds for name in machines if (name, scenario, seed) not in done]
+        size = TOGETHER * len(machines)
+        batches += [(scenario, missing[k : k + size]) for k in range(0, len(missing), size)]
+    if not batches:
+        return
+    append(out, {"kind": "run", "settings": asdict(settings), "host": host()})
+    context = multiprocessing.get_context("spawn")
+    with Progress(console=Console(stderr=True)) as bar, ProcessPoolExecutor(processes, context) as pool:
+        task = bar.add_task("drives", total=sum(len(jobs) for _, jobs in batches))
+        futures = [pool.submit(batch, scenario, jobs, settings) for scenario, jobs in batches]
+        for future in as_completed(futures):
+            for record in future.result():
+                append(out, {"kind": "drive", **record})
+                bar.advance(task)
+
+
+def batch(scenario: str, jobs: Sequence[tuple[str, int]], settings: Settings) -> list[Record]:
+    """Records of drives, given as machine and seed, on one family."""
+    names = sorted({name for name, _ in jobs})
+    machines = [load_machine(f"{settings.folder}/{name}.json" if settings.folder else name) for name in names]
+    fleet = Fleet([scenario], rows=len(jobs), camera=settings.camera, randomization=settings.randomization)
+    try:
+        drives = fleet.drive(machines, [Job(names.index(name), scenario, seed) for name, seed in jobs])
+    finally:
+        fleet.close()
+    return [{"machine": name} | each.record() for (name, _), each in zip(jobs, drives, strict=True)]
+
+
+def markdown(files: Iterable[Path]) -> str:
+    """The files beside each other, a table a machine's family, those of `office` below."""
+    made = {path.stem: drives_of(path) for path in files}
+    out = [f"{name}: seeds {stretches({r['seed'] for r in records})}" for name, records in made.items()]
+    for own in (True, False):
+        out += [
+            "",
+            "| family | machine | file | arrived | 95 % | collisions | missed | RMSE cm | settled cm | m/s | s |",
+        ]
+        out += ["| --- | --- | --- | " + "---: | " * 8]
+        for scenario in SCENARIOS:
+            machine = MADE_FOR[scenario] if own else "office"
+            for name, records in made.items():
+                found = [r for r in records if r["scenario"] == scenario and r["machine"] == machine]
+                if found and (own or machine != MADE_FOR[scenario]):
+                    out.append(row([scenario, machine, name], found))
+    return "\n".join(out)
+
+
+def drives_of(path: Path) -> list[Record]:
+    """Records of a file's drives."""
+    return [line for line in lines(path) if line["kind"] == "drive"]
+
+
+def row(names: Sequence[str], records: Sequence[Record]) -> str:
+    """One line of the table."""
+    figures = summarize(records)
+    cells = [
+        *names,
+        f"{figures.successes}/{figures.episodes}",
+        f"{100 * figures.success_low:.1f} to {100 * figures.success_high:.1f}",
+        f"{figures.collisions}",
+        f"{figures.missed_gates}",
+        centimetres(records, "clearance"),
+        centimetres(records, "settled"),
+        f"{figures.mean_speed_mps:.2f}",
+        "-" if figures.time_s is None else f"{figures.time_s:.1f}",
+    ]
+    return f"| {' | '.join(cells)} |"
+
+
+def centimetres(records: Sequence[Mapping[str, Any]], kind: str) -> str:
+    """RMSE over all ticks of all drives at which it was measured."""
+    samples = np.array([record[f"{kind}_samples"] for record in records], float)
+    rmse = np.array([record[f"{kind}_rmse_m"] or 0.0 for record in records])
+    total = samples.sum()
+    return f"{100 * np.sqrt((samples * rmse**2).sum() / total):.1f}" if total else "-"
+
+
+if __name__ == "__main__":
+    typer.run(main)
