@@ -145,3 +145,13 @@ def test_the_states_with_gains_of_a_machine_are_found() -> None:
     (state,) = wall_states(load_machine("wall"))
     assert (state.name, state.place) == ("follow", ("states", 0))
     assert wall_states(load_machine("office")) == []
+
+
+@pytest.mark.parametrize(
+    ("p", "d", "speed"), [(20.0, 20.0, 0.3), (20.0, 10.0, 0.7), (20.0, 5.0, 1.0), (5.0, 10.0, 1.5), (2.6, 1.4, 0.7)]
+)
+def test_a_loop_without_phase_margin_is_never_called_damped_however_fast_it_swings(
+    p: float, d: float, speed: float
+) -> None:
+    found = margins(Gains(p=p, d=d), speed)
+    assert (found.phase_deg > 0.0) == found.stable

@@ -146,8 +146,8 @@ def margins(gains: Gains, speed: float, car: LinearCar | None = None) -> Margins
 def dominant(gains: Gains, speed: float, car: LinearCar | None = None) -> tuple[float, float]:
     """Damping ratio and frequency [rad/s] of the least damped pair of poles; delays as Pade (3, 3).
 
-    What swings faster than a quarter of the rate at which ranges could show it (12 rad/s for 65 ms) is left out: it
-    dies away within a range or two, and the model means little there.
+    Left out is what swings faster than a quarter of the rate at which ranges could show it (12 rad/s for 65 ms) and
+    dies away within three ranges: the model means little there. What lasts longer is a warning at any rate.
     """
     car = car or LinearCar()
     numerator, denominator = _pade(car.delay_s)
@@ -157,7 +157,8 @@ def dominant(gains: Gains, speed: float, car: LinearCar | None = None) -> tuple[
     up = np.polymul(np.polymul(plant, law), numerator)
     down = np.polymul(np.polymul([car.servo_s, 1.0], [1.0, 0.0, 0.0]), np.polymul(denominator, rate_down))
     poles = np.roots(np.polyadd(down, up))
-    pairs = poles[(poles.imag > 1e-9) & (np.abs(poles) < math.pi / (4.0 * car.cadence_s))]
+    slow, lasts = np.abs(poles) < math.pi / (4.0 * car.cadence_s), poles.real > -1.0 / (3.0 * car.cadence_s)
+    pairs = poles[(poles.imag > 1e-9) & (slow | lasts)]
     if not len(pairs):
         return (1.0 if poles.real.max() < 0.0 else -1.0), 0.0
     damping = -pairs.real / np.abs(pairs)
