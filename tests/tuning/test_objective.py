@@ -117,3 +117,9 @@ def test_the_settled_error_is_compared_beside_the_whole_one() -> None:
     assert (found.old.settled_rmse_m.value, found.new.settled_rmse_m.value) == pytest.approx((0.04, 0.03))
     assert found.settled_m.value == pytest.approx(-0.01)
     assert found.clearance_m.value == 0.0
+
+
+def test_a_few_courses_are_too_few_for_a_verdict_even_if_all_get_better() -> None:
+    old, new = ([drive(seed=k, clearance_rmse=each) for k in range(6)] for each in (0.05, 0.03))
+    assert "better than the old one" in compare(old, new, Objective()).verdict
+    assert compare(old[:5], new[:5], Objective()).within_noise

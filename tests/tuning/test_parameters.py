@@ -142,3 +142,42 @@ def test_places_in_a_range_and_values_are_one_to_one(place: float) -> None:
 def test_a_scale_of_factors_has_its_geometric_mean_in_the_middle() -> None:
     (p,) = find(TWO_WALLS, ["right.p=0.5:8"])
     assert from_unit(p, 0.5) == 2.0
+
+
+def test_a_choice_begins_at_what_it_is_also_where_that_is_no() -> None:
+    (half,) = find(TWO_WALLS, ["right.at_most_half"])
+    assert (half.start, half.before) == (False, False)
+
+
+def test_what_it_was_is_told_apart_from_where_a_search_may_begin() -> None:
+    (p,) = find(TWO_WALLS, ["right.p=2:8"])
+    assert (p.before, p.start) == (1.0, 2.0)
+
+
+def test_what_shares_a_value_has_one_name_and_the_limits_of_all() -> None:
+    with pytest.raises(ConfigError, match=r"'right\.\*d' names speed, d, slow_speed, which cannot share one value"):
+        find(TWO_WALLS, ["right.*d"], tie=True)
+
+    class TameSpec(StateSpec):
+        p: float = Field(1.0, ge=0.0, le=2.0)
+
+    tame = TWO_WALLS.model_copy(update={"states": (*TWO_WALLS.states, TameSpec(id="tame", type="Tame"))})
+    (p,) = find(tame, ["*.p"], tie=True)
+    assert (p.low, p.high) == (0.2, 2.0)
+    with pytest.raises(ConfigError, match="allows 0 to 2"):
+        find(tame, ["*.p=1:5"], tie=True)
+
+
+def test_states_of_ones_own_may_hold_what_cannot_be_searched() -> None:
+    class OddSpec(StateSpec):
+        speed: float = Field(0.2, le=0.2, gt=0.0)
+        angles: tuple[float, ...] = (1.0, 2.0)
+        turns: int | None = Field(3, ge=1)
+
+    odd = MachineDefinition(root=0, states=(OddSpec(id=0, type="Odd"),))
+    turns, speed = find(odd, ["0.turns", "0.speed"])
+    assert turns.kind == "int"
+    assert (speed.low, speed.high) == (0.05, 0.2)  # the usual span is beyond the limits
+    with pytest.raises(ConfigError, match=r"state\[0\]\.angles = \(1.0, 2.0\) is neither a number"):
+        find(odd, ["0.angles"])
+    assert [each.label for each in find(odd, ["*"])] == ["state[0].speed"]

@@ -82,6 +82,26 @@ def test_who_was_taken_for_dead_and_tells_all_the_same_loses_nothing(
     assert [(each.values, each.cost) for each in slow.trials] == [(values, 1.0 + k) for k, values in enumerate(asked)]
 
 
+@pytest.mark.parametrize("text", ["hello\n", '{"header": {}}\n', "5\n", "\udcff\n"])
+def test_a_file_that_is_no_journal_is_refused_and_stays_as_it_is(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "study.jsonl"
+    path.write_bytes(content := text.encode(errors="surrogateescape"))
+    with pytest.raises(ConfigError, match="is no journal of a study"):
+        open_storage(str(path))
+    assert path.read_bytes() == content
+
+
+def test_a_port_that_is_no_number_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"--storage postgresql://here:x/a: .*'x'"):
+        open_storage("postgresql://here:x/a")
+
+
+def test_any_seed_will_do(tmp_path: Path) -> None:
+    for storage in (None, str(tmp_path / "study.log")):
+        assert OptunaSearch(find(CRASHING, PARAMS), "tpe", seed=2**32 - 1, storage=storage).ask()
+        assert OptunaSearch(find(CRASHING, PARAMS), "tpe", seed=2**40, storage=storage).ask()
+
+
 def test_a_journal_in_no_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"--storage .*study.log: cannot be written: No such file or directory"):
         open_storage(str(tmp_path / "nowhere" / "study.log"))

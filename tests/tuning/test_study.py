@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,14 +13,16 @@ import pytest
 from courses import blind
 
 from tral_env.errors import ConfigError, MissingExtraError
+from tral_fsm.definition import DistanceSpec, MachineDefinition, MotorSpec, NotSpec, TransitionSpec
 from tral_fsm.library import load
 from tral_fsm.tuning import Objective, Progress, Racing, Settings, Stage, Task, Tuned, tune
-from tral_fsm.tuning.evaluate import Evaluator
-from tral_fsm.tuning.journal import NAME
+from tral_fsm.tuning.evaluate import Evaluator, _deaf
+from tral_fsm.tuning.found import described
+from tral_fsm.tuning.journal import BEFORE, NAME, Journal
 from tral_fsm.tuning.optuna_search import front
 from tral_fsm.tuning.parameters import find
 from tral_fsm.tuning.search import CmaSearch, Trial
-from tral_fsm.tuning.study import check_apart
+from tral_fsm.tuning.study import Study, check_apart
 
 CRASHING = blind(0.5, 1.0)
 """Hits the wall within two seconds, whatever is tuned: cheap to drive."""
@@ -212,6 +216,8 @@ def test_without_optuna_the_remedy_is_said(monkeypatch: pytest.MonkeyPatch) -> N
         ({"objectives": ("clarity", "time"), "sampler": "nsga2"}, "unknown objective 'clarity'"),
         ({"budget": 0}, "budget = 0: expected a whole number, 1 or more"),
         ({"population": 2}, "population = 2: expected 4 or more"),
+        ({"seed": -1}, "seed = -1: expected a whole number"),
+        ({"sampler": "nsga2", "objectives": ("time", "time")}, "two or more different ones"),
     ],
 )
 def test_settings_that_make_no_sense_are_refused(changed: dict[str, object], message: str) -> None:
@@ -257,3 +263,79 @@ def test_every_machine_drives_every_course() -> None:
         drives = evaluator.on_courses([CRASHING, blind(-0.5, 1.0)], TASK.courses)
     assert [[each.seed for each in mine] for mine in drives] == [[0, 1], [0, 1]]
     assert drives[0] != drives[1]
+
+
+def test_a_folder_that_is_not_there_is_made(tmp_path: Path) -> None:
+    cheap = replace(SETTINGS, budget=4, report_seeds=())
+    tuned = search(tmp_path / "new" / "folder", settings=cheap)
+    assert (tmp_path / "new" / "folder" / NAME).exists()
+    assert tuned.verdict in (
+        "There was no held-out check.",
+        "Nothing better than the machine as it was has been found.",
+    )
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda lines: [lines[0], '{"tri', *lines[1:]], ":2: the line is damaged"),
+        (lambda lines: [lines[0], '{"trials": [{"values": [1]}]}'], ":2: the line is damaged"),
+        (lambda lines: ["5", *lines], ":1: the line is damaged"),
+        (lambda lines: ['{"header": 5}', *lines], "no study to resume"),
+    ],
+)
+def test_a_damaged_study_is_refused_and_stays_as_it_is(
+    whole: tuple[Path, Tuned], tmp_path: Path, damage: Callable[[list[str]], list[str]], said: str
+) -> None:
+    text = "\n".join(damage((whole[0] / NAME).read_text().splitlines())) + "\n"
+    (tmp_path / NAME).write_text(text)
+    with pytest.raises(ConfigError, match=said):
+        search(tmp_path, resume=True)
+    assert (tmp_path / NAME).read_text() == text
+
+
+def test_a_study_that_begins_anew_keeps_the_one_that_was_there(whole: tuple[Path, Tuned], tmp_path: Path) -> None:
+    text = (whole[0] / NAME).read_text()
+    header = {"machine": "another"}
+    (tmp_path / NAME).write_text(text)
+    Journal(tmp_path, header, resume=False)
+    Journal(tmp_path, header, resume=False)  # nothing was found in between
+    assert (tmp_path / BEFORE).read_text() == text
+    assert len((tmp_path / NAME).read_text().splitlines()) == 1
+
+
+def test_candidates_that_the_definition_does_not_allow_lose_and_do_not_end_the_search() -> None:
+    turning = MachineDefinition(
+        root=0,
+        states=(MotorSpec(id=0, steering=0.5, speed=1.0), MotorSpec(id=1, steering=0.5, speed=1.0, final=True)),
+        transitions=(
+            TransitionSpec(id=0, source=0, target=1, when=NotSpec(of=(DistanceSpec(distance=0.01),))),
+            TransitionSpec(id=1, source=0, target=1, when=DistanceSpec(distance=0.2)),
+        ),
+    )
+    # At 0 m the second way is always open, the first one never.
+    (distance,) = find(turning, ["transition[0].of[0].distance=0:1"])
+    study = Study(turning, [distance], TASK, Objective(), SETTINGS)
+    study.search.ask = lambda: [(0.0,), (0.5,), (0.0,), (0.7,)]  # type: ignore[method-assign]
+    study.search.tell = lambda trials: None  # type: ignore[method-assign]
+    with Evaluator(TASK) as evaluator:
+        trials = study.generation(evaluator)
+    assert [each.drives > 0 for each in trials] == [False, True, False, True]
+    assert not trials[0].full
+    assert trials[0].cost >= max(each.cost for each in trials)
+
+
+def test_the_description_names_the_last_tuning_alone(whole: tuple[Path, Tuned]) -> None:
+    tuned = replace(whole[1], values=(0.4, 0.9))
+    once = described(tuned, "first")
+    twice = described(replace(tuned, old=once), "second")
+    assert twice.description.startswith("Tuned by `second`")
+    assert "first" not in twice.description
+
+
+def test_processes_that_start_do_not_hear_ctrl_c() -> None:
+    ask = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))"
+    with _deaf():
+        within = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True)
+    after = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True)
+    assert (within.stdout, after.stdout) == ("True\n", "False\n")

@@ -77,13 +77,11 @@ class Bar:
 
 def print_result(tuned: Tuned, out: Path) -> None:
     """Print what was found and how it did in the check."""
-    if tuned.values is None:
-        typer.echo("Nothing better than the machine as it was has been found.")
-    else:
+    if tuned.values is not None:
         print_figures(_parameters(tuned))
     if tuned.comparison is not None:
         print_figures(_held_out(tuned.comparison))
-        typer.echo(tuned.comparison.verdict)
+    typer.echo(tuned.verdict)
     typer.echo(f"Files: {out}")
 
 
@@ -91,16 +89,14 @@ def _parameters(tuned: Tuned) -> Table:
     from rich.table import Table
     from rich.text import Text
 
+    from tral_fsm.report.tuning_page import before
+
     table = Table(title=Text("Parameters"), title_justify="left")
     for heading in ("parameter", "was", "now"):
         table.add_column(heading, justify="left" if heading == "parameter" else "right")
     for each, value in zip(tuned.parameters, tuned.values or (), strict=True):
         unit = f" [{each.unit}]" if each.unit else ""
-        table.add_row(
-            Text(each.label + unit),
-            f"{each.start:.4g}" if isinstance(each.start, float) else str(each.start),
-            str(value),
-        )
+        table.add_row(Text(each.label + unit), before(each), str(value))
     return table
 
 

@@ -61,7 +61,7 @@ def convergence(trials: Sequence[Trial], old: Trial) -> Figure:
     if cost.max() > 4.0 * cost.min():
         ax.set_yscale("log")
         for formatter in (ax.yaxis.set_major_formatter, ax.yaxis.set_minor_formatter):
-            formatter(lambda value, _: f"{value:.3g}" if f"{value:e}"[0] in "125" else "")
+            formatter(lambda value, _: f"{value:.3g}" if f"{value:e}"[0] in "1235" else "")
     ax.set_xlabel("drives")
     ax.set_ylabel("cost")
     ax.legend(fontsize=8, ncols=5, loc="lower left", bbox_to_anchor=(-0.05, 1.0), frameon=False, handletextpad=0.3)
@@ -77,7 +77,7 @@ def plane(found: Plane, marks: Mapping[str, tuple[float, float]]) -> Figure:
     """
     whole, ax = figure(7.2, 5.4)
     arrived = found.cost[found.failed == 0.0]
-    low, top = float(np.min(found.cost)), float(np.max(arrived if arrived.size else found.cost))
+    low, top = float(np.nanmin(found.cost)), float(np.nanmax(arrived if arrived.size else found.cost))
     colours = colormaps["viridis_r"].with_extremes(over="#dddddd")
     shown = ax.pcolormesh(
         _edges(found.xs, found.x.log),
@@ -138,17 +138,19 @@ def sensitivity(lines: Sequence[Line], values: Sequence[float], before: Sequence
     rows = -(-len(lines) // columns)
     whole = Figure(figsize=(1.0 + 2.9 * columns, 0.5 + 2.4 * rows), layout="constrained")
     axes = np.atleast_1d(whole.subplots(rows, columns, sharey=True)).ravel()
-    top = min(max(float(np.max(line.cost)) for line in lines), 4.0 * min(float(np.min(line.cost)) for line in lines))
-    low = min(float(np.min(line.cost)) for line in lines)
+    costs = np.concatenate([line.cost for line in lines])
+    low = float(np.nanmin(costs))
+    top = max(min(float(np.nanmax(costs)), 4.0 * low), 1.01 * low)
     for ax, line, value, old in zip(axes, lines, values, before, strict=False):
         _plain(ax)
         ax.plot(line.values, line.cost, "-o", color=NEW, markersize=3)
         bad = line.failed > 0.0
         ax.plot(line.values[bad], np.minimum(line.cost[bad], top), "x", color=BAD, markersize=6)
         ax.axvline(value, color="black", linewidth=1.2)
-        ax.axvline(old, color=OLD, linestyle="--", linewidth=1.0)
         if line.parameter.log:
             ax.set_xscale("log")
+        if old > 0.0 or not line.parameter.log:  # 0 has no place on a scale of factors
+            ax.axvline(old, color=OLD, linestyle="--", linewidth=1.0)
         ax.set_ylim(low - 0.06 * (top - low), top + 0.06 * (top - low))
         ax.set_xlabel(named(line.parameter), fontsize=8, parse_math=False)
     for ax in axes[::columns]:

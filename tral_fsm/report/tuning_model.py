@@ -25,10 +25,13 @@ def steps(responses: Mapping[str, tuple[Gains, float, Response]]) -> Figure:
     """
     whole, ax = figure(7.0, 4.0)
     for colour, (name, (gains, speed, response)) in zip(_COLOURS, responses.items(), strict=False):
+        label = f"{name}: p = {gains.p:.3g}, d = {gains.d:.3g} at {speed:.3g} m/s"
         seen = np.isfinite(response.clearance).any(axis=0)
+        if not seen.any():  # too slow for the time limit, or at a wall before it
+            ax.plot([], [], color=colour, label=f"{label}; no car came to the step")
+            continue
         time, clearance = response.time[seen], response.clearance[:, seen]
         ax.fill_between(time, np.nanmin(clearance, axis=0), np.nanmax(clearance, axis=0), color=colour, alpha=0.15)
-        label = f"{name}: p = {gains.p:.3g}, d = {gains.d:.3g}"
         ax.plot(time, np.nanmean(clearance, axis=0), color=colour, label=label)
         ax.plot(*step_response(gains, speed, float(time[-1])), "--", color=colour, linewidth=1.0)
     ax.plot([], [], "--", color="black", linewidth=1.0, label="linear model")

@@ -16,11 +16,11 @@ from tral_fsm.report import tuning_model
 from tral_fsm.tuning.classical import Gains, lqr, margins
 from tral_fsm.tuning.evaluate import Evaluator, OnStage, Stage, Task
 from tral_fsm.tuning.experiments import Response, WallState, relay, step, wall_states
+from tral_fsm.tuning.found import Tuned
 from tral_fsm.tuning.heldout import Comparison, Estimate
 from tral_fsm.tuning.objective import Objective
 from tral_fsm.tuning.parameters import Parameter
 from tral_fsm.tuning.probe import Probe, probe
-from tral_fsm.tuning.study import Tuned
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
@@ -76,7 +76,7 @@ def save_report(page: Page, path: Path, *, processes: int = 1, size: int = 9, on
 
 def _probe(page: Page, processes: int, size: int, on_stage: OnStage | None) -> Probe | None:
     tuned = page.tuned
-    values = [each.start for each in tuned.parameters] if tuned.values is None else list(tuned.values)
+    values = [each.before for each in tuned.parameters] if tuned.values is None else list(tuned.values)
     real = _order(tuned.parameters)[:_MOST_LINES]
     if not real:
         return None
@@ -108,7 +108,7 @@ def _head(page: Page) -> str:
     task = page.task
     seeds = f"{task.seeds[0]} to {task.seeds[-1]}"
     comparison = page.tuned.comparison
-    verdict = "There was no held-out check." if comparison is None else comparison.verdict
+    verdict = page.tuned.verdict
     kind = "noise" if comparison is None or comparison.within_noise else "better" if "better" in verdict else "worse"
     return (
         f'<p class="verdict {kind}">{escape(verdict)}</p>\n'
@@ -169,9 +169,9 @@ def _checked(found: Comparison | None) -> str:
 
 
 def _numbers(tuned: Tuned) -> str:
-    values = tuned.values or tuple(each.start for each in tuned.parameters)
+    values = tuned.values or (None,) * len(tuned.parameters)
     rows = [
-        [pictures.named(each), _before(each), _number(value), _range(each)]
+        [pictures.named(each), before(each), before(each) if value is None else _number(value), _range(each)]
         for each, value in zip(tuned.parameters, values, strict=True)
     ]
     finals = [
@@ -186,7 +186,8 @@ def _numbers(tuned: Tuned) -> str:
     )
 
 
-def _before(parameter: Parameter) -> str:
+def before(parameter: Parameter) -> str:
+    """What it was, of several sites each value."""
     return ", ".join(dict.fromkeys(_number(site.value) for site in parameter.sites))
 
 
@@ -245,22 +246,24 @@ def _pictures(page: Page, around: Probe | None) -> list[str]:
 def _around(page: Page, around: Probe) -> list[str]:
     tuned, shown = page.tuned, []
     values = dict(zip((each.label for each in tuned.parameters), tuned.values or (), strict=False))
-    found = [float(values.get(line.parameter.label, line.parameter.start)) for line in around.lines]
-    before = [float(line.parameter.start) for line in around.lines]
+    old = [float(line.parameter.before) for line in around.lines]
+    found = [float(values.get(line.parameter.label, was)) for line, was in zip(around.lines, old, strict=True)]
     if around.plane is not None:
         caption = f"{around.plane.cost.size} points, {around.courses} courses each, all other parameters as found."
         shown.append(
-            picture(pictures.plane(around.plane, _marks(page, found, before)), "Cost over two parameters", caption)
+            picture(pictures.plane(around.plane, _marks(page, found, old)), "Cost over two parameters", caption)
         )
     caption = (
         f"One parameter at a time, {around.courses} courses. Black: found; dashes: as it was; crosses: drives fail."
     )
-    shown.append(picture(pictures.sensitivity(around.lines, found, before), "How much each parameter matters", caption))
+    shown.append(picture(pictures.sensitivity(around.lines, found, old), "How much each parameter matters", caption))
     return shown
 
 
-def _marks(page: Page, found: Sequence[float], before: Sequence[float]) -> dict[str, tuple[float, float]]:
-    marks = {"as it was": (before[0], before[1]), "tuned": (found[0], found[1])}
+def _marks(page: Page, found: Sequence[float], old: Sequence[float]) -> dict[str, tuple[float, float]]:
+    marks = {"as it was": (old[0], old[1])}
+    if page.tuned.values is not None:
+        marks["tuned"] = found[0], found[1]
     first, second = (page.tuned.parameters[k].sites[0] for k in _order(page.tuned.parameters)[:2])
     state = next((each for each in wall_states(page.tuned.new) if each.place == first.place[:-1]), None)
     if (first.name, second.name) == ("p", "d") and state is not None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import multiprocessing
 import signal
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ProcessPoolExecutor, wait
 from dataclasses import asdict, dataclass, replace
 from types import TracebackType
@@ -153,7 +154,8 @@ class Evaluator:
             self._start()
         assert self._pool is not None
         parts = [list(jobs[k :: self.processes]) for k in range(self.processes)]
-        futures: list[Future[list[Drive]]] = [self._pool.submit(_drive, list(machines), part) for part in parts]
+        with _deaf():
+            futures: list[Future[list[Drive]]] = [self._pool.submit(_drive, list(machines), part) for part in parts]
         self._watch(futures)
         drives: list[Drive | None] = [None] * len(jobs)
         for k, future in enumerate(futures):
@@ -218,6 +220,19 @@ class Evaluator:
             Scored(tuple(mine), cost if k in alive else max(cost, weakest), k in alive)
             for k, (mine, cost) in enumerate(zip(drives, costs, strict=True))
         ]
+
+
+@contextlib.contextmanager
+def _deaf() -> Iterator[None]:
+    """Processes that start within never hear Ctrl-C, not even while they import; this one hears it right after."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _fleet(task: Task, rows: int) -> Fleet:

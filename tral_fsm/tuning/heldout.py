@@ -17,6 +17,8 @@ from tral_fsm.tuning.objective import Objective
 Array = NDArray[np.float64]
 RESAMPLES = 2000
 """Of the bootstrap. Source: choice; enough for two digits of a 95 % interval."""
+FEWEST = 6
+"""Courses for a verdict: 2 / 2^5 is more than 5 %, 2 / 2^6 is less."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,8 +75,16 @@ class Comparison:
 
     @property
     def within_noise(self) -> bool:
-        """The interval of the cost difference holds 0: nobody can say that the new machine is better."""
-        return self.cost.low is None or self.cost.high is None or self.cost.low <= 0.0 <= self.cost.high
+        """The interval of the cost difference holds 0: nobody can say that the new machine is better.
+
+        Nor on fewer courses than `FEWEST`, where all of them get better by luck alone more often than one time in 20.
+        """
+        return (
+            self.old.drives < FEWEST
+            or self.cost.low is None
+            or self.cost.high is None
+            or self.cost.low <= 0.0 <= self.cost.high
+        )
 
     @property
     def verdict(self) -> str:

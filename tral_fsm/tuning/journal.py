@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,32 @@ from tral_env.errors import ConfigError
 from tral_fsm.tuning.search import Trial, trial
 
 NAME = "study.jsonl"
+BEFORE = "study.before.jsonl"
+"""Generations that were there are kept under this name when a study begins anew."""
+_LONGEST = 300
+"""Of a value in a message, characters."""
+
+
+def refuse_another(what: str, there: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
+    """Whoever goes on with a study must ask for the same.
+
+    Raises:
+        ConfigError: something else is asked for.
+    """
+    for name, value in asked.items():
+        was = there.get(name)
+        if was == value:
+            continue
+        if name == "machine":
+            raise ConfigError(f"{what} was begun with another machine, or the file has changed since")
+        if name == "parameters" and isinstance(was, list):
+            was, value = ([each for each in some if each not in other] for some, other in ((was, value), (value, was)))
+        raise ConfigError(f"{what} has {name} = {_short(was)}, now {_short(value)} is asked for")
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
 class Journal:
@@ -36,32 +62,49 @@ class Journal:
             return
         header = json.loads(json.dumps(header))
         if not resume:
+            if self.path.exists() and self.path.read_bytes().count(b"\n") > 1:
+                self.path.replace(self.path.with_name(BEFORE))
             self._write([{"header": header}])
             return
         lines = self._read()
-        if not lines or "header" not in lines[0]:
+        if not lines or not isinstance(lines[0].get("header"), dict):
             raise ConfigError(f"{self.path}: there is no study to resume: leave out --resume to begin one")
-        for name, value in header.items():
-            was = lines[0]["header"].get(name)
-            if was != value:
-                raise ConfigError(f"{self.path}: the study has {name} = {was!r}, now {value!r} is asked for")
-        self.generations = [[trial(each) for each in line["trials"]] for line in lines[1:]]
+        refuse_another(f"{self.path}: the study", lines[0]["header"], header)
+        for number, line in enumerate(lines[1:], 2):
+            try:
+                self.generations.append([trial(each) for each in line["trials"]])
+            except (KeyError, TypeError, ValueError):
+                raise self._damaged(number) from None
         self._write([{"header": header}, *lines[1:]])
 
     def _read(self) -> list[dict[str, Any]]:
-        """Whole lines; what follows the first one that is not is left out."""
+        """Whole lines; half a last one is left out.
+
+        Raises:
+            ConfigError: there is no file, or a line before the last one is damaged.
+        """
         assert self.path is not None
         try:
-            text = self.path.read_text(encoding="utf-8")
+            text = self.path.read_bytes()
         except OSError as error:
             raise ConfigError(f"{self.path}: there is no study to resume: {error.strerror}") from error
-        lines = []
-        for line in text.splitlines():
+        lines: list[dict[str, Any]] = []
+        whole = text.splitlines()
+        for number, line in enumerate(whole, 1):
             try:
                 lines.append(json.loads(line))
-            except json.JSONDecodeError:
+            except ValueError:  # no JSON, or no UTF-8
+                if number < len(whole):
+                    raise self._damaged(number) from None
                 break
+            if not isinstance(lines[-1], dict):
+                raise self._damaged(number)
         return lines
+
+    def _damaged(self, number: int) -> ConfigError:
+        return ConfigError(
+            f"{self.path}:{number}: the line is damaged: mend it, or remove it and all that follows, and resume again"
+        )
 
     def _write(self, lines: Sequence[dict[str, Any]]) -> None:
         assert self.path is not None

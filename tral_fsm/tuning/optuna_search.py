@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from tral_env.errors import ConfigError, MissingExtraError, nearest
+from tral_fsm.tuning.journal import refuse_another
 from tral_fsm.tuning.objective import PARTS, Weights
 from tral_fsm.tuning.parameters import Parameter, Value
 from tral_fsm.tuning.search import Trial, Values, default_population, trial
@@ -82,7 +83,7 @@ class OptunaSearch:
                 study_name="tral",
                 storage=None if storage is None else open_storage(storage),
                 sampler=_sampler(
-                    optuna, sampler, seed + (int(self._worker[:6], 16) if storage else 0), self.population
+                    optuna, sampler, (seed + (int(self._worker[:6], 16) if storage else 0)) % 2**32, self.population
                 ),
                 directions=["minimize"] * max(len(self.objectives), 1),
                 load_if_exists=True,
@@ -92,9 +93,8 @@ class OptunaSearch:
     def _join(self, header: dict[str, Any]) -> None:
         """Make sure that all work on the same, and begin at the machine's own values."""
         there = self.study.user_attrs.get("header")
-        for name, value in header.items() if there else ():
-            if there.get(name) != value:
-                raise ConfigError(f"the study in the storage has {name} = {there.get(name)!r}, not {value!r}")
+        if there:
+            refuse_another("the study in the storage", there, header)
         if there is None:
             self.study.set_user_attr("header", header)
         if not self.study.get_trials(deepcopy=False):

@@ -53,7 +53,12 @@ class Parameter:
     log: bool = False
     choices: tuple[Value, ...] = ()
     start: Value = 0.0
-    """Its value in the machine; of several sites the one in the middle."""
+    """Where a search begins: `before`, in the range."""
+
+    @property
+    def before(self) -> Value:
+        """Its value in the machine; of several sites the one in the middle."""
+        return _middle(self.sites)
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -168,9 +173,17 @@ def _matching(known: Sequence[Site], pattern: str) -> list[Site]:
 
 
 def _kind(site: Site) -> Literal["float", "int", "choice"]:
-    if isinstance(site.value, bool | str):
+    if isinstance(site.value, bool) or not isinstance(site.value, int | float):
         return "choice"
-    return "int" if isinstance(site.value, int) and _declared(site) is int else "float"
+    declared = _declared(site)
+    return "int" if int in (declared, *get_args(declared)) and isinstance(site.value, int) else "float"
+
+
+def _middle(group: Sequence[Site]) -> Value:
+    values = [site.value for site in group if site.value is not None]
+    if _kind(group[0]) == "choice":
+        return values[0]
+    return sorted(values, key=float)[len(values) // 2]
 
 
 def _declared(site: Site) -> Any:
@@ -182,23 +195,26 @@ def _parameter(group: Sequence[Site], label: str, ends: tuple[float, float] | No
     kinds = {_kind(site) for site in group}
     if len(kinds) > 1:
         raise ConfigError(f"'{label}' names numbers and choices together: name them apart")
+    if len({site.name for site in group}) > 1:
+        names = ", ".join(dict.fromkeys(site.name for site in group))
+        raise ConfigError(f"'{label}' names {names}, which cannot share one value: give a pattern for each")
     kind = kinds.pop()
     unit = unit_of(first.spec, first.name)
     if kind == "choice":
-        choices = _choices(first)
-        return Parameter(
-            label=label, sites=tuple(group), unit=unit, kind=kind, choices=choices, start=first.value or ""
-        )
-    values = sorted(float(site.value) for site in group if site.value is not None)
-    middle = values[len(values) // 2]
+        choices = tuple(each for each in _choices(first) if all(each in _choices(site) for site in group))
+        return Parameter(label=label, sites=tuple(group), unit=unit, kind=kind, choices=choices, start=_middle(group))
+    middle = float(_middle(group))
+    allowed_ends = [limits(site.spec, site.name) for site in group]
+    lowest, highest = max(low for low, _ in allowed_ends), min(high for _, high in allowed_ends)
     span = span_of(first.spec, first.name, middle)
+    if ends is None and span is not None:
+        span = Span(max(span.low, lowest), min(span.high, highest), span.log)
     if ends is not None:
-        lowest, highest = limits(first.spec, first.name)
         if ends[0] < lowest or ends[1] > highest:
             raise ConfigError(f"{label}={ends[0]:g}:{ends[1]:g}: the definition allows {lowest:.6g} to {highest:.6g}")
         span = Span(*ends, log=span is not None and span.log and ends[0] > 0.0)
-    if span is None:
-        raise ConfigError(f"{label} is 0, so its range must be given: {label}=LOW:HIGH")
+    if span is None or not span.low < span.high:
+        raise ConfigError(f"{label} is {middle:g}, so its range must be given: {label}=LOW:HIGH")
     start = min(max(middle, span.low), span.high)
     return Parameter(
         label=label,
@@ -244,6 +260,15 @@ def apply(machine: MachineDefinition, parameters: Sequence[Parameter], values: S
     if problems:
         raise ConfigError(f"these values cannot be used: {problems[0]}")
     return changed
+
+
+def allowed(machine: MachineDefinition, parameters: Sequence[Parameter], values: Sequence[Value]) -> bool:
+    """Whether the definition allows the machine with these values."""
+    try:
+        apply(machine, parameters, values)
+    except ConfigError:
+        return False
+    return True
 
 
 def _rebuilt(part: Any, changes: Mapping[Place, Value]) -> Any:

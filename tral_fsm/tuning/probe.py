@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tral_fsm.definition import MachineDefinition
 from tral_fsm.tuning.evaluate import Course, Evaluator
 from tral_fsm.tuning.objective import Objective
-from tral_fsm.tuning.parameters import Parameter, Value, apply
+from tral_fsm.tuning.parameters import Parameter, Value, allowed, apply
 from tral_fsm.tuning.search import from_unit
 
 Array = NDArray[np.float64]
@@ -28,7 +28,7 @@ class Plane:
     ys: Array
     """(ny,)"""
     cost: Array
-    """(ny, nx)"""
+    """(ny, nx); NaN where the definition allows no such machine, in what follows too."""
     failed: Array
     """(ny, nx) share of drives that did not arrive."""
     collided: Array
@@ -82,14 +82,14 @@ def probe(
     if len(real) > 1:
         grid = [{real[0]: x, real[1]: y} for y in spread[real[1]] for x in spread[real[0]]]
     lines = [{k: value} for k in real for value in spread[k]]
-    machines = [
-        apply(machine, parameters, [point.get(k, value) for k, value in enumerate(values)]) for point in [*grid, *lines]
-    ]
-    evaluator.stage("around", len(machines) * len(courses))
-    drives = evaluator.on_courses(machines, courses)
-    cost = np.array([objective.cost(mine) for mine in drives])
-    failed = np.array([np.mean([not drive.success for drive in mine]) for mine in drives])
-    collided = np.array([np.mean([drive.outcome == "collision" for drive in mine]) for mine in drives])
+    points = [[point.get(k, value) for k, value in enumerate(values)] for point in [*grid, *lines]]
+    fitting = [k for k, point in enumerate(points) if allowed(machine, parameters, point)]
+    evaluator.stage("around", len(fitting) * len(courses))
+    drives = evaluator.on_courses([apply(machine, parameters, points[k]) for k in fitting], courses)
+    cost, failed, collided = (np.full(len(points), np.nan) for _ in range(3))
+    cost[fitting] = [objective.cost(mine) for mine in drives]
+    failed[fitting] = [np.mean([not drive.success for drive in mine]) for mine in drives]
+    collided[fitting] = [np.mean([drive.outcome == "collision" for drive in mine]) for mine in drives]
     count = len(grid)
     plane = None
     if count:

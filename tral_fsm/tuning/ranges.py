@@ -73,18 +73,19 @@ def span_of(spec: type[Spec], name: str, value: float) -> Span | None:
     A spec says it itself with ``json_schema_extra={"tune": [low, high]}``; else `SPANS` does. The span is widened to
     hold the value, so that what is there now is never out of reach, and narrowed to what the definition allows.
     """
-    own = _own_span(spec.model_fields[name].json_schema_extra)
-    span = own or SPANS.get(name)
-    if span is None and value == 0.0:
-        return None
-    if span is None:
-        ends = sorted((value / _FACTOR, value * _FACTOR))
-        span = Span(ends[0], ends[1], log=value > 0.0)
+    ends = sorted((value / _FACTOR, value * _FACTOR))
+    around = Span(ends[0], ends[1], log=value > 0.0)
     lowest, highest = limits(spec, name)
-    low, high = span.low, span.high
-    if value > 0.0 or not span.log:  # 0 has no place on a scale of factors
-        low, high = min(low, value), max(high, value)
-    return Span(max(low, lowest), min(high, highest), span.log)
+    for span in (_own_span(spec.model_fields[name].json_schema_extra), SPANS.get(name), around):
+        if span is None:
+            continue
+        low, high = span.low, span.high
+        if value > 0.0 or not span.log:  # 0 has no place on a scale of factors
+            low, high = min(low, value), max(high, value)
+        low, high = max(low, lowest), min(high, highest)
+        if low < high:  # else the definition allows nothing of it
+            return Span(low, high, span.log)
+    return None
 
 
 def _own_span(extra: Any) -> Span | None:

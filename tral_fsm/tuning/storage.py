@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import random
 import re
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from tral_env.errors import ConfigError, MissingExtraError
 
 _TRIES = 5
 """Of opening a database. Processes that meet at an empty one make its tables at once, and all but one fail."""
+_LONGEST_LINE = 1 << 20
 _PASSWORD = re.compile(r"(://[^:/@\s]*:)[^@\s]+(?=@)|([?&]password=)[^&\s]+")
 
 
@@ -36,10 +39,27 @@ def open_storage(where: str) -> Any:
     from optuna.storages import JournalStorage
     from optuna.storages.journal import JournalFileBackend
 
+    path = Path(where.removeprefix("journal:"))
     try:
-        return JournalStorage(JournalFileBackend(where.removeprefix("journal:")))
+        _refuse_others(path)
+        return JournalStorage(JournalFileBackend(str(path)))
     except OSError as error:
         raise ConfigError(f"--storage {where}: cannot be written: {error.strerror}") from error
+
+
+def _refuse_others(path: Path) -> None:
+    """A file that is no journal must not get lines of one."""
+    if not path.is_file():
+        return
+    with path.open("rb") as file:
+        first = file.readline(_LONGEST_LINE)
+    try:
+        journal = not first or "op_code" in json.loads(first)
+    except (ValueError, TypeError):
+        # Another process may be writing the first line.
+        journal = first.startswith(b'{"op_code"') and not first.endswith(b"\n")
+    if not journal:
+        raise ConfigError(f"--storage {path}: is no journal of a study: choose another file")
 
 
 def _database(url: str) -> Any:
@@ -60,6 +80,8 @@ def _database(url: str) -> Any:
                 if "psycopg" in named.partition("://")[0]:
                     raise MissingExtraError("psycopg", "storage", "a study on PostgreSQL") from None
                 raise ConfigError(f"--storage {masked(url)}: {error.__cause__}: install this driver") from None
+            except ValueError as error:  # of a port that is no number
+                raise ConfigError(f"--storage {masked(url)}: {error}") from None
         time.sleep(random.uniform(0.2, 1.0))
     raise AssertionError
 

@@ -7,7 +7,6 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +15,14 @@ import numpy as np
 from tral_env.errors import ConfigError
 from tral_fsm import library
 from tral_fsm.definition import MachineDefinition
-from tral_fsm.fleet import Drive
-from tral_fsm.formats import by_suffix, write
+from tral_fsm.formats import write
 from tral_fsm.tuning.evaluate import Course, Evaluator, OnStage, Racing, Scored, Task
-from tral_fsm.tuning.heldout import Comparison, compare
+from tral_fsm.tuning.found import Tuned, best_of, save
+from tral_fsm.tuning.heldout import compare
 from tral_fsm.tuning.journal import Journal
 from tral_fsm.tuning.objective import Objective, parts
 from tral_fsm.tuning.optuna_search import OBJECTIVES, OptunaSearch, front
-from tral_fsm.tuning.parameters import Parameter, apply, find
+from tral_fsm.tuning.parameters import Parameter, allowed, apply, find
 from tral_fsm.tuning.search import CmaSearch, Search, Trial, Values
 
 
@@ -58,13 +57,15 @@ class Settings:
                 raise ConfigError(f"{name} = {value!r}: expected a whole number, 1 or more")
         if self.population is not None and self.population < 4:
             raise ConfigError(f"population = {self.population!r}: expected 4 or more")
+        if not isinstance(self.seed, int) or self.seed < 0:
+            raise ConfigError(f"seed = {self.seed!r}: expected a whole number, 0 or more")
         for name in self.objectives:
             if name not in OBJECTIVES:
                 raise ConfigError(f"unknown objective '{name}'. Allowed: {', '.join(OBJECTIVES)}")
         if self.objectives and self.sampler != "nsga2":
             raise ConfigError(f"objectives = {','.join(self.objectives)}: several need the sampler nsga2")
-        if len(self.objectives) == 1:
-            raise ConfigError(f"objectives = {self.objectives[0]}: expected two or more, or none")
+        if len(self.objectives) == 1 or len({*self.objectives}) < len(self.objectives):
+            raise ConfigError(f"objectives = {','.join(self.objectives)}: expected two or more different ones, or none")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,51 +77,6 @@ class Progress:
     budget: int
     best: Trial
     old: Trial
-
-
-@dataclass(kw_only=True)
-class Tuned:
-    """What a search has found."""
-
-    old: MachineDefinition
-    new: MachineDefinition
-    parameters: list[Parameter]
-    values: Values | None
-    """Of the parameters in `new`; None: the old machine was not beaten."""
-    old_trial: Trial
-    trials: list[Trial]
-    generations: list[int]
-    """Trials in each generation."""
-    front: list[Trial] = field(default_factory=list)
-    finals: list[tuple[Values | None, float]] = field(default_factory=list)
-    """Who drove in the finals and their cost there; None: the old machine."""
-    old_drives: list[Drive] = field(default_factory=list)
-    new_drives: list[Drive] = field(default_factory=list)
-    """On the held-out courses."""
-    comparison: Comparison | None = None
-    complete: bool = False
-    seconds: float = 0.0
-
-    def record(self) -> dict[str, Any]:
-        """As plain values."""
-        return {
-            "complete": self.complete,
-            "parameters": [each.record() for each in self.parameters],
-            "values": None if self.values is None else list(self.values),
-            "old": self.old_trial.record(),
-            "best": None if not self.trials else best_of(self.trials).record(),
-            "trials": len(self.trials),
-            "drives": sum(each.drives for each in self.trials),
-            "seconds": round(self.seconds, 1),
-            "front": [each.record() for each in self.front],
-            "finals": [{"values": None if v is None else list(v), "cost": cost} for v, cost in self.finals],
-            "held_out": None if self.comparison is None else self.comparison.record(),
-        }
-
-
-def best_of(trials: Sequence[Trial]) -> Trial:
-    """The cheapest of those that drove all courses."""
-    return min((each for each in trials if each.full), key=lambda each: each.cost)
 
 
 class Study:
@@ -198,13 +154,25 @@ class Study:
     def generation(self, evaluator: Evaluator) -> list[Trial]:
         """Ask, drive, tell."""
         asked = self.search.ask()
-        machines = [apply(self.machine, self.parameters, values) for values in asked]
+        fitting = [values for values in asked if allowed(self.machine, self.parameters, values)]
+        if not fitting:
+            apply(self.machine, self.parameters, asked[0])  # says what is wrong with it
+        machines = [apply(self.machine, self.parameters, values) for values in fitting]
         racing = Racing(keep=1.0) if self.settings.objectives else self.settings.racing
         scored = evaluator.race(machines, self.task.courses, self.objective, racing)
-        trials = [_trial(values, each) for values, each in zip(asked, scored, strict=True)]
+        results, worst = iter(scored), max(each.cost for each in scored)
+        trials = [
+            _trial(values, next(results)) if values in fitting else self._refused(values, worst) for values in asked
+        ]
         self.search.tell(trials)
         self.journal.add(trials)
         return trials
+
+    def _refused(self, values: Values, worst: float) -> Trial:
+        """A candidate that the definition does not allow: no better than any that drove, nor than one that fails."""
+        weights, nothing = self.objective.weights, (1.0, 1.0, 0.0, 0.0, 0.0)
+        cost = max(worst, weights.failure + weights.unfinished)
+        return Trial(values=values, cost=cost, full=False, drives=0, successes=0, parts=nothing)
 
 
 def _trial(values: Values, scored: Scored) -> Trial:
@@ -263,6 +231,8 @@ def tune(
     objective, settings = objective or Objective(), settings or Settings()
     check_apart(task, settings)
     parameters = find(definition, list(params), tie=tie)
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
     study = Study(definition, parameters, task, objective, settings, out=out, resume=resume, storage=storage)
     began = time.perf_counter()
     processes = processes or os.cpu_count() or 1
@@ -364,25 +334,3 @@ def _hold_out(study: Study, tuned: Tuned, processes: int, on_stage: OnStage | No
         evaluator.stage("check", 2 * len(task.courses))
         tuned.old_drives, tuned.new_drives = evaluator.on_courses([tuned.old, tuned.new], task.courses)
     tuned.comparison = compare(tuned.old_drives, tuned.new_drives, study.objective)
-
-
-def described(tuned: Tuned, origin: str) -> MachineDefinition:
-    """The new machine; its description says where its numbers come from."""
-    if tuned.values is None:
-        return tuned.new
-    pairs = zip(tuned.parameters, tuned.values, strict=True)
-    numbers = ", ".join(f"{each.label} = {value}" for each, value in pairs)
-    note = f"Tuned by `{origin}` (tral-env {metadata.version('tral-env')}): {numbers}."
-    text = tuned.old.description.split(" Tuned by `")[0]
-    return tuned.new.model_copy(update={"description": f"{text} {note}".strip()})
-
-
-def save(tuned: Tuned, path: Path, origin: str) -> None:
-    """Write the new machine, in the format of the suffix.
-
-    Raises:
-        MachineError: no format has this suffix.
-    """
-    part = path.with_name(f"{path.name}.part")
-    part.write_text(write(described(tuned, origin), by_suffix(path.suffix)), encoding="utf-8")
-    part.replace(path)

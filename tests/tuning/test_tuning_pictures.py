@@ -1,0 +1,43 @@
+"""Pictures of what is odd: nothing drawn may end a report that took hours to drive."""
+
+from __future__ import annotations
+
+import numpy as np
+from courses import TWO_WALLS
+
+from tral_fsm.report import tuning_figures, tuning_model
+from tral_fsm.tuning.classical import Gains
+from tral_fsm.tuning.experiments import Response
+from tral_fsm.tuning.parameters import find
+from tral_fsm.tuning.probe import Line, Plane
+
+P, D, SPEED = find(TWO_WALLS, ["right.p", "right.d", "right.speed"])
+
+
+def test_a_step_that_no_car_came_to_is_said() -> None:
+    gains = Gains(p=1.2, d=1.5)
+    none = Response(time=np.arange(4.0), clearance=np.full((2, 4), np.nan))
+    drawn = tuning_model.steps({"was": (gains, 0.05, none)})
+    labels = [text.get_text() for text in drawn.axes[0].get_legend().get_texts()]  # type: ignore[union-attr]
+    assert labels[0] == "was: p = 1.2, d = 1.5 at 0.05 m/s; no car came to the step"
+
+
+def test_a_cell_of_the_plane_that_no_machine_may_have_is_left_white() -> None:
+    cost = np.array([[np.nan, 2.0], [3.0, 1.0]])
+    failed = np.where(np.isnan(cost), np.nan, 0.0)
+    xs, ys = np.array([1.0, 2.0]), np.array([0.5, 1.0])
+    drawn = tuning_figures.plane(Plane(x=P, y=D, xs=xs, ys=ys, cost=cost, failed=failed, collided=failed), {})
+    (mesh, *_) = drawn.axes[0].collections
+    assert np.ma.getmaskarray(mesh.get_array()).ravel().tolist() == [True, False, False, False]
+    assert mesh.get_clim() == (1.0, 3.0)
+
+
+def test_a_parameter_that_does_not_matter_or_was_0_is_drawn_as_well() -> None:
+    flat = [
+        Line(parameter=each, values=np.array([0.5, 1.0]), cost=np.ones(2), failed=np.zeros(2)) for each in (P, SPEED)
+    ]
+    drawn = tuning_figures.sensitivity(flat, [1.0, 1.0], [0.0, 0.7])
+    drawn.canvas.draw()
+    bottom, top = drawn.axes[0].get_ylim()
+    assert bottom < 1.0 < top
+    assert [len(ax.get_lines()) for ax in drawn.axes] == [3, 4]  # 0 has no place on a scale of factors

@@ -1,0 +1,92 @@
+"""What a search has found, and the machine file that it leaves."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from tral_fsm.definition import MachineDefinition
+from tral_fsm.fleet import Drive
+from tral_fsm.formats import by_suffix, write
+from tral_fsm.tuning.heldout import Comparison
+from tral_fsm.tuning.parameters import Parameter
+from tral_fsm.tuning.search import Trial, Values
+
+
+@dataclass(kw_only=True)
+class Tuned:
+    """What a search has found."""
+
+    old: MachineDefinition
+    new: MachineDefinition
+    parameters: list[Parameter]
+    values: Values | None
+    """Of the parameters in `new`; None: the old machine was not beaten."""
+    old_trial: Trial
+    trials: list[Trial]
+    generations: list[int]
+    """Trials in each generation."""
+    front: list[Trial] = field(default_factory=list)
+    finals: list[tuple[Values | None, float]] = field(default_factory=list)
+    """Who drove in the finals and their cost there; None: the old machine."""
+    old_drives: list[Drive] = field(default_factory=list)
+    new_drives: list[Drive] = field(default_factory=list)
+    """On the held-out courses."""
+    comparison: Comparison | None = None
+    complete: bool = False
+    seconds: float = 0.0
+
+    @property
+    def verdict(self) -> str:
+        """In words."""
+        if self.values is None:
+            return "Nothing better than the machine as it was has been found."
+        return "There was no held-out check." if self.comparison is None else self.comparison.verdict
+
+    def record(self) -> dict[str, Any]:
+        """As plain values."""
+        return {
+            "complete": self.complete,
+            "parameters": [each.record() for each in self.parameters],
+            "values": None if self.values is None else list(self.values),
+            "old": self.old_trial.record(),
+            "best": None if not self.trials else best_of(self.trials).record(),
+            "trials": len(self.trials),
+            "drives": sum(each.drives for each in self.trials),
+            "seconds": round(self.seconds, 1),
+            "front": [each.record() for each in self.front],
+            "finals": [{"values": None if v is None else list(v), "cost": cost} for v, cost in self.finals],
+            "verdict": self.verdict,
+            "held_out": None if self.comparison is None else self.comparison.record(),
+        }
+
+
+def best_of(trials: Sequence[Trial]) -> Trial:
+    """The cheapest of those that drove all courses."""
+    return min((each for each in trials if each.full), key=lambda each: each.cost)
+
+
+def described(tuned: Tuned, origin: str) -> MachineDefinition:
+    """The new machine; its description says where its numbers come from."""
+    if tuned.values is None:
+        return tuned.new
+    pairs = zip(tuned.parameters, tuned.values, strict=True)
+    numbers = ", ".join(f"{each.label} = {value}" for each, value in pairs)
+    note = f"Tuned by `{origin}` (tral-env {metadata.version('tral-env')}): {numbers}."
+    text = re.split(r"(?:^| )Tuned by `", tuned.old.description, maxsplit=1)[0]
+    return tuned.new.model_copy(update={"description": f"{text} {note}".strip()})
+
+
+def save(tuned: Tuned, path: Path, origin: str) -> None:
+    """Write the new machine, in the format of the suffix.
+
+    Raises:
+        MachineError: no format has this suffix.
+    """
+    part = path.with_name(f"{path.name}.part")
+    part.write_text(write(described(tuned, origin), by_suffix(path.suffix)), encoding="utf-8")
+    part.replace(path)
