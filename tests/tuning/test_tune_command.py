@@ -105,6 +105,24 @@ def test_the_report_needs_no_network_and_is_well_formed(tuned: tuple[Path, Resul
     assert "<blind>" not in html
 
 
+def test_a_result_that_cannot_be_written_is_said_before_the_search(tmp_path: Path) -> None:
+    machine, out = file_of(blind(0.5, 1.0), tmp_path), tmp_path / "out"
+    (out / "report.html").mkdir(parents=True)
+    result = tral("tune", "--policy", machine, "--params", PARAMS, *CHEAP, "--out", out)
+    assert result.exit_code == 2
+    assert "report.html in it is a folder" in result.output
+    assert [path.name for path in out.iterdir()] == ["report.html"]
+
+
+def test_the_machine_that_is_tuned_is_not_written_over(tmp_path: Path) -> None:
+    machine = file_of(blind(0.5, 1.0), tmp_path).rename(tmp_path / "machine.json")
+    text = machine.read_text()
+    result = tral("tune", "--policy", machine, "--params", PARAMS, *CHEAP, "--out", tmp_path)
+    assert result.exit_code == 2
+    assert "would write its result over it: choose another --out" in result.output
+    assert machine.read_text() == text
+
+
 def test_classical_gains_are_printed_without_a_search(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     result = tral("tune", "--classical", "--policy", file_of(TWO_WALLS, tmp_path))

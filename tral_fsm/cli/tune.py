@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from tral_env.errors import ConfigError
 from tral_fsm.cli import opengl
 from tral_fsm.cli import tune_options as options
 from tral_fsm.cli.console import versions
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from tral_fsm.definition import MachineDefinition
     from tral_fsm.tuning import Tuned
 
+_WRITTEN = ("machine.json", "tune.json", "report.html", "study.jsonl")
 _KEPT = "What was found is kept; the same command with --resume goes on."
 
 
@@ -149,12 +151,23 @@ def _check(arguments: options.TuneArguments, machine: MachineDefinition) -> None
     from tral_fsm.tuning import check_apart, find
 
     check_apart(arguments.task, arguments.settings)
+    _check_files(arguments)
     find(machine, arguments.params, tie=arguments.tie)
     if arguments.task.camera == "rendered":
         opengl.require_loadable()
     if arguments.save_as is not None:
         by_suffix(arguments.save_as.suffix)
         prepare_folder(arguments.save_as.parent)
+
+
+def _check_files(arguments: options.TuneArguments) -> None:
+    """Nothing stands in the way of the results, and they replace nothing that the search needs."""
+    for name in _WRITTEN:
+        if (arguments.out / name).is_dir():
+            raise ConfigError(f"--out {arguments.out}: {name} in it is a folder: choose another folder")
+    machine = Path(arguments.policy)
+    if machine.exists() and machine.resolve() == (arguments.out / _WRITTEN[0]).resolve():
+        raise ConfigError(f"--policy {machine}: the search would write its result over it: choose another --out")
 
 
 def _tune(arguments: options.TuneArguments, machine: MachineDefinition, origin: str, bar: Bar) -> Tuned:
