@@ -9,6 +9,7 @@ Drives are appended to the file as they end; run it again and it goes on where i
 
 from __future__ import annotations
 
+import hashlib
 import multiprocessing
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -27,7 +28,9 @@ from tral_env.errors import ConfigError, TralError
 from tral_fsm import load_machine
 from tral_fsm.bench.host import host
 from tral_fsm.cli.drive import Randomization
+from tral_fsm.definition import MachineDefinition
 from tral_fsm.fleet import Fleet, Job
+from tral_fsm.formats import write
 from tral_fsm.report.summary import summarize
 
 MADE_FOR = {
@@ -80,12 +83,17 @@ def drive(seeds: range, settings: Settings, processes: int, out: Path) -> None:
     """Drive what the file does not hold yet, and append it as it ends.
 
     Raises:
-        ConfigError: the file was made with other settings.
+        ConfigError: the file was made with other settings, or other machines.
+        TralError: a machine cannot be read; said before the file is begun.
     """
+    drivers = {name: digest(machine(name, settings)) for name in sorted({*MADE_FOR.values()})}
     before = list(lines(out))
     for line in before:
         if line["kind"] == "run" and line["settings"] != asdict(settings):
             raise ConfigError(f"{out} was made with {line['settings']}, not {asdict(settings)}: choose another --out")
+        changed = [name for name, was in line.get("machines", {}).items() if was != drivers.get(name)]
+        if changed:
+            raise ConfigError(f"{out}: {', '.join(changed)} changed since it was made: choose another --out")
     done = {(line["machine"], line["scenario"], line["seed"]) for line in before if line["kind"] == "drive"}
     batches = []
     for scenario in SCENARIOS:
@@ -95,21 +103,35 @@ def drive(seeds: range, settings: Settings, processes: int, out: Path) -> None:
         batches += [(scenario, missing[k : k + size]) for k in range(0, len(missing), size)]
     if not batches:
         return
-    append(out, {"kind": "run", "settings": asdict(settings), "host": host()})
+    append(out, {"kind": "run", "settings": asdict(settings), "machines": drivers, "host": host()})
     context = multiprocessing.get_context("spawn")
     with Progress(console=Console(stderr=True)) as bar, ProcessPoolExecutor(processes, context) as pool:
         task = bar.add_task("drives", total=sum(len(jobs) for _, jobs in batches))
         futures = [pool.submit(batch, scenario, jobs, settings) for scenario, jobs in batches]
-        for future in as_completed(futures):
-            for record in future.result():
-                append(out, {"kind": "drive", **record})
-                bar.advance(task)
+        try:
+            for future in as_completed(futures):
+                for record in future.result():
+                    append(out, {"kind": "drive", **record})
+                    bar.advance(task)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def machine(name: str, settings: Settings) -> MachineDefinition:
+    """A machine of the folder, or the packaged one."""
+    return load_machine(Path(settings.folder) / f"{name}.json" if settings.folder else name)
+
+
+def digest(definition: MachineDefinition) -> str:
+    """Tells machines apart, whatever they are called."""
+    return hashlib.sha256(write(definition, "json").encode()).hexdigest()[:16]
 
 
 def batch(scenario: str, jobs: Sequence[tuple[str, int]], settings: Settings) -> list[Record]:
     """Records of drives, given as machine and seed, on one family."""
     names = sorted({name for name, _ in jobs})
-    machines = [load_machine(f"{settings.folder}/{name}.json" if settings.folder else name) for name in names]
+    machines = [machine(name, settings) for name in names]
     fleet = Fleet([scenario], rows=len(jobs), camera=settings.camera, randomization=settings.randomization)
     try:
         drives = fleet.drive(machines, [Job(names.index(name), scenario, seed) for name, seed in jobs])
