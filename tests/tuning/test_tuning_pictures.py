@@ -8,8 +8,10 @@ from courses import TWO_WALLS
 from tral_fsm.report import tuning_figures, tuning_model
 from tral_fsm.tuning.classical import Gains
 from tral_fsm.tuning.experiments import Response
+from tral_fsm.tuning.optuna_search import OBJECTIVES
 from tral_fsm.tuning.parameters import find
 from tral_fsm.tuning.probe import Line, Plane
+from tral_fsm.tuning.search import Trial
 
 P, D, SPEED = find(TWO_WALLS, ["right.p", "right.d", "right.speed"])
 
@@ -26,7 +28,9 @@ def test_a_cell_of_the_plane_that_no_machine_may_have_is_left_white() -> None:
     cost = np.array([[np.nan, 2.0], [3.0, 1.0]])
     failed = np.where(np.isnan(cost), np.nan, 0.0)
     xs, ys = np.array([1.0, 2.0]), np.array([0.5, 1.0])
-    drawn = tuning_figures.plane(Plane(x=P, y=D, xs=xs, ys=ys, cost=cost, failed=failed, collided=failed), {})
+    drawn = tuning_figures.plane(
+        Plane(x=P, y=D, xs=xs, ys=ys, cost=cost, failed=failed, collided=failed), {"as it was": (1.0, 0.5)}
+    )
     (mesh, *_) = drawn.axes[0].collections
     assert np.ma.getmaskarray(mesh.get_array()).ravel().tolist() == [True, False, False, False]
     assert mesh.get_clim() == (1.0, 3.0)
@@ -41,3 +45,32 @@ def test_a_parameter_that_does_not_matter_or_was_0_is_drawn_as_well() -> None:
     bottom, top = drawn.axes[0].get_ylim()
     assert bottom < 1.0 < top
     assert [len(ax.get_lines()) for ax in drawn.axes] == [3, 4]  # 0 has no place on a scale of factors
+
+
+def test_ticks_of_less_than_a_decade_do_not_overlap() -> None:
+    values = np.geomspace(0.5, 6.0, 9)
+    line = Line(parameter=P, values=values, cost=np.linspace(1.0, 2.0, 9), failed=np.zeros(9))
+    drawn = tuning_figures.sensitivity([line], [1.0], [1.2])
+    drawn.canvas.draw()
+    shown = [label.get_text() for label in drawn.axes[0].get_xticklabels(which="both")]
+    assert shown == ["0.5", "0.931", "1.73", "3.22", "6"]
+
+
+def test_the_front_says_in_what_it_is_not_beaten() -> None:
+    one = Trial(values=(1.0,), cost=1.0, full=True, drives=1, successes=1, parts=(0.0, 0.0, 0.02, 1.0, 2.0))
+    for objectives, said in (
+        (("clearance", "time"), "clearance and time"),
+        (OBJECTIVES, "clearance, time and steering"),
+    ):
+        drawn = tuning_figures.pareto([one], [one], one, None, objectives)
+        labels = [text.get_text() for text in drawn.axes[0].get_legend().get_texts()]  # type: ignore[union-attr]
+        assert labels == [f"not beaten in {said} together", "as it was"]
+
+
+def test_the_legend_names_no_collisions_where_there_are_none() -> None:
+    ends, calm = np.array([1.0, 2.0]), np.zeros((2, 2))
+    for collided, shown in ((calm, []), (calm + 0.5, ["drives hit a wall"])):
+        whole = Plane(x=P, y=D, xs=ends, ys=ends, cost=calm + 1.0, failed=collided, collided=collided)
+        drawn = tuning_figures.plane(whole, {"tuned": (1.0, 1.0)})
+        labels = [text.get_text() for text in drawn.axes[0].get_legend().get_texts()]  # type: ignore[union-attr]
+        assert labels == [*shown, "tuned"]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
@@ -91,7 +92,8 @@ def plane(found: Plane, marks: Mapping[str, tuple[float, float]]) -> Figure:
     x, y = np.meshgrid(found.xs, found.ys)
     hit = found.collided > 0.0
     missed = (found.failed > 0.0) & ~hit
-    ax.scatter(x[hit], y[hit], s=20 + 50 * found.collided[hit], marker="x", color=BAD, label="drives hit a wall")
+    if hit.any():
+        ax.scatter(x[hit], y[hit], s=20 + 50 * found.collided[hit], marker="x", color=BAD, label="drives hit a wall")
     if missed.any():
         ax.scatter(x[missed], y[missed], s=14, color=BAD, label="drives do not arrive")
     for k, (name, (at, up)) in enumerate(marks.items()):
@@ -109,13 +111,18 @@ def plane(found: Plane, marks: Mapping[str, tuple[float, float]]) -> Figure:
     if found.y.log:
         ax.set_yscale("log")
     for axis, values in ((ax.xaxis, found.xs), (ax.yaxis, found.ys)):
-        axis.set_ticks(values[::2], [f"{value:.3g}" for value in values[::2]])
-        axis.set_minor_locator(NullLocator())
+        _ticks(axis, values[::2])
     ax.grid(False)
     ax.set_xlabel(named(found.x), parse_math=False)
     ax.set_ylabel(named(found.y), parse_math=False)
     ax.legend(fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False)
     return whole
+
+
+def _ticks(axis: Axis, values: Array) -> None:
+    """Ticks at these values alone: those of matplotlib overlap where a scale of factors has less than a decade."""
+    axis.set_ticks(values, [f"{value:.3g}" for value in values])
+    axis.set_minor_locator(NullLocator())
 
 
 def _edges(places: Array, log: bool) -> Array:
@@ -149,6 +156,7 @@ def sensitivity(lines: Sequence[Line], values: Sequence[float], before: Sequence
         ax.axvline(value, color="black", linewidth=1.2)
         if line.parameter.log:
             ax.set_xscale("log")
+            _ticks(ax.xaxis, line.values[:: max(1, (len(line.values) - 1) // 4)])
         if old > 0.0 or not line.parameter.log:  # 0 has no place on a scale of factors
             ax.axvline(old, color=OLD, linestyle="--", linewidth=1.0)
         ax.set_ylim(low - 0.06 * (top - low), top + 0.06 * (top - low))
@@ -160,8 +168,15 @@ def sensitivity(lines: Sequence[Line], values: Sequence[float], before: Sequence
     return whole
 
 
-def pareto(trials: Sequence[Trial], front: Sequence[Trial], old: Trial, chosen: Trial | None) -> Figure:
+def pareto(
+    trials: Sequence[Trial],
+    front: Sequence[Trial],
+    old: Trial,
+    chosen: Trial | None,
+    objectives: Sequence[str] = tuple(_UNITS),
+) -> Figure:
     """Clearance error against time of all that drove everything, coloured by steering; the front is ringed."""
+    *others, last = objectives
     whole, ax = figure(7.0, 4.2)
     arrived = [each for each in trials if each.full and each.successes == each.drives] or list(front)
     x, y, colour = (_column(arrived, name) for name in ("time", "clearance", "steering"))
@@ -169,7 +184,7 @@ def pareto(trials: Sequence[Trial], front: Sequence[Trial], old: Trial, chosen: 
     whole.colorbar(dots, ax=ax, label=_UNITS["steering"][0])
     ax.scatter(
         _column(front, "time"), _column(front, "clearance"), s=70, facecolors="none", edgecolors="black",
-        linewidths=0.8, label="not beaten in clearance, time and steering together",
+        linewidths=0.8, zorder=4, label=f"not beaten in {', '.join(others)} and {last} together",
     )  # fmt: skip
     ax.plot(_column([old], "time"), _column([old], "clearance"), "X", color=OLD, markersize=10, label="as it was")
     if chosen is not None:

@@ -235,7 +235,7 @@ def _pictures(page: Page, around: Probe | None) -> list[str]:
     if tuned.front:
         shown.append(
             picture(
-                pictures.pareto(tuned.trials, tuned.front, tuned.old_trial, chosen),
+                pictures.pareto(tuned.trials, tuned.front, tuned.old_trial, chosen, tuned.objectives),
                 "What must be traded for what",
                 "Candidates whose drives all arrived, on the courses of the search.",
             )

@@ -31,6 +31,8 @@ class Tuned:
     generations: list[int]
     """Trials in each generation."""
     front: list[Trial] = field(default_factory=list)
+    objectives: tuple[str, ...] = ()
+    """Of the front."""
     finals: list[tuple[Values | None, float]] = field(default_factory=list)
     """Who drove in the finals and their cost there; None: the old machine."""
     old_drives: list[Drive] = field(default_factory=list)

@@ -292,6 +292,7 @@ def _search(study: Study, evaluator: Evaluator, origin: str, on_progress: Callab
 
 def _found(study: Study, values: Values | None, old_trial: Trial, trials: list[Trial]) -> Tuned:
     new = study.machine if values is None else apply(study.machine, study.parameters, values)
+    objectives = study.settings.objectives or OBJECTIVES
     return Tuned(
         old=study.machine,
         new=new,
@@ -300,7 +301,8 @@ def _found(study: Study, values: Values | None, old_trial: Trial, trials: list[T
         old_trial=old_trial,
         trials=trials,
         generations=[len(each) for each in study.journal.generations],
-        front=front(trials, study.settings.objectives or OBJECTIVES),
+        front=front(trials, objectives),
+        objectives=objectives,
     )
 
 
