@@ -91,6 +91,7 @@ def test_a_rational_model_without_its_own_terms_is_read():
         ("image_width: 640", "", r"lens.yaml: image_width missing. There: image_height, camera_name"),
         ("640", "640.5", r"lens.yaml: image_width = 640.5: expected a whole number of pixels"),
         ("- 335.9", "- wide", r"camera_matrix.data\[0\] = 'wide': expected a finite number"),
+        ("- 335.9", "- 1" + 400 * "0", r"camera_matrix.data\[0\] = 1.*: expected a finite number"),
         ("- 335.9", "- .nan", r"camera_matrix.data\[0\] = nan: expected a finite number"),
         ("- 335.9", "- true", r"camera_matrix.data\[0\] = True: expected a finite number"),
         ("- 335.9", "- -335.9", r"lens.yaml: CameraConfig.fx = -335.9: expected a number above 0"),
@@ -114,7 +115,12 @@ def test_a_file_that_cannot_be_used_is_refused_with_its_place(old, new, message)
         parse_camera_info(FROM_ROS.replace(old, new), "lens.yaml")
 
 
-@pytest.mark.parametrize("text", ["", "3", "- a\n- b", "!!python/object/apply:os.system [ls]", "a: !x b", "\x00"])
+NO_VALUES = ["a: !!bool foo", 'a: !!int ""', "a: !!timestamp x"]
+
+
+@pytest.mark.parametrize(
+    "text", ["", "3", "- a\n- b", "!!python/object/apply:os.system [ls]", "a: !x b", "\x00", *NO_VALUES]
+)
 def test_what_is_no_lens_at_all_is_refused(text):
     with pytest.raises(CalibrationError):
         parse_camera_info(text, "lens.yaml")
@@ -173,6 +179,22 @@ def test_a_file_is_replaced_at_once_and_nothing_else_is_left(tmp_path: Path):
 def test_a_file_that_cannot_be_written_is_an_error_in_words(tmp_path: Path):
     with pytest.raises(ConfigError, match="cannot be written"):
         write_camera_info(tmp_path / "no" / "lens.yaml", WIDE_LENS)
+
+
+def test_a_link_to_a_lens_stays_a_link(tmp_path: Path):
+    path, link = tmp_path / "lens.yaml", tmp_path / "link.yaml"
+    write_camera_info(path, CameraConfig())
+    link.symlink_to(path)
+    write_camera_info(link, WIDE_LENS)
+    assert link.is_symlink()
+    assert load_lens(path) == WIDE_LENS
+
+
+def test_what_could_not_be_put_in_place_leaves_nothing(tmp_path: Path):
+    (tmp_path / "lens.yaml" / "full").mkdir(parents=True)
+    with pytest.raises(ConfigError, match="cannot be written"):
+        write_camera_info(tmp_path / "lens.yaml", WIDE_LENS)
+    assert [file.name for file in tmp_path.iterdir()] == ["lens.yaml"]
 
 
 def test_an_environment_reads_the_file_and_remembers_it(tmp_path: Path):

@@ -6,6 +6,7 @@ those of `CameraConfig`.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import reprlib
 from collections.abc import Mapping
@@ -83,7 +84,12 @@ def parse_camera_info(text: str, where: str) -> CameraConfig:
         mark = getattr(error, "problem_mark", None)
         place = f"{where}:{mark.line + 1}:{mark.column + 1}" if mark else where
         raise CalibrationError(f"{place}: not YAML: {getattr(error, 'problem', None) or error}") from error
-    except (RecursionError, ValueError) as error:
+    except (
+        RecursionError,
+        ValueError,
+        LookupError,
+        AttributeError,
+    ) as error:  # the last two: !!bool foo, !!timestamp x
         raise CalibrationError(f"{where}: not readable: {error}") from error
     if not isinstance(content, dict):
         raise CalibrationError(f"{where}: got {type(content).__name__}, expected a mapping with {', '.join(_REQUIRED)}")
@@ -138,7 +144,7 @@ def _number(value: Any, where: str) -> float:
     # YAML 1.1 reads 1e-05, which has no point, as text.
     try:
         number = float(value) if not isinstance(value, bool) else math.nan
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
         raise CalibrationError(f"{where} = {_SHORT.repr(value)}: expected a finite number")
@@ -179,7 +185,7 @@ def _matrix(rows: int, columns: int, values: list[float]) -> dict[str, Any]:
 
 
 def write_camera_info(path: Path, camera: CameraConfig, name: str = "camera") -> None:
-    """Write a camera_info file at once: it is whole, or what was there before is still there.
+    """Write a camera_info file at once: it is whole, or what was there before is still there; a link stays one.
 
     Args:
         path: file.
@@ -189,9 +195,12 @@ def write_camera_info(path: Path, camera: CameraConfig, name: str = "camera") ->
     Raises:
         ConfigError: the file cannot be written.
     """
-    text, part = camera_info(camera, name), path.with_name(f"{path.name}.part")
+    text, file = camera_info(camera, name), path.resolve()
+    part = file.with_name(f"{file.name}.part")
     try:
         part.write_text(text, encoding="utf-8")
-        part.replace(path)
+        part.replace(file)
     except OSError as error:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
         raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
