@@ -68,8 +68,10 @@ def test_the_gates_detector_sees_no_marker_on_a_board():
     [
         ({"kind": "chess"}, "did you mean 'chessboard'"),
         ({"columns": 2}, "Board.columns = 2: expected 3 or more"),
-        ({"square": 0.0}, "Board.square = 0.0: expected a length above 0"),
+        ({"square": 0.0}, "Board.square = 0.0: expected a length of 0.0001 to 100"),
         ({"square": float("nan")}, "Board.square = nan"),
+        ({"square": 1e-300, "marker": 1e-301}, "Board.square = 1e-300: expected a length of 0.0001 to 100, in m"),
+        ({"square": 1e6}, "Board.square = 1000000.0: expected a length of 0.0001 to 100, in m"),
         ({"marker": 0.036}, "expected less than the square's 0.036 m"),
         ({"columns": 12, "rows": 9}, "needs 54 markers, and there are 50"),
     ],

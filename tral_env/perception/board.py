@@ -21,6 +21,8 @@ DICTIONARY = cv2.aruco.DICT_5X5_50
 """Of the board's markers. Not the gates' own, so that a board left in view is never taken for a gate."""
 MODULES = 7
 """Cells along the edge of such a marker: five of code between two of border."""
+_LENGTHS = (1e-4, 100.0)
+"""Shortest and longest edge, m: OpenCV counts in single precision."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,8 +49,10 @@ class Board:
                 raise ConfigError(f"Board.{name} = {getattr(self, name)}: expected 3 or more squares")
         for field in fields(self):
             value = getattr(self, field.name)
-            if isinstance(value, float) and not (math.isfinite(value) and value > 0):
-                raise ConfigError(f"Board.{field.name} = {value!r}: expected a length above 0, in m")
+            if isinstance(value, float) and not _LENGTHS[0] <= value <= _LENGTHS[1]:
+                raise ConfigError(
+                    f"Board.{field.name} = {value!r}: expected a length of {_LENGTHS[0]:g} to {_LENGTHS[1]:g}, in m"
+                )
         if self.kind == "charuco":
             self._check_markers()
 
