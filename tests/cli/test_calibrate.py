@@ -158,12 +158,12 @@ def test_enough_views_end_the_looking(shots: Path, tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         ([], "nothing to look at: name images, a folder, a video or a camera, or use --simulated"),
-        (["--square-mm", "0", "."], "Board.square = 0.0: expected a length above 0"),
-        (["--marker-mm", "0", "."], "Board.marker = 0.0: expected a length above 0"),
+        (["--square-mm", "0", "."], "Board.square = 0.0: expected a length of 0.0001 to 100"),
+        (["--marker-mm", "0", "."], "Board.marker = 0.0: expected a length of 0.0001 to 100"),
         (["--simulated", "a.png"], "--simulated makes its own images: leave out a.png"),
         (["none.png"], "none.png: no such file or folder"),
         (["--simulated", "--lens", "wied"], "unknown lens 'wied': did you mean 'wide'?"),
-        (["--simulated", "--square-mm", "-3"], "expected a length above 0"),
+        (["--simulated", "--square-mm", "-3"], "expected a length of 0.0001 to 100"),
     ],
 )
 def test_bad_usage_ends_with_2(arguments: list[str], message: str, tmp_path: Path) -> None:
@@ -178,6 +178,12 @@ def test_images_of_another_board_are_refused_with_the_reasons(shots: Path, tmp_p
     assert result.exit_code == 2
     assert "0 of 4 images show the board well enough (4 x no board)" in result.stderr
     assert "Is the board the one that was named?" in result.stderr
+
+
+def test_what_is_shown_in_a_narrow_terminal_is_whole_and_an_error_begins_a_line(shots: Path, tmp_path: Path) -> None:
+    shown = tral(shots / "0[0-3].png", "--board", "chessboard", "--out", tmp_path).stderr
+    assert "lower left, lower middle, lower right" in " ".join(shown.split())
+    assert "\nError: 0 of 4 images" in shown
 
 
 def test_the_simulated_camera_calibrates_itself_and_says_how_far_off_it_is(tmp_path: Path) -> None:

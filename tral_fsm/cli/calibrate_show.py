@@ -58,7 +58,9 @@ class LiveCoverage:
         lines.append(f"bring the board to: {', '.join(bare)}" if bare else "the board was everywhere")
         if self._live:
             lines.append("Ctrl-C: enough")
-        return Group(coverage_table(self._collection.coverage()), *(Text(line, no_wrap=True) for line in lines))
+        return Group(
+            coverage_table(self._collection.coverage()), *(Text(line, no_wrap=line is self._last) for line in lines)
+        )
 
     def __enter__(self) -> LiveCoverage:
         """Put it on the screen."""
@@ -68,6 +70,8 @@ class LiveCoverage:
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, tb: TracebackType | None) -> None:
         """Leave the last one there."""
         self._screen.stop()
+        if not self._screen.console.is_terminal:
+            self._screen.console.line()  # in a file it would run into what follows
 
 
 def coverage_table(counts: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -> Table:
