@@ -280,7 +280,7 @@ class Corridor:
         given = {name: value for name, value in given.items() if not name.startswith("_")}
         try:
             values = {name: np.broadcast_to(np.asarray(value, float), self.n) for name, value in given.items()}
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise ConfigError(wrong) from None
         return lambda row: self._randomization.fixed(**{name: float(value[row]) for name, value in values.items()})
 

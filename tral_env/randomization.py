@@ -26,6 +26,7 @@ _FACTORS = ("lock_scale", "servo_speed_scale", "servo_strength_scale", "mass_sca
 _ABOVE_0 = {*_FACTORS, "friction", "battery_v", "sonar_cadence_s"}
 _FROM_0 = {"latency_s", "camera_latency_s", "battery_resistance_ohm", "image_degradation"}
 _LONGEST_LATENCY_S = EscConfig().max_latency_s
+_MOST_DEGRADATION = 10.0
 _SHARES = {"sonar_together", "sonar_outlier_rate", "hall_miss_rate", "hall_double_rate"}
 
 
@@ -74,7 +75,7 @@ class Randomization:
     camera_yaw_deg: Range = (0.0, 0.0)
     """Mounting error, deg. Source: choice."""
     image_degradation: Range = (0.0, 0.0)
-    """Noise, blur and wrong exposure of the camera image: 0 none, 1 mild, 3 strong. Source: choice."""
+    """Noise, blur and wrong exposure of the camera image: 0 none, 1 mild, 3 strong, 10 at most. Source: choice."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -110,7 +111,7 @@ def _check_range(name: str, pair: Any) -> None:
     got = f"Randomization.{name} = {pair!r}: expected"
     try:
         low, high = (float(end) for end in pair)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ConfigError(f"{got} two numbers: low, high") from None
     if not (np.isfinite(low) and np.isfinite(high) and low <= high):
         raise ConfigError(f"{got} (low, high), finite, low <= high")
@@ -118,6 +119,8 @@ def _check_range(name: str, pair: Any) -> None:
         raise ConfigError(f"{got} numbers {'above' if name in _ABOVE_0 else 'from'} 0")
     if name == "latency_s" and high > _LONGEST_LATENCY_S:
         raise ConfigError(f"{got} at most {_LONGEST_LATENCY_S:g} s")
+    if name == "image_degradation" and high > _MOST_DEGRADATION:
+        raise ConfigError(f"{got} at most {_MOST_DEGRADATION:g}")
     if name in _SHARES and not 0 <= low <= high <= 1:
         raise ConfigError(f"{got} shares between 0 and 1")
 

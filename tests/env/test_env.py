@@ -409,6 +409,10 @@ def test_a_reset_that_is_refused_leaves_the_cars_where_they_are() -> None:
         one.reset(seed=0)
     with pytest.raises(ConfigError, match=r"latency_s = \(0.5, 0.5\): expected at most 0.2 s"):
         env.reset(options={"car": {"latency_s": 0.5}})
+    with pytest.raises(ConfigError, match=r"image_degradation = \(11.0, 11.0\): expected at most 10"):
+        env.reset(options={"car": {"image_degradation": 11.0}})
+    with pytest.raises(ConfigError, match="expected name -> number or 2 numbers"):
+        env.reset(options={"car": {"friction": 10**400}})
     forward = np.tile([0.1, 0.5], (2, 1))
     assert np.array_equal(env.step(forward)[0], other.step(forward)[0])
 

@@ -52,6 +52,10 @@ def test_blur_softens_an_edge() -> None:
     assert 0 < image[8, 7, 0] < image[8, 8, 0] < 200
 
 
+def test_a_blur_too_small_for_a_number_is_none() -> None:
+    assert np.array_equal(degrade(GREY, 0.4, rng(), replace(CLEAR, blur_px=5e-324)), GREY)
+
+
 def test_a_streak_softens_upright_edges_alone() -> None:
     corner = np.zeros((40, 40, 3), np.uint8)
     corner[20:, 20:] = 200

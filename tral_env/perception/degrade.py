@@ -70,8 +70,8 @@ def degrade(image: Image, level: float, rng: np.random.Generator, law: WebcamLaw
     law = law or WebcamLaw()
     height, width = image.shape[:2]
     out = image
-    if law.blur_px > 0:
-        out = np.asarray(cv2.GaussianBlur(image, (0, 0), law.blur_px * level), np.uint8)
+    if (blur := law.blur_px * level) > 0:
+        out = np.asarray(cv2.GaussianBlur(image, (0, 0), blur), np.uint8)
     if law.streak_px > 0:
         out = _streaked(out, law.streak_px * level * rng.uniform(0, 1))
     light = max(1 + law.exposure * level * rng.uniform(-1, 1), 0.0)
