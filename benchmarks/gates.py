@@ -19,7 +19,7 @@ import numpy as np
 import typer
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
-from report import Settings, append, lines, span, stretches
+from report import Settings, append, lines, made_with, span, stretches
 from rich.console import Console
 from rich.progress import Progress
 
@@ -73,11 +73,7 @@ def drive(seeds: range, settings: Settings, processes: int, out: Path) -> None:
     Raises:
         ConfigError: the file was made with other settings.
     """
-    before = list(lines(out))
-    for line in before:
-        if line["kind"] == "run" and line["settings"] != asdict(settings):
-            raise ConfigError(f"{out} was made with {line['settings']}, not {asdict(settings)}: choose another --out")
-    done = {line["seed"] for line in before if line["kind"] == "drive"}
+    done = {line["seed"] for line in made_with(out, settings) if line["kind"] == "drive"}
     missing = [seed for seed in seeds if seed not in done]
     if not missing:
         return

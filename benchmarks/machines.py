@@ -19,7 +19,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from report import append, lines, span, stretches
+from report import append, lines, made_with, span, stretches
 from rich.console import Console
 from rich.progress import Progress
 
@@ -87,10 +87,8 @@ def drive(seeds: range, settings: Settings, processes: int, out: Path) -> None:
         TralError: a machine cannot be read; said before the file is begun.
     """
     drivers = {name: digest(machine(name, settings)) for name in sorted({*MADE_FOR.values()})}
-    before = list(lines(out))
+    before = made_with(out, settings)
     for line in before:
-        if line["kind"] == "run" and line["settings"] != asdict(settings):
-            raise ConfigError(f"{out} was made with {line['settings']}, not {asdict(settings)}: choose another --out")
         changed = [name for name, was in line.get("machines", {}).items() if was != drivers.get(name)]
         if changed:
             raise ConfigError(f"{out}: {', '.join(changed)} changed since it was made: choose another --out")

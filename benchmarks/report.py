@@ -88,19 +88,26 @@ def lines(path: Path) -> Iterator[dict[str, Any]]:
                 yield json.loads(line)
 
 
+def made_with(path: Path, settings: Any) -> list[dict[str, Any]]:
+    """Lines of a result file, which may not be there yet.
+
+    Raises:
+        ConfigError: it was made with other settings.
+    """
+    found = list(lines(path))
+    for line in found:
+        if line["kind"] == "run" and line["settings"] != asdict(settings):
+            raise ConfigError(f"{path} was made with {line['settings']}, not {asdict(settings)}: choose another --out")
+    return found
+
+
 def read(path: Path, settings: Settings) -> dict[tuple[str, int], dict[str, Any]]:
     """Episodes that a file holds, by family and seed.
 
     Raises:
         ConfigError: it was made with other settings.
     """
-    episodes = {}
-    for line in lines(path):
-        if line["kind"] == "run" and line["settings"] != asdict(settings):
-            raise ConfigError(f"{path} was made with {line['settings']}, not {asdict(settings)}: choose another --out")
-        if line["kind"] == "episode":
-            episodes[line["scenario"], line["seed"]] = line
-    return episodes
+    return {(line["scenario"], line["seed"]): line for line in made_with(path, settings) if line["kind"] == "episode"}
 
 
 def append(path: Path, line: dict[str, Any]) -> None:
