@@ -45,9 +45,10 @@ class Tuned:
     @property
     def verdict(self) -> str:
         """In words."""
-        if self.values is None:
-            return "Nothing better than the machine as it was has been found."
-        return "There was no held-out check." if self.comparison is None else self.comparison.verdict
+        nothing = ["Nothing better than the machine as it was has been found."] if self.values is None else []
+        if self.comparison is None:
+            return " ".join([*nothing, "There was no held-out check."])
+        return nothing[0] if nothing else self.comparison.verdict
 
     def record(self) -> dict[str, Any]:
         """As plain values."""
