@@ -65,6 +65,7 @@ def main(
     seeds: Annotated[str, typer.Option(help="FIRST:BEHIND, as a range.")] = "2000:2200",
     folder: Annotated[str, typer.Option(help="Machine files to drive instead of the packaged ones.")] = "",
     randomization: Randomization = "default",
+    own: Annotated[bool, typer.Option(help="Only the machine of each family, not `office` on all.")] = False,
     processes: Annotated[int, typer.Option(min=1)] = 2,
     out: Path = Path("benchmarks/results/machines.jsonl"),
     table: Annotated[bool, typer.Option(help="Print the table of the files.")] = False,
@@ -73,13 +74,13 @@ def main(
     try:
         if not table:
             settings = Settings(folder=folder, camera="projected", randomization=randomization)
-            drive(span(seeds), settings, processes, out)
+            drive(span(seeds), settings, processes, out, own=own)
         print(markdown(files or [out]))
     except TralError as error:
         raise SystemExit(f"Error: {error}") from None
 
 
-def drive(seeds: range, settings: Settings, processes: int, out: Path) -> None:
+def drive(seeds: range, settings: Settings, processes: int, out: Path, *, own: bool = False) -> None:
     """Drive what the file does not hold yet, and append it as it ends.
 
     Raises:
@@ -95,7 +96,7 @@ def drive(seeds: range, settings: Settings, processes: int, out: Path) -> None:
     done = {(line["machine"], line["scenario"], line["seed"]) for line in before if line["kind"] == "drive"}
     batches = []
     for scenario in SCENARIOS:
-        machines = sorted({MADE_FOR[scenario], "office"})
+        machines = sorted({MADE_FOR[scenario]} if own else {MADE_FOR[scenario], "office"})
         missing = [(name, seed) for seed in seeds for name in machines if (name, scenario, seed) not in done]
         size = TOGETHER * len(machines)
         batches += [(scenario, missing[k : k + size]) for k in range(0, len(missing), size)]

@@ -269,10 +269,13 @@ def test_a_folder_that_is_not_there_is_made(tmp_path: Path) -> None:
     cheap = replace(SETTINGS, budget=4, report_seeds=())
     tuned = search(tmp_path / "new" / "folder", settings=cheap)
     assert (tmp_path / "new" / "folder" / NAME).exists()
-    assert tuned.verdict in (
-        "There was no held-out check.",
-        "Nothing better than the machine as it was has been found.",
-    )
+    assert replace(tuned, values=(0.4, 0.9)).verdict == "There was no held-out check."
+
+
+def test_a_search_that_found_nothing_says_so_and_not_that_its_gain_is_noise(whole: tuple[Path, Tuned]) -> None:
+    nothing = replace(whole[1], values=None)
+    assert nothing.verdict == "Nothing better than the machine as it was has been found."
+    assert replace(nothing, comparison=None).verdict.endswith("found. There was no held-out check.")
 
 
 @pytest.mark.parametrize(
