@@ -19,7 +19,7 @@ import numpy as np
 import typer
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
-from report import Settings, append, lines, made_with, span, stretches
+from report import Settings, append, digest, lines, made_with, span, stretches
 from rich.console import Console
 from rich.progress import Progress
 
@@ -31,6 +31,7 @@ from tral_fsm import load_policy
 from tral_fsm.bench.host import host
 from tral_fsm.cli.drive import Camera, Randomization
 from tral_fsm.cli.files import prepare_folder
+from tral_fsm.policy import MachinePolicy
 from tral_fsm.report.summary import wilson
 from tral_fsm.rollout import outcome
 
@@ -71,14 +72,15 @@ def drive(seeds: range, settings: Settings, processes: int, out: Path) -> None:
     """Drive what the file does not hold yet, and append it as it ends.
 
     Raises:
-        ConfigError: the file was made with other settings.
+        ConfigError: the file was made with other settings, or another machine.
     """
-    done = {line["seed"] for line in made_with(out, settings) if line["kind"] == "drive"}
+    policy = load_policy(settings.policy)  # what cannot drive begins no file
+    drivers = {settings.policy: digest(policy.definition)} if isinstance(policy, MachinePolicy) else {}
+    done = {line["seed"] for line in made_with(out, settings, drivers) if line["kind"] == "drive"}
     missing = [seed for seed in seeds if seed not in done]
     if not missing:
         return
-    load_policy(settings.policy)  # what cannot drive begins no file
-    append(out, {"kind": "run", "settings": asdict(settings), "host": host()})
+    append(out, {"kind": "run", "settings": asdict(settings), "machines": drivers, "host": host()})
     parts = [missing[i : i + TOGETHER] for i in range(0, len(missing), TOGETHER)]
     # Threads and OpenGL contexts do not survive a fork.
     context = multiprocessing.get_context("spawn")

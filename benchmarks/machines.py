@@ -9,7 +9,6 @@ Drives are appended to the file as they end; run it again and it goes on where i
 
 from __future__ import annotations
 
-import hashlib
 import multiprocessing
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -19,18 +18,17 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from report import append, lines, made_with, span, stretches
+from report import append, digest, lines, made_with, span, stretches
 from rich.console import Console
 from rich.progress import Progress
 
 from tral_env.course.generate import SCENARIOS
-from tral_env.errors import ConfigError, TralError
+from tral_env.errors import TralError
 from tral_fsm import load_machine
 from tral_fsm.bench.host import host
 from tral_fsm.cli.drive import Randomization
 from tral_fsm.definition import MachineDefinition
 from tral_fsm.fleet import Fleet, Job
-from tral_fsm.formats import write
 from tral_fsm.report.summary import summarize
 
 MADE_FOR = {
@@ -88,11 +86,7 @@ def drive(seeds: range, settings: Settings, processes: int, out: Path, *, own: b
         TralError: a machine cannot be read; said before the file is begun.
     """
     drivers = {name: digest(machine(name, settings)) for name in sorted({*MADE_FOR.values()})}
-    before = made_with(out, settings)
-    for line in before:
-        changed = [name for name, was in line.get("machines", {}).items() if was != drivers.get(name)]
-        if changed:
-            raise ConfigError(f"{out}: {', '.join(changed)} changed since it was made: choose another --out")
+    before = made_with(out, settings, drivers)
     done = {(line["machine"], line["scenario"], line["seed"]) for line in before if line["kind"] == "drive"}
     batches = []
     for scenario in SCENARIOS:
@@ -120,11 +114,6 @@ def drive(seeds: range, settings: Settings, processes: int, out: Path, *, own: b
 def machine(name: str, settings: Settings) -> MachineDefinition:
     """A machine of the folder, or the packaged one."""
     return load_machine(Path(settings.folder) / f"{name}.json" if settings.folder else name)
-
-
-def digest(definition: MachineDefinition) -> str:
-    """Tells machines apart, whatever they are called."""
-    return hashlib.sha256(write(definition, "json").encode()).hexdigest()[:16]
 
 
 def batch(scenario: str, jobs: Sequence[tuple[str, int]], settings: Settings) -> list[Record]:

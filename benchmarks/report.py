@@ -9,9 +9,10 @@ Each episode is appended to the file as it ends; run it again and it goes on whe
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import multiprocessing
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -27,6 +28,8 @@ from tral_fsm import load_policy
 from tral_fsm.bench.host import host
 from tral_fsm.cli.console import check_name
 from tral_fsm.cli.drive import Camera, Randomization
+from tral_fsm.definition import MachineDefinition
+from tral_fsm.formats import write
 from tral_fsm.report.summary import Summary, summarize
 
 
@@ -88,16 +91,29 @@ def lines(path: Path) -> Iterator[dict[str, Any]]:
                 yield json.loads(line)
 
 
-def made_with(path: Path, settings: Any) -> list[dict[str, Any]]:
+def digest(machine: MachineDefinition) -> str:
+    """Tells machines apart, whatever they are called."""
+    return hashlib.sha256(write(machine, "json").encode()).hexdigest()[:16]
+
+
+def made_with(path: Path, settings: Any, machines: Mapping[str, str] | None = None) -> list[dict[str, Any]]:
     """Lines of a result file, which may not be there yet.
 
+    Args:
+        path: the file.
+        settings: those of the run that goes on with it.
+        machines: digests of the machines that drive, by name.
+
     Raises:
-        ConfigError: it was made with other settings.
+        ConfigError: it was made with other settings or other machines.
     """
     found = list(lines(path))
     for line in found:
         if line["kind"] == "run" and line["settings"] != asdict(settings):
             raise ConfigError(f"{path} was made with {line['settings']}, not {asdict(settings)}: choose another --out")
+        changed = [name for name, was in line.get("machines", {}).items() if was != (machines or {}).get(name)]
+        if changed:
+            raise ConfigError(f"{path}: {', '.join(changed)} changed since it was made: choose another --out")
     return found
 
 
