@@ -18,7 +18,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from report import append, digest, lines, made_with, span, stretches
+from report import append, digest, families, lines, made_with, span, stretches
 from rich.console import Console
 from rich.progress import Progress
 
@@ -44,8 +44,8 @@ MADE_FOR = {
 }
 """The machine of each family."""
 COLUMNS = ["family", "machine", "file", "arrived", "95 %", "collisions", "missed", "RMSE cm", "settled cm", "m/s", "s"]
-TOGETHER = 50
-"""Seeds in one batch."""
+TOGETHER = 64
+"""Drives in one batch."""
 Record = dict[str, Any]
 
 
@@ -61,6 +61,7 @@ class Settings:
 def main(
     files: Annotated[list[Path] | None, typer.Argument(help="With --table: files to show beside each other.")] = None,
     seeds: Annotated[str, typer.Option(help="FIRST:BEHIND, as a range.")] = "2000:2200",
+    scenarios: Annotated[str, typer.Option(help="Families with commas between them, or all.")] = "all",
     folder: Annotated[str, typer.Option(help="Machine files to drive instead of the packaged ones.")] = "",
     randomization: Randomization = "default",
     own: Annotated[bool, typer.Option(help="Only the machine of each family, not `office` on all.")] = False,
@@ -72,13 +73,19 @@ def main(
     try:
         if not table:
             settings = Settings(folder=folder, camera="projected", randomization=randomization)
-            drive(span(seeds), settings, processes, out, own=own)
+            drive(jobs(families(scenarios), span(seeds), own=own), settings, processes, out)
         print(markdown(files or [out]))
     except TralError as error:
         raise SystemExit(f"Error: {error}") from None
 
 
-def drive(seeds: range, settings: Settings, processes: int, out: Path, *, own: bool = False) -> None:
+def jobs(scenarios: Iterable[str], seeds: range, *, own: bool) -> dict[str, list[tuple[str, int]]]:
+    """Machine and seed of all drives, by family; each family has its machine, and `office` unless only its `own`."""
+    machines = {scenario: sorted({MADE_FOR[scenario]} | (set() if own else {"office"})) for scenario in scenarios}
+    return {scenario: [(name, seed) for seed in seeds for name in names] for scenario, names in machines.items()}
+
+
+def drive(wanted: Mapping[str, Sequence[tuple[str, int]]], settings: Settings, processes: int, out: Path) -> None:
     """Drive what the file does not hold yet, and append it as it ends.
 
     Raises:
@@ -89,18 +96,16 @@ def drive(seeds: range, settings: Settings, processes: int, out: Path, *, own: b
     before = made_with(out, settings, drivers)
     done = {(line["machine"], line["scenario"], line["seed"]) for line in before if line["kind"] == "drive"}
     batches = []
-    for scenario in SCENARIOS:
-        machines = sorted({MADE_FOR[scenario]} if own else {MADE_FOR[scenario], "office"})
-        missing = [(name, seed) for seed in seeds for name in machines if (name, scenario, seed) not in done]
-        size = TOGETHER * len(machines)
-        batches += [(scenario, missing[k : k + size]) for k in range(0, len(missing), size)]
+    for scenario, all_of_it in wanted.items():
+        missing = [(name, seed) for name, seed in all_of_it if (name, scenario, seed) not in done]
+        batches += [(scenario, missing[k : k + TOGETHER]) for k in range(0, len(missing), TOGETHER)]
     if not batches:
         return
     append(out, {"kind": "run", "settings": asdict(settings), "machines": drivers, "host": host()})
     context = multiprocessing.get_context("spawn")
     with Progress(console=Console(stderr=True)) as bar, ProcessPoolExecutor(processes, context) as pool:
-        task = bar.add_task("drives", total=sum(len(jobs) for _, jobs in batches))
-        futures = [pool.submit(batch, scenario, jobs, settings) for scenario, jobs in batches]
+        task = bar.add_task("drives", total=sum(len(part) for _, part in batches))
+        futures = [pool.submit(batch, scenario, part, settings) for scenario, part in batches]
         try:
             for future in as_completed(futures):
                 for record in future.result():
@@ -116,16 +121,16 @@ def machine(name: str, settings: Settings) -> MachineDefinition:
     return load_machine(Path(settings.folder) / f"{name}.json" if settings.folder else name)
 
 
-def batch(scenario: str, jobs: Sequence[tuple[str, int]], settings: Settings) -> list[Record]:
+def batch(scenario: str, wanted: Sequence[tuple[str, int]], settings: Settings) -> list[Record]:
     """Records of drives, given as machine and seed, on one family."""
-    names = sorted({name for name, _ in jobs})
+    names = sorted({name for name, _ in wanted})
     machines = [machine(name, settings) for name in names]
-    fleet = Fleet([scenario], rows=len(jobs), camera=settings.camera, randomization=settings.randomization)
+    fleet = Fleet([scenario], rows=len(wanted), camera=settings.camera, randomization=settings.randomization)
     try:
-        drives = fleet.drive(machines, [Job(names.index(name), scenario, seed) for name, seed in jobs])
+        drives = fleet.drive(machines, [Job(names.index(name), scenario, seed) for name, seed in wanted])
     finally:
         fleet.close()
-    return [{"machine": name} | each.record() for (name, _), each in zip(jobs, drives, strict=True)]
+    return [{"machine": name} | each.record() for (name, _), each in zip(wanted, drives, strict=True)]
 
 
 def markdown(files: Iterable[Path]) -> str:

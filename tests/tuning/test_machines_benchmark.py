@@ -28,6 +28,18 @@ def settings(folder: Path) -> machines.Settings:
     return machines.Settings(folder=str(folder), camera="projected", randomization="none")
 
 
+def straight(seeds: int) -> dict[str, list[tuple[str, int]]]:
+    return machines.jobs(["straight"], range(seeds), own=False)
+
+
+def test_each_family_has_its_machine_and_office_if_asked() -> None:
+    assert machines.jobs(["loop", "office"], range(4, 5), own=False) == {
+        "loop": [("loop", 4), ("office", 4)],
+        "office": [("office", 4)],
+    }
+    assert machines.jobs(["loop"], range(4, 6), own=True) == {"loop": [("loop", 4), ("loop", 5)]}
+
+
 def test_drives_are_those_of_the_machine_that_is_named(folder: Path) -> None:
     (folder / "office.json").write_text(write(blind(-0.5, 1.0), "json"))
     records = machines.batch("straight", [("wall", 0), ("office", 0), ("wall", 1)], settings(folder))
@@ -36,27 +48,26 @@ def test_drives_are_those_of_the_machine_that_is_named(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_what_the_file_holds_is_not_driven_again(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(machines, "SCENARIOS", ("straight",))
+def test_what_the_file_holds_is_not_driven_again(folder: Path) -> None:
     out = folder / "out.jsonl"
-    machines.drive(range(0, 1), settings(folder), 1, out)
-    machines.drive(range(0, 2), settings(folder), 1, out)
+    machines.drive(straight(1), settings(folder), 1, out)
+    machines.drive(straight(2), settings(folder), 1, out)
     drives = machines.drives_of(out)
     assert sorted((each["machine"], each["seed"]) for each in drives) == [
         ("office", 0), ("office", 1), ("wall", 0), ("wall", 1),
     ]  # fmt: skip
     other = machines.Settings(folder=str(folder), camera="projected", randomization="hard")
     with pytest.raises(ConfigError, match="choose another --out"):
-        machines.drive(range(0, 2), other, 1, out)
+        machines.drive(straight(2), other, 1, out)
     (folder / "loop.json").write_text(write(blind(0.4, 1.0), "json"))
     with pytest.raises(ConfigError, match="loop changed since it was made"):
-        machines.drive(range(0, 3), settings(folder), 1, out)
+        machines.drive(straight(3), settings(folder), 1, out)
 
 
 def test_a_machine_that_is_missing_begins_no_file(folder: Path) -> None:
     (folder / "loop.json").unlink()
     with pytest.raises(TralError, match=r"loop\.json"):
-        machines.drive(range(0, 1), settings(folder), 1, folder / "out.jsonl")
+        machines.drive(straight(1), settings(folder), 1, folder / "out.jsonl")
     assert not (folder / "out.jsonl").exists()
 
 
