@@ -22,6 +22,8 @@ CHEAPER = {
     'tral tune --policy wall --scenario straight --params "*.p,*.d" --budget 600 --out runs/tune': (
         "--seeds 0:1 --budget 4 --population 4 --report-seeds 500:501 --grid 0"
     ),
+    'tral tune --policy wall --scenario straight --params "follow.p,follow.d" --randomization hard --budget 300 '
+    "--seeds 0:12 --report-seeds 500:540": "--seeds 0:1 --budget 4 --population 4 --report-seeds 500:501 --grid 0",
     "tral tune --policy wall --sampler tpe --storage study.log --out runs/tune1": (
         "--seeds 0:1 --budget 4 --population 4 --report-seeds none --grid 0"
     ),
