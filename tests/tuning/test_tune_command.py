@@ -145,12 +145,21 @@ def test_a_step_and_margins_are_shown_for_states_that_follow_a_wall(tmp_path: Pa
     assert "There was no held-out check." in html
 
 
+HEARS_CTRL_C = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from tral_fsm.cli import app
+app()
+"""
+"""The command, also where whoever runs the tests ignores Ctrl-C, as shells let what they run in the background do."""
+
+
 @pytest.mark.slow
 def test_ctrl_c_ends_it_at_once_and_keeps_what_was_found(tmp_path: Path) -> None:
     machine = file_of(blind(0.5, 1.0), tmp_path)
     arguments = ["--policy", machine, "--params", PARAMS, "--seeds", "0:2", "--population", 4, "--processes", 2]
     process = subprocess.Popen(
-        [sys.executable, "-c", "from tral_fsm.cli import app; app()", "tune", *map(str, arguments), "--out", tmp_path],
+        [sys.executable, "-c", HEARS_CTRL_C, "tune", *map(str, arguments), "--out", tmp_path],
         stderr=subprocess.PIPE,
         text=True,
     )
