@@ -168,7 +168,7 @@ def test_ctrl_c_ends_it_at_once_and_keeps_what_was_found(tmp_path: Path) -> None
         time.sleep(0.1)
         assert process.poll() is None
     process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=60)
+    _, said = process.communicate(timeout=20)
     assert process.returncode == 130
     assert "the same command with --resume goes on" in said
     assert "Traceback" not in said

@@ -107,7 +107,7 @@ class TestRefused:
     def test_what_is_too_much(self, content: str, told: str) -> None:
         begin = time.perf_counter()
         assert told in message(content)
-        assert time.perf_counter() - begin < 3.0
+        assert time.perf_counter() - begin < 1.0
 
     def test_no_more_problems_are_told_than_can_be_read(self) -> None:
         told = message(json.dumps({"root": 0, "states": [{"id": n, "type": "Stopp"} for n in range(400)]}))
