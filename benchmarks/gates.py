@@ -9,8 +9,6 @@ Drives are appended to the file as they end; run it again and it goes on where i
 from __future__ import annotations
 
 import math
-import multiprocessing
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,9 +17,7 @@ import numpy as np
 import typer
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
-from report import Settings, append, digest, lines, made_with, span, stretches
-from rich.console import Console
-from rich.progress import Progress
+from report import Settings, append, digest, lines, made_with, span, stretches, work
 
 from tral_env.config import CarConfig
 from tral_env.corridor import Corridor, CorridorConfig
@@ -82,18 +78,7 @@ def drive(seeds: range, settings: Settings, processes: int, out: Path) -> None:
         return
     append(out, {"kind": "run", "settings": asdict(settings), "machines": drivers, "host": host()})
     parts = [missing[i : i + TOGETHER] for i in range(0, len(missing), TOGETHER)]
-    # Threads and OpenGL contexts do not survive a fork.
-    context = multiprocessing.get_context("spawn")
-    with Progress(console=Console(stderr=True)) as bar, ProcessPoolExecutor(processes, context) as pool:
-        task = bar.add_task("drives", total=len(missing))
-        try:
-            for future in as_completed([pool.submit(together, part, settings) for part in parts]):
-                for record in future.result():
-                    append(out, record)
-                bar.advance(task, len(future.result()))
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    work(together, [(part, settings) for part in parts], len(missing), processes, out)
 
 
 class Watch:

@@ -9,18 +9,13 @@ Drives are appended to the file as they end; run it again and it goes on where i
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
-from report import append, digest, families, lines, made_with, span, stretches
-from rich.console import Console
-from rich.progress import Progress
+from report import append, digest, families, lines, made_with, span, stretches, work
 
 from tral_env.course.generate import SCENARIOS
 from tral_env.errors import TralError
@@ -29,7 +24,7 @@ from tral_fsm.bench.host import host
 from tral_fsm.cli.drive import Randomization
 from tral_fsm.definition import MachineDefinition
 from tral_fsm.fleet import Fleet, Job
-from tral_fsm.report.summary import summarize
+from tral_fsm.report.summary import pooled_rmse, summarize
 
 MADE_FOR = {
     "straight": "wall",
@@ -102,18 +97,7 @@ def drive(wanted: Mapping[str, Sequence[tuple[str, int]]], settings: Settings, p
     if not batches:
         return
     append(out, {"kind": "run", "settings": asdict(settings), "machines": drivers, "host": host()})
-    context = multiprocessing.get_context("spawn")
-    with Progress(console=Console(stderr=True)) as bar, ProcessPoolExecutor(processes, context) as pool:
-        task = bar.add_task("drives", total=sum(len(part) for _, part in batches))
-        futures = [pool.submit(batch, scenario, part, settings) for scenario, part in batches]
-        try:
-            for future in as_completed(futures):
-                for record in future.result():
-                    append(out, {"kind": "drive", **record})
-                    bar.advance(task)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    work(batch, [(*part, settings) for part in batches], sum(len(part) for _, part in batches), processes, out)
 
 
 def machine(name: str, settings: Settings) -> MachineDefinition:
@@ -130,7 +114,7 @@ def batch(scenario: str, wanted: Sequence[tuple[str, int]], settings: Settings) 
         drives = fleet.drive(machines, [Job(names.index(name), scenario, seed) for name, seed in wanted])
     finally:
         fleet.close()
-    return [{"machine": name} | each.record() for (name, _), each in zip(wanted, drives, strict=True)]
+    return [{"kind": "drive", "machine": name} | each.record() for (name, _), each in zip(wanted, drives, strict=True)]
 
 
 def markdown(files: Iterable[Path]) -> str:
@@ -172,10 +156,8 @@ def row(names: Sequence[str], records: Sequence[Record]) -> str:
 
 def centimetres(records: Sequence[Mapping[str, Any]], kind: str) -> str:
     """RMSE over all ticks of all drives at which it was measured."""
-    samples = np.array([record[f"{kind}_samples"] for record in records], float)
-    rmse = np.array([record[f"{kind}_rmse_m"] or 0.0 for record in records])
-    total = samples.sum()
-    return f"{100 * np.sqrt((samples * rmse**2).sum() / total):.1f}" if total else "-"
+    rmse = pooled_rmse(records, kind)
+    return "-" if rmse is None else f"{100 * rmse:.1f}"
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ import contextlib
 import hashlib
 import json
 import multiprocessing
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -61,7 +61,7 @@ def main(
         if missing:
             load_policy(policy)  # what cannot drive begins no file
             append(out, {"kind": "run", "settings": asdict(settings), "host": host()})
-            work(missing, settings, processes, out)
+            work(episode, [(*job, settings) for job in missing], len(missing), processes, out)
         print(markdown(out, settings))
     except TralError as error:
         raise SystemExit(f"Error: {error}") from None
@@ -135,17 +135,28 @@ def append(path: Path, line: dict[str, Any]) -> None:
         file.write(("" if whole else "\n") + json.dumps(line) + "\n")
 
 
-def work(jobs: list[tuple[str, int]], settings: Settings, processes: int, out: Path) -> None:
-    """Drive all jobs and append their episodes as they come."""
+def work(
+    drive: Callable[..., list[dict[str, Any]]], calls: Sequence[tuple[Any, ...]], total: int, processes: int, out: Path
+) -> None:
+    """Let processes drive, and append the lines that each call gives as they come.
+
+    Args:
+        drive: gives the lines of some drives.
+        calls: its arguments, call by call.
+        total: how many lines there will be.
+        processes: how many work at once.
+        out: the file.
+    """
     # Threads and OpenGL contexts do not survive a fork.
     context = multiprocessing.get_context("spawn")
     with Progress(console=Console(stderr=True)) as bar, ProcessPoolExecutor(processes, context) as pool:
-        task = bar.add_task("episodes", total=len(jobs))
-        futures: list[Future[dict[str, Any]]] = [pool.submit(episode, *job, settings) for job in jobs]
+        task = bar.add_task("drives", total=total)
+        futures: list[Future[list[dict[str, Any]]]] = [pool.submit(drive, *call) for call in calls]
         try:
             for future in as_completed(futures):
-                append(out, {"kind": "episode", **future.result()})
-                bar.advance(task)
+                for line in future.result():
+                    append(out, line)
+                    bar.advance(task)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
@@ -154,8 +165,8 @@ def work(jobs: list[tuple[str, int]], settings: Settings, processes: int, out: P
 _kept: dict[tuple[str, Settings], tuple[Any, Any]] = {}
 
 
-def episode(scenario: str, seed: int, settings: Settings) -> dict[str, Any]:
-    """Record of one episode, driven in a process that keeps its last env."""
+def episode(scenario: str, seed: int, settings: Settings) -> list[dict[str, Any]]:
+    """The line of one episode, driven in a process that keeps its last env."""
     from tral_fsm.rollout import drive
 
     key = (scenario, settings)
@@ -165,7 +176,7 @@ def episode(scenario: str, seed: int, settings: Settings) -> dict[str, Any]:
         _kept.clear()
         _kept[key] = _make(scenario, settings)
     env, policy = _kept[key]
-    return drive(env, policy, seed, scenario=scenario).record()
+    return [{"kind": "episode", **drive(env, policy, seed, scenario=scenario).record()}]
 
 
 def _make(scenario: str, settings: Settings) -> tuple[Any, Any]:

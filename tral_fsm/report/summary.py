@@ -83,7 +83,7 @@ def summarize(records: Iterable[Mapping[str, Any]]) -> Summary:
         progress=_mean([row["progress"] for row in rows]) or 0.0,
         time_s=_mean([row["time_s"] for row in rows if row["outcome"] == "success"]),
         mean_speed_mps=_mean([row["mean_speed_mps"] for row in rows]) or 0.0,
-        clearance_rmse_m=_pooled_rmse(rows),
+        clearance_rmse_m=pooled_rmse(rows, "clearance"),
         lateral_rms_m=_mean([row["lateral_rms_m"] for row in rows]),
         gates_passed=sum(row["gates_passed"] for row in rows),
         gates_total=sum(row["gates_total"] for row in rows),
@@ -94,10 +94,18 @@ def _mean(values: Sequence[float]) -> float | None:
     return sum(values) / len(values) if values else None
 
 
-def _pooled_rmse(rows: Sequence[Mapping[str, Any]]) -> float | None:
-    measured = [row for row in rows if row["clearance_samples"]]
-    samples = sum(row["clearance_samples"] for row in measured)
+def pooled_rmse(records: Iterable[Mapping[str, Any]], kind: str) -> float | None:
+    """Root of the mean square over all ticks of all episodes.
+
+    Args:
+        records: of episodes (`Episode.record`).
+        kind: "clearance", or "settled".
+
+    Returns:
+        m; None where none was measured.
+    """
+    measured = [(row[f"{kind}_samples"], row[f"{kind}_rmse_m"]) for row in records if row[f"{kind}_samples"]]
+    samples = sum(count for count, _ in measured)
     if not samples:
         return None
-    squares = sum(row["clearance_samples"] * row["clearance_rmse_m"] ** 2 for row in measured)
-    return math.sqrt(squares / samples)
+    return math.sqrt(sum(count * rmse**2 for count, rmse in measured) / samples)
