@@ -8,8 +8,7 @@ from itertools import chain
 from typing import cast
 
 from tral_env.errors import MachineError, nearest
-from tral_fsm.definition import (
-    STATES,
+from tral_fsm.conditions import (
     AllSpec,
     AlwaysSpec,
     AnySpec,
@@ -17,15 +16,12 @@ from tral_fsm.definition import (
     ConditionSpec,
     DistanceSpec,
     FinishedSpec,
-    FSMStateSpec,
-    Id,
-    MachineDefinition,
     NotSpec,
-    StateSpec,
     TimerSpec,
-    TransitionSpec,
     UnreachableSpec,
 )
+from tral_fsm.definition import STATES, FSMStateSpec, MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.spec import Id
 
 
 @dataclass(frozen=True)

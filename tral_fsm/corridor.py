@@ -14,9 +14,11 @@ from pydantic import Field
 
 from tral_env.interface import NO_ECHO_M
 from tral_fsm import states, transitions
+from tral_fsm.conditions import ConditionSpec
 from tral_fsm.control import clip, slowed, steering_for
-from tral_fsm.definition import ConditionSpec, DrivingSpec, Side, quantity
+from tral_fsm.definition import DrivingSpec
 from tral_fsm.machine_state import MachineState
+from tral_fsm.spec import Side, quantity
 from tral_fsm.states import DrivingState, State
 from tral_fsm.transitions import Condition
 from tral_fsm.walls import Ahead

@@ -1,25 +1,19 @@
-"""What a machine is, as plain validated data: states, transitions, their conditions and parameters.
+"""What a machine is, as plain validated data: states, transitions and their parameters.
 
-Every class here is one "type" of a machine file. Parameters are in physical units; `STATES` and
-`CONDITIONS` list them all. How they run stands in `states` and `transitions`.
+Every class of a state is one "type" of a machine file. Parameters are in physical units; `STATES` lists them all. What
+makes a transition fire stands in `conditions`; how both run, in `states` and `transitions`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, Literal, TypeVar
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field, SerializeAsAny
 
-from tral_env.errors import MachineError
 from tral_env.interface import NO_ECHO_M
-from tral_fsm.spec import Id as Id
-from tral_fsm.spec import MarkerId, SonarName
-from tral_fsm.spec import Side as Side
-from tral_fsm.spec import Spec as Spec
-from tral_fsm.spec import quantity as quantity
-from tral_fsm.spec import required as required
-from tral_fsm.spec import unit_of as unit_of
+from tral_fsm.conditions import ConditionSpec
+from tral_fsm.spec import Id, Side, Spec, quantity, type_name
 
 
 class StateSpec(Spec):
@@ -228,123 +222,6 @@ class FSMStateSpec(StateSpec):
         return any(state.id == root and state.takes_target for state in self.machine.states)
 
 
-class ConditionSpec(Spec):
-    """Base of what makes a transition fire. A condition of your own derives from it and names itself in `type`."""
-
-    type: str
-
-
-class AlwaysSpec(ConditionSpec):
-    """Fires at once."""
-
-    type: Literal["Always"] = "Always"
-
-
-class DistanceSpec(ConditionSpec):
-    """Fires after a hall distance in the state."""
-
-    type: Literal["Distance"] = "Distance"
-    distance: float = required("m", "driven since entry", ge=0.0, le=10000.0)
-
-
-class TimerSpec(ConditionSpec):
-    """Fires after a time in the state."""
-
-    type: Literal["Timer"] = "Timer"
-    seconds: float = required("s", "since entry", ge=0.0, le=100000.0)
-
-
-class TurnedSpec(ConditionSpec):
-    """Fires when the car has turned by an angle in the state, by dead reckoning, to either side."""
-
-    type: Literal["Turned"] = "Turned"
-    angle_deg: float = required("deg", "turned since entry", gt=0.0, le=3600.0)
-
-
-class AlignedSpec(ConditionSpec):
-    """Fires when the car points along or across the corridor, as wall following has learnt its direction.
-
-    Beyond about 22 degrees a wall gives no echo, and cannot be told from an opening.
-    """
-
-    type: Literal["Aligned"] = "Aligned"
-    angle_deg: float = quantity(12.0, "deg", "within this angle", gt=0.0, le=45.0)
-
-
-class FinishedSpec(ConditionSpec):
-    """Fires when the state says that it is finished."""
-
-    type: Literal["Finished"] = "Finished"
-
-
-class UnreachableSpec(ConditionSpec):
-    """Fires when the state cannot come to its target any more: it lies behind, or needs too tight a turn."""
-
-    type: Literal["Unreachable"] = "Unreachable"
-
-
-class SensorLevelSpec(ConditionSpec):
-    """Fires when an ultrasonic reads above or below a level. No echo counts as above."""
-
-    exactly_one: ClassVar[tuple[str, ...]] = ("above", "below")
-
-    type: Literal["SensorLevel"] = "SensorLevel"
-    sensor: SonarName = Field("front", description="which ultrasonic")
-    above: float | None = quantity(None, "m", "fires when the range is above", ge=0.0, lt=NO_ECHO_M)
-    below: float | None = quantity(None, "m", "fires when the range is below", gt=0.0, le=NO_ECHO_M)
-    readings: int = Field(1, description="so many readings must agree, one after the other", ge=1, le=100)
-
-
-class SightingSpec(ConditionSpec):
-    """Base of what fires when something is seen."""
-
-    ids: tuple[MarkerId, ...] = Field((), description="only these ids; empty: any", strict=False)
-    max_age: float = quantity(0.25, "s", "the sighting is not older", gt=0.0, le=10.0)
-    max_distance: float = quantity(6.0, "m", "it is not farther away", gt=0.0, le=20.0)
-    max_ahead: float = quantity(20.0, "m", "it is not farther ahead, by dead reckoning", gt=0.0, le=20.0)
-    max_bearing_deg: float = quantity(90.0, "deg", "it is not farther to the side", gt=0.0, le=90.0)
-
-
-class ArucoGateFoundSpec(SightingSpec):
-    """Fires when a gate is seen ahead, and hands its position to the next state."""
-
-    type: Literal["ArucoGateFound"] = "ArucoGateFound"
-    hand_over: bool = Field(True, description="the next state must be targetable and takes the gate as its target")
-    narrower_than: float | None = quantity(
-        None, "m", "only a gate whose opening, as far as it has been seen, is narrower", gt=0.0, le=5.0
-    )
-    one_post: bool = Field(
-        False, description="also fires when only one of its markers was ever seen: the middle is guessed beside it"
-    )
-
-
-class MarkerFoundSpec(SightingSpec):
-    """Fires when a single marker is seen ahead."""
-
-    type: Literal["MarkerFound"] = "MarkerFound"
-
-
-class AllSpec(ConditionSpec):
-    """Fires when all of its conditions hold in the same tick."""
-
-    type: Literal["All"] = "All"
-    of: tuple[SerializeAsAny[ConditionSpec], ...] = Field(description="conditions", min_length=1)
-
-
-class AnySpec(ConditionSpec):
-    """Fires when one of its conditions holds."""
-
-    type: Literal["Any"] = "Any"
-    of: tuple[SerializeAsAny[ConditionSpec], ...] = Field(description="conditions", min_length=1)
-
-
-class NotSpec(ConditionSpec):
-    """Fires when its one condition does not hold."""
-
-    type: Literal["Not"] = "Not"
-    of: tuple[SerializeAsAny[ConditionSpec], ...] = Field(description="one condition", min_length=1, max_length=1)
-
-
 class TransitionSpec(Spec):
     """A way from one state to another. In a file the condition's members stand beside id, from and to."""
 
@@ -373,48 +250,10 @@ class MachineDefinition(Spec):
 FSMStateSpec.model_rebuild()
 
 
-T = TypeVar("T", StateSpec, ConditionSpec)
-
-
-def type_name(spec: type[StateSpec | ConditionSpec]) -> str:
-    """The "type" under which a class stands in files.
-
-    Raises:
-        MachineError: it has none.
-    """
-    name = spec.model_fields["type"].default
-    if not isinstance(name, str) or not name:
-        raise MachineError(f'{spec.__name__} does not say its type: write type: Literal["Name"] = "Name" into it')
-    return name
-
-
-def register(known: dict[str, type[T]], spec: type[T]) -> str:
-    """Add a class to the known types; gives its name.
-
-    Raises:
-        MachineError: another class has that name already, or it says none.
-    """
-    name = type_name(spec)
-    taken = known.setdefault(name, spec)
-    if (taken.__module__, taken.__qualname__) != (spec.__module__, spec.__qualname__):
-        raise MachineError(
-            f"{spec.__module__}.{spec.__qualname__} calls itself {name!r}, which {taken.__module__}."
-            f"{taken.__qualname__} does already: choose another type"
-        )
-    known[name] = spec
-    return name
-
-
 _STATES = (
     BasicFollowWallSpec, FollowWallSpec, FollowWallRampSpec, ApproachPointSpec, ArucoGateCenterSpec, MotorSpec,
     StopSpec, IdleSpec, FSMStateSpec,
 )  # fmt: skip
-_CONDITIONS = (
-    AlwaysSpec, DistanceSpec, FinishedSpec, UnreachableSpec, SensorLevelSpec, ArucoGateFoundSpec, TimerSpec, TurnedSpec,
-    AlignedSpec, MarkerFoundSpec, AllSpec, AnySpec, NotSpec,
-)  # fmt: skip
 
 STATES: dict[str, type[StateSpec]] = {type_name(spec): spec for spec in _STATES}
 """Every known type of state. `states.runs` adds to it."""
-CONDITIONS: dict[str, type[ConditionSpec]] = {type_name(spec): spec for spec in _CONDITIONS}
-"""Every known type of condition. `transitions.runs` adds to it."""

@@ -8,8 +8,9 @@ from typing import Any
 
 from tral_fsm import library
 from tral_fsm.checks import FormatError, check
-from tral_fsm.definition import FSMStateSpec, Id, MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition import FSMStateSpec, MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.machine_state import MachineState
+from tral_fsm.spec import Id
 from tral_fsm.states import NO_GATE, RUNTIMES, State, Targetable, runs
 from tral_fsm.transitions import Condition, build
 

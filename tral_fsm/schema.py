@@ -10,7 +10,9 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from tral_fsm.definition import CONDITIONS, STATES, ConditionSpec, FSMStateSpec, MachineDefinition, Spec, StateSpec
+from tral_fsm.conditions import CONDITIONS, ConditionSpec
+from tral_fsm.definition import STATES, FSMStateSpec, MachineDefinition, StateSpec
+from tral_fsm.spec import Spec
 
 URL = "https://json-schema.org/draft/2020-12/schema"
 _ID = {"type": ["integer", "string"], "minLength": 1, "description": "a number or a word, each once"}

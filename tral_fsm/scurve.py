@@ -12,9 +12,10 @@ from pydantic import Field
 from tral_fsm import states
 from tral_fsm.arcs import Pose, TwoArcs, along, beside, out_of_reach, relative, two_arcs
 from tral_fsm.control import bend_onto, steering_for
-from tral_fsm.definition import DrivingSpec, quantity
+from tral_fsm.definition import DrivingSpec
 from tral_fsm.machine_state import MachineState
 from tral_fsm.sensed import Sighting
+from tral_fsm.spec import quantity
 from tral_fsm.states import NO_GATE, DrivingState
 
 _LEAD_S = 0.1

@@ -20,9 +20,9 @@ from tral_fsm.definition import (
     MotorSpec,
     StateSpec,
     StopSpec,
-    register,
 )
 from tral_fsm.machine_state import MachineState, Pose
+from tral_fsm.spec import register
 
 S = TypeVar("S", bound=StateSpec)
 D = TypeVar("D", bound=DrivingSpec)

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
-from tral_fsm.definition import (
+from tral_fsm.conditions import (
     CONDITIONS,
     AlignedSpec,
     AllSpec,
@@ -27,10 +27,10 @@ from tral_fsm.definition import (
     TimerSpec,
     TurnedSpec,
     UnreachableSpec,
-    register,
 )
 from tral_fsm.machine_state import MachineState
 from tral_fsm.sensed import Sighting
+from tral_fsm.spec import register
 from tral_fsm.states import State
 
 C = TypeVar("C", bound=ConditionSpec)

@@ -14,7 +14,8 @@ from typer.testing import CliRunner, Result
 
 from tral_fsm import load_machine, machine_names, packaged
 from tral_fsm.cli import app
-from tral_fsm.definition import CONDITIONS, STATES
+from tral_fsm.conditions import CONDITIONS
+from tral_fsm.definition import STATES
 from tral_fsm.formats.tral_json import loads
 
 BAD = """{"root": 0, "states": [

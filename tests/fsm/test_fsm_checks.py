@@ -9,16 +9,8 @@ import pytest
 
 from tral_fsm import FormatError, MachineDefinition, MachinePolicy, check, library, load_machine, packaged
 from tral_fsm.checks import always, never
-from tral_fsm.definition import (
-    AlwaysSpec,
-    AnySpec,
-    DistanceSpec,
-    FSMStateSpec,
-    MotorSpec,
-    NotSpec,
-    StopSpec,
-    TransitionSpec,
-)
+from tral_fsm.conditions import AlwaysSpec, AnySpec, DistanceSpec, NotSpec
+from tral_fsm.definition import FSMStateSpec, MotorSpec, StopSpec, TransitionSpec
 from tral_fsm.formats.tral_json import loads
 
 STOP = {"id": 1, "type": "Stop"}

@@ -3,7 +3,8 @@
 import re
 from pathlib import Path
 
-from tral_fsm.definition import CONDITIONS, STATES
+from tral_fsm.conditions import CONDITIONS
+from tral_fsm.definition import STATES
 from tral_fsm.formats.tral_json import loads
 from tral_fsm.states import RUNTIMES
 

@@ -10,7 +10,8 @@ from readings import Bench, one_state, two_states
 from tral_env.errors import MachineError
 from tral_env.interface import CORE_LAYOUT
 from tral_fsm import FormatError, MachineState, library, packaged, states, transitions
-from tral_fsm.definition import CONDITIONS, STATES, ConditionSpec, StateSpec
+from tral_fsm.conditions import CONDITIONS, ConditionSpec
+from tral_fsm.definition import STATES, StateSpec
 from tral_fsm.library import load
 from tral_fsm.machine_state import COLUMNS
 

@@ -10,7 +10,8 @@ import pytest
 
 from tral_env.errors import MachineError
 from tral_fsm import plugins
-from tral_fsm.definition import CONDITIONS, STATES, ConditionSpec, StateSpec
+from tral_fsm.conditions import CONDITIONS, ConditionSpec
+from tral_fsm.definition import STATES, StateSpec
 from tral_fsm.formats.tral_json import loads
 from tral_fsm.states import RUNTIMES, State, runs
 

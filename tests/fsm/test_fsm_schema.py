@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tral_fsm import FormatError, load_machine, machine_names
-from tral_fsm.definition import CONDITIONS, STATES
+from tral_fsm.conditions import CONDITIONS
+from tral_fsm.definition import STATES
 from tral_fsm.formats.tral_json import as_json, dumps, loads
 from tral_fsm.schema import dumps as schema_text
 from tral_fsm.schema import schema

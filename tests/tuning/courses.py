@@ -6,17 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from tral_fsm.definition import (
-    AllSpec,
-    DistanceSpec,
-    FollowWallSpec,
-    FSMStateSpec,
-    MachineDefinition,
-    MotorSpec,
-    SensorLevelSpec,
-    StopSpec,
-    TransitionSpec,
-)
+from tral_fsm.conditions import AllSpec, DistanceSpec, SensorLevelSpec
+from tral_fsm.definition import FollowWallSpec, FSMStateSpec, MachineDefinition, MotorSpec, StopSpec, TransitionSpec
 from tral_fsm.fleet import ERROR_BINS, Drive
 
 TWO_WALLS = MachineDefinition(

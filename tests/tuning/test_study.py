@@ -13,7 +13,8 @@ import pytest
 from courses import blind
 
 from tral_env.errors import ConfigError, MissingExtraError
-from tral_fsm.definition import DistanceSpec, MachineDefinition, MotorSpec, NotSpec, TransitionSpec
+from tral_fsm.conditions import DistanceSpec, NotSpec
+from tral_fsm.definition import MachineDefinition, MotorSpec, TransitionSpec
 from tral_fsm.library import load
 from tral_fsm.tuning import Objective, Progress, Racing, Settings, Stage, Task, Tuned, tune
 from tral_fsm.tuning.evaluate import Evaluator, _deaf

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from tral_fsm.definition import ConditionSpec, StateSpec
+    from tral_fsm.conditions import ConditionSpec
+    from tral_fsm.definition import StateSpec
 
 _WITHOUT = ("type", "id")
 _LIMITS = {"minimum": "≥ {:g}", "exclusiveMinimum": "> {:g}", "maximum": "≤ {:g}", "exclusiveMaximum": "< {:g}"}
@@ -25,7 +26,8 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout and nothing else.")] = False,
 ) -> None:
     """List the states and conditions of machines: parameters, units, defaults, ranges."""
-    from tral_fsm.definition import CONDITIONS, STATES
+    from tral_fsm.conditions import CONDITIONS
+    from tral_fsm.definition import STATES
     from tral_fsm.plugins import load_plugins
 
     load_plugins()

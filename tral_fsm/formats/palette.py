@@ -7,8 +7,10 @@ from typing import Any, Literal, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
-from tral_fsm.definition import CONDITIONS, STATES, Spec, type_name
+from tral_fsm.conditions import CONDITIONS
+from tral_fsm.definition import STATES
 from tral_fsm.formats.uxf_writer import Box, diagram, element, relation, size
+from tral_fsm.spec import Spec, type_name
 
 FILE = "machines/palette/TRAL_State-Machine.uxf"
 """Within the package."""
@@ -56,7 +58,7 @@ def _arrow(x: float, y: float, height: int, text: str) -> str:
 
 def _parameters(spec: type[Spec]) -> str:
     """Members with their defaults, each below a comment that UMLet does not draw."""
-    name = type_name(spec)  # type: ignore[arg-type]
+    name = type_name(spec)
     lines = [f'"id": {json.dumps(name)},', f'"type": {json.dumps(name)}']
     without = {"id", "type", *spec.exactly_one[1:]}
     for key, field in spec.model_fields.items():

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from tral_env.course.layout import Course, Segment, Start
 from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ, CORE_LAYOUT
 from tral_env.vector_env import TralCorridorVectorEnv
+from tral_fsm.conditions import DistanceSpec
 from tral_fsm.control import speed_control
-from tral_fsm.definition import BasicFollowWallSpec, DistanceSpec, MachineDefinition, TransitionSpec, WallSpec
+from tral_fsm.definition import BasicFollowWallSpec, MachineDefinition, TransitionSpec, WallSpec
 from tral_fsm.policy import MachinePolicy
 from tral_fsm.tuning.classical import Gains, Swing
 

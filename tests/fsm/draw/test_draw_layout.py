@@ -7,15 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tral_fsm import load_machine, machine_names
-from tral_fsm.definition import (
-    DistanceSpec,
-    IdleSpec,
-    MachineDefinition,
-    MotorSpec,
-    SensorLevelSpec,
-    TimerSpec,
-    TransitionSpec,
-)
+from tral_fsm.conditions import DistanceSpec, SensorLevelSpec, TimerSpec
+from tral_fsm.definition import IdleSpec, MachineDefinition, MotorSpec, TransitionSpec
 from tral_fsm.draw.layout import Layout, Point, Rect, layout
 
 CONDITIONS = st.sampled_from(

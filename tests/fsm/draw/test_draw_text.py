@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tral_fsm.definition import (
+from tral_fsm.conditions import (
     AllSpec,
     AlwaysSpec,
     AnySpec,
@@ -12,16 +12,13 @@ from tral_fsm.definition import (
     ConditionSpec,
     DistanceSpec,
     FinishedSpec,
-    FSMStateSpec,
     MarkerFoundSpec,
-    MotorSpec,
     NotSpec,
     SensorLevelSpec,
-    StopSpec,
     TimerSpec,
-    TransitionSpec,
     TurnedSpec,
 )
+from tral_fsm.definition import FSMStateSpec, MotorSpec, StopSpec, TransitionSpec
 from tral_fsm.draw import text
 from tral_fsm.draw.layout import drawn_label, drawn_state
 

@@ -9,7 +9,8 @@ import pytest
 from PIL import Image
 
 from tral_fsm import load_machine, machine_names
-from tral_fsm.definition import FSMStateSpec, IdleSpec, MachineDefinition, StopSpec, TimerSpec, TransitionSpec
+from tral_fsm.conditions import TimerSpec
+from tral_fsm.definition import FSMStateSpec, IdleSpec, MachineDefinition, StopSpec, TransitionSpec
 from tral_fsm.draw import text
 from tral_fsm.draw.layout import Rect
 from tral_fsm.draw.picture import Line, Outline, Picture, Words, arrow_head, picture

@@ -7,7 +7,8 @@ import pytest
 
 import tral_fsm
 from tral_fsm import load_machine, machine_names
-from tral_fsm.definition import CONDITIONS, STATES, TransitionSpec
+from tral_fsm.conditions import CONDITIONS
+from tral_fsm.definition import STATES, TransitionSpec
 from tral_fsm.formats import members, palette
 from tral_fsm.formats.umlet import sections
 from tral_fsm.formats.xml_tree import Node, parse
