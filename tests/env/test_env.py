@@ -1,4 +1,4 @@
-"""The environments keep Gymnasium's contract, and a car alone drives as it does among others."""
+"""The environment of one car keeps Gymnasium's contract, and ends as it should."""
 
 import copy
 import subprocess
@@ -8,14 +8,12 @@ import warnings
 import gymnasium as gym
 import numpy as np
 import pytest
+from corridors import corridor
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import AutoresetMode
 
-import tral_env.env
 from tral_env.config import WIDE_LENS, CarConfig, TaskConfig
 from tral_env.course.generate import SCENARIOS
-from tral_env.errors import ConfigError, SimulationError
 from tral_env.interface import CORE_LAYOUT, Layout, action_space
 from tral_env.randomization import LEVELS, level
 from tral_env.vector_env import TralCorridorVectorEnv
@@ -30,15 +28,6 @@ for _ in range(200):
     digest.update(observation.tobytes())
 print(digest.hexdigest())
 """
-
-
-def corridor(**kwargs: object) -> gym.Env:
-    return gym.make("TralCorridor-v0", **kwargs)
-
-
-def commands(ticks: int, n: int, seed: int = 0) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    return np.stack([rng.uniform(-0.2, 0.6, (ticks, n)), rng.uniform(0.3, 0.7, (ticks, n))], axis=2)
 
 
 @pytest.mark.parametrize("groups", [(), ("line", "imu", "battery")])
@@ -95,76 +84,6 @@ def test_random_drives_stay_finite_and_in_bounds(scenario: str) -> None:
         assert (observation >= env.observation_space.low).all()
         assert (observation <= env.observation_space.high).all()
     assert not env.corridor.sim.batch.warning[..., 1].any()
-
-
-@pytest.mark.parametrize("nthread", [1, 2])
-def test_a_row_among_others_is_the_single_environment_bit_for_bit(nthread: int) -> None:
-    actions = commands(400, 4)
-    together = TralCorridorVectorEnv(4, autoreset_mode="SameStep", nthread=nthread, scenario="gates")
-    first, _ = together.reset(seed=20)
-    row, single = 2, corridor(scenario="gates")
-    observation, _ = single.reset(seed=20 + row)
-    assert np.array_equal(first[row], observation)
-    episodes = 0
-    for action in actions:
-        many = together.step(action)
-        observation, reward, terminated, truncated, _ = single.step(action[row])
-        if terminated or truncated:
-            assert np.array_equal(many[4]["final_obs"][row], observation)
-            observation, _ = single.reset()
-            episodes += 1
-        assert np.array_equal(many[0][row], observation)
-        assert (many[1][row], many[2][row], many[3][row]) == (reward, terminated, truncated)
-    assert episodes >= 1
-
-
-def test_next_step_autoreset_equals_gymnasiums_own() -> None:
-    native = gym.make_vec("TralCorridor-v0", num_envs=3, scenario="straight")
-    rival = gym.make_vec("TralCorridor-v0", num_envs=3, vectorization_mode="sync", scenario="straight")
-    assert isinstance(native.unwrapped, TralCorridorVectorEnv)
-    a, _ = native.reset(seed=3)
-    b, _ = rival.reset(seed=3)
-    assert np.array_equal(a, b)
-    done = 0
-    for action in commands(400, 3):
-        one, other = native.step(action), rival.step(action)
-        for x, y in zip(one[:4], other[:4], strict=True):
-            assert np.array_equal(x, y)
-        done += int((one[2] | one[3]).sum())
-    assert done >= 1
-
-
-def test_without_autoreset_rows_are_reset_by_mask() -> None:
-    env = TralCorridorVectorEnv(2, autoreset_mode=AutoresetMode.DISABLED, scenario="straight")
-    env.reset(seed=0)
-    for action in commands(30, 2):
-        env.step(action)
-    _, info = env.reset(options={"reset_mask": np.array([False, True])})
-    assert info["time_s"][0] == pytest.approx(30 / 80)
-    assert info["time_s"][1] == 0.0
-    with pytest.raises(ConfigError, match="reset_mask"):
-        env.reset(options={"reset_mask": [1, 0]})
-
-
-def test_without_autoreset_a_row_that_ended_rests_until_it_is_reset() -> None:
-    env = TralCorridorVectorEnv(2, autoreset_mode="Disabled", scenario="straight", randomization="none")
-    env.reset(seed=2)
-    ended = False
-    while not ended:  # row 0 drives into the wall, row 1 stands
-        _, _, terminated, _, info = env.step(np.array([[0.6, 0.6], [0.0, 0.0]]))
-        ended = bool(terminated[0])
-    pose, time_s = info["pose"].copy(), info["time_s"].copy()
-    for _ in range(20):
-        _, reward, terminated, _, info = env.step(np.array([[0.6, 0.6], [0.0, 0.5]]))
-    assert terminated.tolist() == [True, False]
-    assert info["collision"].tolist() == [True, False]
-    assert reward[0] == 0.0
-    assert np.array_equal(info["pose"][0], pose[0])
-    assert info["time_s"].tolist() == pytest.approx([time_s[0], time_s[1] + 20 / 80])
-    env.reset(options={"reset_mask": np.array([True, False])})
-    _, _, terminated, _, info = env.step(np.zeros((2, 2)))
-    assert not terminated[0]
-    assert info["time_s"][0] == pytest.approx(1 / 80)
 
 
 def test_a_straight_drive_succeeds_and_says_so() -> None:
@@ -230,119 +149,6 @@ def test_the_drawn_car_can_be_fixed_and_is_told() -> None:
     assert -6 <= info["car"]["mechanism_offset_deg"] <= 6
 
 
-def test_a_parameter_can_be_swept_over_the_rows_and_replayed() -> None:
-    env = TralCorridorVectorEnv(3, scenario="straight")
-    observation, info = env.reset(seed=1, options={"car": {"friction": [0.5, 0.7, 0.9], "mass_scale": 1.1}})
-    assert info["car"]["friction"].tolist() == [0.5, 0.7, 0.9]
-    assert info["car"]["mass_scale"].tolist() == [1.1, 1.1, 1.1]
-    again, info_again = env.reset(seed=1, options={"car": info["car"]})
-    assert np.array_equal(observation, again)
-    assert all(np.array_equal(info_again["car"][name], values) for name, values in info["car"].items())
-    with pytest.raises(ConfigError, match="expected name -> number or 3 numbers"):
-        env.reset(options={"car": {"friction": [0.5, 0.7]}})
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"scenario": "corner"}, "did you mean 'corners'"),
-        ({"camera": "render"}, "did you mean 'rendered'"),
-        ({"randomization": "hrd"}, "did you mean 'hard'"),
-        ({"groups": ("imus",)}, "did you mean 'imu'"),
-        ({"groups": ("imu", "imu")}, "'imu' is given twice"),
-        ({"course": 3}, "course = 3"),
-        ({"courses": 0}, "courses = 0: expected a whole number, 1 or more"),
-        ({"courses": True}, "courses = True: expected a whole number"),
-        ({"courses": 2**70}, "expected a whole number"),
-        ({"scenario": ["corners"]}, "unknown scenario"),
-        ({"groups": "imu"}, r"groups = 'imu': expected names in a tuple"),
-        ({"groups": None}, "groups = None: expected names in a tuple"),
-        ({"courses": 5, "course": "mine.json"}, "courses = 5 with a course of your own"),
-        ({"lens": 3}, "expected a CameraConfig"),
-        ({"task": {"nominal_sped": 1}}, "did you mean 'nominal_speed'"),
-        ({"car": CarConfig(wheelbase=0.3)}, "wheelbase = 0.3: the car of assets/car.xml has 0.258"),
-        ({"view": "chaze"}, "did you mean 'chase'"),
-        ({"render_mode": "human"}, "Allowed: None, 'rgb_array'"),
-    ],
-)
-def test_bad_arguments_are_answered_with_the_nearest(arguments: dict, message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        tral_env.env.TralCorridorEnv(**arguments)
-
-
-def test_a_kept_course_is_the_one_that_its_number_as_seed_gives() -> None:
-    env = TralCorridorVectorEnv(20, scenario="crossing", courses=3)
-    env.reset(seed=0)
-    drawn = corridor(scenario="crossing").unwrapped
-    whole = []
-    for seed in range(3):
-        drawn.reset(seed=seed)
-        whole.append(drawn.corridor.courses[0])
-    assert {whole.index(course) for course in env.corridor.courses} == {0, 1, 2}
-
-
-def test_a_row_with_kept_courses_drives_as_it_does_alone() -> None:
-    env = TralCorridorVectorEnv(4, scenario="obstacles", courses=5)
-    alone = corridor(scenario="obstacles", courses=5)
-    for _ in range(3):
-        rows, _ = env.reset(seed=11)
-        one, _ = alone.reset(seed=13)
-        assert np.array_equal(rows[2], one)
-    rows, _ = env.reset()
-    one, _ = alone.reset()
-    assert np.array_equal(rows[2], one)
-
-
-def test_bad_actions_are_refused() -> None:
-    env = corridor(scenario="straight").unwrapped
-    env.reset(seed=0)
-    with pytest.raises(ConfigError, match="two finite numbers"):
-        env.step(np.array([np.nan, 0.0]))
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"cours": 1}, "did you mean 'course'"),
-        (5, "options = 5"),
-        ({"course": 3}, "course = 3"),
-        ({"car": 5}, "'car'"),
-        ({"car": {"mass_scale": 0.0}}, "mass_scale = .* above 0"),
-        ({"car": {"camera_latency_s": -1.0}}, "camera_latency_s = .* from 0"),
-        ({"car": {"hall_miss_rate": 7.0}}, "hall_miss_rate = .* between 0 and 1"),
-    ],
-)
-def test_bad_options_are_refused(options: object, message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        corridor(scenario="straight").unwrapped.reset(seed=0, options=options)
-
-
-def test_a_car_does_not_drive_before_its_first_reset() -> None:
-    env = TralCorridorVectorEnv(2, autoreset_mode="Disabled", scenario="straight")
-    with pytest.raises(ConfigError, match="before the first reset"):
-        env.step(np.zeros((2, 2)))
-    with pytest.raises(ConfigError, match="1 of 2 cars"):
-        env.reset(seed=0, options={"reset_mask": np.array([True, False])})
-
-
-def test_a_mask_that_names_nobody_resets_nobody() -> None:
-    env = TralCorridorVectorEnv(2, autoreset_mode="Disabled", scenario="straight")
-    env.reset(seed=0)
-    env.step(np.zeros((2, 2)))
-    _, info = env.reset(options={"reset_mask": np.zeros(2, bool)})
-    assert info["time_s"].tolist() == [1 / 80, 1 / 80]
-
-
-def test_unstable_physics_are_an_error_until_the_next_reset() -> None:
-    env = TralCorridorVectorEnv(3, scenario="straight")
-    env.reset(seed=0)
-    env.corridor.sim.qpos[1, 0] = np.inf
-    with pytest.raises(SimulationError, match=r"rows \[1\]"):
-        env.step(np.zeros((3, 2)))
-    env.reset(seed=0)
-    env.step(np.zeros((3, 2)))
-
-
 def test_a_copy_of_an_environment_drives_as_the_first_one_does() -> None:
     first = corridor(scenario="corners", groups=("imu",), randomization="hard")
     again = copy.deepcopy(first)
@@ -383,51 +189,3 @@ def test_a_course_given_at_reset_is_driven(tmp_path: object) -> None:
     assert info["gates_total"] == len(env.unwrapped.plan.gate_id)
     env.reset(seed=0)
     assert env.unwrapped.course != course
-
-
-@pytest.mark.parametrize("seed", [3.5, "ab", [1, 2.5], [1, "2"]])
-def test_seeds_that_are_no_numbers_are_refused(seed: object) -> None:
-    with pytest.raises(ConfigError, match=r"seed = .*expected a whole number, or one for each of 2"):
-        TralCorridorVectorEnv(2, scenario="straight").reset(seed=seed)
-
-
-def test_an_array_of_seeds_counts_as_a_list() -> None:
-    env = TralCorridorVectorEnv(2, scenario="straight")
-    counted, _ = env.reset(seed=5)
-    assert np.array_equal(env.reset(seed=np.arange(5, 7))[0], counted)
-
-
-@pytest.mark.parametrize("car", [0, [], np.ones(2), {3: 1.0}])
-def test_parameters_of_a_car_that_are_no_names_and_numbers_are_refused(car: object) -> None:
-    with pytest.raises(ConfigError, match=r"options\['car'\] = .*expected name -> number"):
-        TralCorridorVectorEnv(2, scenario="straight").reset(seed=0, options={"car": car})
-
-
-def test_a_reset_that_is_refused_leaves_the_cars_where_they_are() -> None:
-    env, other = (TralCorridorVectorEnv(2, scenario="straight") for _ in range(2))
-    for one in (env, other):
-        one.reset(seed=0)
-    with pytest.raises(ConfigError, match=r"latency_s = \(0.5, 0.5\): expected at most 0.2 s"):
-        env.reset(options={"car": {"latency_s": 0.5}})
-    with pytest.raises(ConfigError, match=r"image_degradation = \(11.0, 11.0\): expected at most 10"):
-        env.reset(options={"car": {"image_degradation": 11.0}})
-    with pytest.raises(ConfigError, match="expected name -> number or 2 numbers"):
-        env.reset(options={"car": {"friction": 10**400}})
-    forward = np.tile([0.1, 0.5], (2, 1))
-    assert np.array_equal(env.step(forward)[0], other.step(forward)[0])
-
-
-def test_course_k_of_those_that_are_kept_is_that_of_seed_k() -> None:
-    env = TralCorridorVectorEnv(6, scenario="obstacles", courses=2, randomization="hard")
-    env.reset(seed=0)
-    alone = TralCorridorVectorEnv(2, scenario="obstacles", randomization="hard")
-    alone.reset(seed=[0, 1])
-    assert {one.model_dump_json() for one in env.corridor.courses} == {
-        one.model_dump_json() for one in alone.corridor.courses
-    }
-
-
-@pytest.mark.parametrize("name", ["num_envs", "nthread"])
-def test_true_is_no_number_of_anything(name: str) -> None:
-    with pytest.raises(ConfigError, match=f"{name} = True: expected a whole number, 1 or more"):
-        TralCorridorVectorEnv(**{"scenario": "straight", name: True})

@@ -1,0 +1,112 @@
+"""What an environment cannot do it refuses by name, and stays as it was."""
+
+import numpy as np
+import pytest
+from corridors import corridor
+
+import tral_env.env
+from tral_env.config import CarConfig
+from tral_env.errors import ConfigError, SimulationError
+from tral_env.vector_env import TralCorridorVectorEnv
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"scenario": "corner"}, "did you mean 'corners'"),
+        ({"camera": "render"}, "did you mean 'rendered'"),
+        ({"randomization": "hrd"}, "did you mean 'hard'"),
+        ({"groups": ("imus",)}, "did you mean 'imu'"),
+        ({"groups": ("imu", "imu")}, "'imu' is given twice"),
+        ({"course": 3}, "course = 3"),
+        ({"courses": 0}, "courses = 0: expected a whole number, 1 or more"),
+        ({"courses": True}, "courses = True: expected a whole number"),
+        ({"courses": 2**70}, "expected a whole number"),
+        ({"scenario": ["corners"]}, "unknown scenario"),
+        ({"groups": "imu"}, r"groups = 'imu': expected names in a tuple"),
+        ({"groups": None}, "groups = None: expected names in a tuple"),
+        ({"courses": 5, "course": "mine.json"}, "courses = 5 with a course of your own"),
+        ({"lens": 3}, "expected a CameraConfig"),
+        ({"task": {"nominal_sped": 1}}, "did you mean 'nominal_speed'"),
+        ({"car": CarConfig(wheelbase=0.3)}, "wheelbase = 0.3: the car of assets/car.xml has 0.258"),
+        ({"view": "chaze"}, "did you mean 'chase'"),
+        ({"render_mode": "human"}, "Allowed: None, 'rgb_array'"),
+    ],
+)
+def test_bad_arguments_are_answered_with_the_nearest(arguments: dict, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        tral_env.env.TralCorridorEnv(**arguments)
+
+
+def test_bad_actions_are_refused() -> None:
+    env = corridor(scenario="straight").unwrapped
+    env.reset(seed=0)
+    with pytest.raises(ConfigError, match="two finite numbers"):
+        env.step(np.array([np.nan, 0.0]))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"cours": 1}, "did you mean 'course'"),
+        (5, "options = 5"),
+        ({"course": 3}, "course = 3"),
+        ({"car": 5}, "'car'"),
+        ({"car": {"mass_scale": 0.0}}, "mass_scale = .* above 0"),
+        ({"car": {"camera_latency_s": -1.0}}, "camera_latency_s = .* from 0"),
+        ({"car": {"hall_miss_rate": 7.0}}, "hall_miss_rate = .* between 0 and 1"),
+    ],
+)
+def test_bad_options_are_refused(options: object, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        corridor(scenario="straight").unwrapped.reset(seed=0, options=options)
+
+
+def test_a_car_does_not_drive_before_its_first_reset() -> None:
+    env = TralCorridorVectorEnv(2, autoreset_mode="Disabled", scenario="straight")
+    with pytest.raises(ConfigError, match="before the first reset"):
+        env.step(np.zeros((2, 2)))
+    with pytest.raises(ConfigError, match="1 of 2 cars"):
+        env.reset(seed=0, options={"reset_mask": np.array([True, False])})
+
+
+def test_unstable_physics_are_an_error_until_the_next_reset() -> None:
+    env = TralCorridorVectorEnv(3, scenario="straight")
+    env.reset(seed=0)
+    env.corridor.sim.qpos[1, 0] = np.inf
+    with pytest.raises(SimulationError, match=r"rows \[1\]"):
+        env.step(np.zeros((3, 2)))
+    env.reset(seed=0)
+    env.step(np.zeros((3, 2)))
+
+
+@pytest.mark.parametrize("seed", [3.5, "ab", [1, 2.5], [1, "2"]])
+def test_seeds_that_are_no_numbers_are_refused(seed: object) -> None:
+    with pytest.raises(ConfigError, match=r"seed = .*expected a whole number, or one for each of 2"):
+        TralCorridorVectorEnv(2, scenario="straight").reset(seed=seed)
+
+
+@pytest.mark.parametrize("car", [0, [], np.ones(2), {3: 1.0}])
+def test_parameters_of_a_car_that_are_no_names_and_numbers_are_refused(car: object) -> None:
+    with pytest.raises(ConfigError, match=r"options\['car'\] = .*expected name -> number"):
+        TralCorridorVectorEnv(2, scenario="straight").reset(seed=0, options={"car": car})
+
+
+def test_a_reset_that_is_refused_leaves_the_cars_where_they_are() -> None:
+    env, other = (TralCorridorVectorEnv(2, scenario="straight") for _ in range(2))
+    for one in (env, other):
+        one.reset(seed=0)
+    with pytest.raises(ConfigError, match=r"latency_s = \(0.5, 0.5\): expected at most 0.2 s"):
+        env.reset(options={"car": {"latency_s": 0.5}})
+    with pytest.raises(ConfigError, match=r"image_degradation = \(11.0, 11.0\): expected at most 10"):
+        env.reset(options={"car": {"image_degradation": 11.0}})
+    with pytest.raises(ConfigError, match="expected name -> number or 2 numbers"):
+        env.reset(options={"car": {"friction": 10**400}})
+    forward = np.tile([0.1, 0.5], (2, 1))
+    assert np.array_equal(env.step(forward)[0], other.step(forward)[0])
+
+
+@pytest.mark.parametrize("name", ["num_envs", "nthread"])
+def test_true_is_no_number_of_anything(name: str) -> None:
+    with pytest.raises(ConfigError, match=f"{name} = True: expected a whole number, 1 or more"):
+        TralCorridorVectorEnv(**{"scenario": "straight", name: True})
