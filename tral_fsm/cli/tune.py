@@ -61,27 +61,15 @@ def command(
     """
     from tral_fsm.cli.classical import print_classical
     from tral_fsm.library import load as load_machine
-    from tral_fsm.tuning import Objective, Settings, Task
+    from tral_fsm.tuning import Objective
 
     arguments = options.TuneArguments(
         policy=policy,
         params=options.listed(params),
         tie=tie,
-        task=Task(
-            scenarios=tuple(options.listed(scenario)),
-            seeds=options.seeds_of(seeds, "--seeds"),
-            randomization=randomization,
-            camera=camera,
-        ),
+        task=options.task_of(scenario, seeds, randomization, camera),
         objective=Objective(pooling=objective),
-        settings=Settings(
-            budget=budget,
-            sampler=sampler,
-            objectives=tuple(options.listed(objectives)),
-            population=population,
-            report_seeds=() if report_seeds == "none" else options.seeds_of(report_seeds, "--report-seeds"),
-            seed=seed,
-        ),
+        settings=options.settings_of(budget, sampler, objectives, population, report_seeds, seed),
         processes=processes or os.cpu_count() or 1,
         storage=storage,
         out=out,

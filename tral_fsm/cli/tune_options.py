@@ -88,3 +88,36 @@ def seeds_of(text: str, option: str) -> tuple[int, ...]:
     if not seeds or seeds[0] < 0:
         raise ConfigError(f"{option} {text}: expected FIRST below END, neither below 0")
     return tuple(seeds)
+
+
+def task_of(scenario: str, seeds: str, randomization: Randomization, camera: Camera) -> Task:
+    """What each candidate drives.
+
+    Raises:
+        ConfigError: one of the options is none that can be driven.
+    """
+    from tral_fsm.tuning import Task
+
+    return Task(
+        scenarios=tuple(listed(scenario)), seeds=seeds_of(seeds, "--seeds"), randomization=randomization, camera=camera
+    )
+
+
+def settings_of(
+    budget: int, sampler: Sampler, objectives: str, population: int | None, report_seeds: str, seed: int
+) -> Settings:
+    """How to search.
+
+    Raises:
+        ConfigError: one of the options cannot be, or not beside another.
+    """
+    from tral_fsm.tuning import Settings
+
+    return Settings(
+        budget=budget,
+        sampler=sampler,
+        objectives=tuple(listed(objectives)),
+        population=population,
+        report_seeds=() if report_seeds == "none" else seeds_of(report_seeds, "--report-seeds"),
+        seed=seed,
+    )
