@@ -77,6 +77,27 @@ def test_rejected_images_are_named_with_the_reason(calibrated: tuple[Path, Resul
     assert rejected["empty.png"] == "no board"
 
 
+def test_a_corrupt_image_is_rejected_by_name_and_the_others_are_used(
+    calibrated: tuple[Path, Result], shots: Path, tmp_path: Path
+) -> None:
+    for file in shots.glob("*.png"):
+        (tmp_path / file.name).symlink_to(file)
+    (tmp_path / "00a.png").write_bytes((shots / "00.png").read_bytes()[:10])
+    result = tral(tmp_path, "--out", tmp_path / "out", "--json", "--keep-images")
+    report = json.loads(result.stdout)
+    assert result.exit_code == 0
+    assert [Path(one["name"]).name for one in report["rejected"] if one["reason"] == "unreadable"] == ["00a.png"]
+    assert report["coverage"] == json.loads(calibrated[1].stdout)["coverage"]
+
+
+def test_a_corrupt_video_alone_is_named(tmp_path: Path) -> None:
+    (tmp_path / "walk.mp4").write_bytes(b"broken")
+    result = tral(tmp_path / "walk.mp4", "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert "0 of 1 images show the board well enough (1 x unreadable)" in " ".join(result.stderr.split())
+    assert "walk.mp4" in result.stderr.split("Unreadable:")[1]
+
+
 def test_the_coverage_map_is_a_picture(calibrated: tuple[Path, Result]) -> None:
     image = cv2.imread(str(calibrated[0] / "coverage.png"))
     assert image is not None

@@ -1,5 +1,7 @@
 """Images from files, folders, patterns and videos."""
 
+import struct
+import zlib
 from pathlib import Path
 
 import cv2
@@ -60,11 +62,20 @@ def test_what_cannot_be_looked_at_is_refused(folder: Path, source: str, message:
         find_sources([str(folder / source)])
 
 
-@pytest.mark.parametrize(("name", "message"), [("x.png", "not a readable image"), ("x.mp4", "not a readable video")])
-def test_a_broken_file_is_refused(tmp_path: Path, name: str, message: str):
-    (tmp_path / name).write_bytes(b"broken")
-    with pytest.raises(ConfigError, match=message):
-        list(frames(find_sources([str(tmp_path / name)])))
+@pytest.mark.parametrize("name", ["x.png", "x.mp4"])
+@pytest.mark.parametrize("content", [b"", b"broken"])
+def test_a_broken_file_is_named_without_an_image_and_the_next_one_is_read(folder: Path, name: str, content: bytes):
+    (folder / name).write_bytes(content)
+    seen = list(frames([str(folder / name), str(folder / "a.PNG")]))
+    assert seen[0] == (str(folder / name), None)
+    assert seen[1][1].shape == (48, 64, 3)
+
+
+def test_an_image_that_claims_to_be_larger_than_any_is_broken(tmp_path: Path):
+    size = struct.pack(">4sIIBBBBB", b"IHDR", 2**22, 2**22, 8, 2, 0, 0, 0)
+    header = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + size + struct.pack(">I", zlib.crc32(size))
+    (tmp_path / "x.png").write_bytes(header)
+    assert list(frames([str(tmp_path / "x.png")])) == [(str(tmp_path / "x.png"), None)]
 
 
 def test_a_camera_that_is_not_there_is_a_fault_of_the_hardware():

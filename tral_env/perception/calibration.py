@@ -167,6 +167,9 @@ def _enough(views: Sequence[View], rejected: Sequence[Rejected]) -> None:
             reasons[one.reason] = reasons.get(one.reason, 0) + 1
         why = ", ".join(f"{count} x {reason}" for reason, count in reasons.items()) or "none was rejected"
         hint = ". Is the board the one that was named?" if reasons.get("no board") else ""
+        broken = [one.name for one in rejected if one.reason == "unreadable"]
+        if broken:
+            hint += f". Unreadable: {', '.join(broken[:3])}{', ...' * (len(broken) > 3)}"
         raise CalibrationError(
             f"{len(views)} of {len(views) + len(rejected)} images show the board well enough ({why}); a calibration "
             f"needs {FEWEST}, a good one {LIMITS.views}{hint}"

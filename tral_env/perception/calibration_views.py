@@ -50,7 +50,7 @@ class Rejected:
     detail: str
 
 
-REASONS = ("no board", "too few corners", "too blurred", "duplicate pose", "outlier error")
+REASONS = ("unreadable", "no board", "too few corners", "too blurred", "duplicate pose", "outlier error")
 
 
 @dataclass
@@ -63,16 +63,26 @@ class Collection:
     views: list[View] = field(default_factory=list)
     rejected: list[Rejected] = field(default_factory=list)
 
-    def add(self, name: str, image: Image) -> View | Rejected:
+    def add(self, name: str, image: Image | None) -> View | Rejected:
         """Look at an image.
 
         Args:
             name: what to call it in messages.
-            image: (h, w) grey or (h, w, 3) of any order of colours, uint8.
+            image: (h, w) grey or (h, w, 3) of any order of colours, uint8; None if it could not be read.
 
         Raises:
             CalibrationError: it has another size than the images before.
         """
+        seen = self._look(name, image)
+        if isinstance(seen, View):
+            self.views.append(seen)
+        else:
+            self.rejected.append(seen)
+        return seen
+
+    def _look(self, name: str, image: Image | None) -> View | Rejected:
+        if image is None:
+            return Rejected(name, "unreadable", "damaged, empty or not to be opened")
         grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
         size = grey.shape[1], grey.shape[0]
         if self.size is not None and size != self.size:
@@ -81,12 +91,7 @@ class Collection:
                 "calibration holds for one size"
             )
         self.size = size
-        seen = self._judge(name, grey)
-        if isinstance(seen, View):
-            self.views.append(seen)
-        else:
-            self.rejected.append(seen)
-        return seen
+        return self._judge(name, grey)
 
     def _judge(self, name: str, grey: Image) -> View | Rejected:
         ids, pixels = self.board.find(grey)

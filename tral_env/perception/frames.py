@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from glob import glob
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -51,35 +50,40 @@ def _expand(source: str) -> list[str]:
     return found
 
 
-def frames(sources: Sequence[str], every: int = 1) -> Iterator[tuple[str, Image]]:
-    """Name and image of each frame, (h, w, 3) BGR.
+def frames(sources: Sequence[str], every: int = 1) -> Iterator[tuple[str, Image | None]]:
+    """Name and image of each frame, (h, w, 3) BGR; None for an image or video that cannot be read.
 
     Args:
         sources: what `find_sources` gave.
         every: of a video or a camera, one in so many frames.
 
     Raises:
-        ConfigError: an image or video cannot be read.
         HardwareError: a camera cannot be opened, or stops.
     """
     for source in sources:
         if Path(source).suffix.lower() in IMAGES:
-            image: Any = cv2.imread(source, cv2.IMREAD_COLOR)
-            if image is None:
-                raise ConfigError(f"{source}: not a readable image")
-            yield source, image
+            yield source, _still(source)
         else:
             yield from _moving(source, every)
 
 
-def _moving(source: str, every: int) -> Iterator[tuple[str, Image]]:
+def _still(source: str) -> Image | None:
+    try:
+        image = cv2.imread(source, cv2.IMREAD_COLOR)
+    except cv2.error:  # of a damaged header: it says that the image is larger than any can be
+        return None
+    return None if image is None else np.asarray(image, np.uint8)
+
+
+def _moving(source: str, every: int) -> Iterator[tuple[str, Image | None]]:
     device = source.startswith(DEVICE)
     capture = cv2.VideoCapture(source)
     try:
         if not capture.isOpened():
             if device:
                 raise HardwareError(f"{source}: no camera, or another program uses it")
-            raise ConfigError(f"{source}: not a readable video")
+            yield source, None
+            return
         index = 0
         while capture.grab():
             if index % every == 0:
@@ -90,6 +94,6 @@ def _moving(source: str, every: int) -> Iterator[tuple[str, Image]]:
         if device:
             raise HardwareError(f"{source}: the camera stopped after {index} frames")
         if index == 0:
-            raise ConfigError(f"{source}: a video without frames")
+            yield source, None
     finally:
         capture.release()

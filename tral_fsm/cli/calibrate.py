@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from tral_env.perception.calibration import Calibration
     from tral_env.perception.calibration_views import Collection
 
-    Frames = Iterator[tuple[str, "NDArray[np.uint8]"]]
+    Frames = Iterator[tuple[str, "NDArray[np.uint8] | None"]]
 
 BoardKind = Literal["charuco", "chessboard"]
 
@@ -128,7 +128,7 @@ def run(asked: Calibrating, board: Board, out: Path, *, quiet: bool) -> dict[str
         The content of calibration.json.
 
     Raises:
-        ConfigError: nothing or something unreadable to look at, or a folder that cannot be written.
+        ConfigError: nothing to look at, or a folder that cannot be written.
         CalibrationError: too few images show the board.
         RenderError: no OpenGL for the simulated camera.
     """
@@ -191,7 +191,7 @@ def _look(
         try:
             for name, image in images:
                 show(collection.add(name, image))
-                if asked.keep_images:
+                if asked.keep_images and image is not None:
                     _keep(out / "images", _looked_at(collection), name, image)
                 if len(collection.views) >= asked.max_views:
                     break
