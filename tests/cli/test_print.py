@@ -198,6 +198,18 @@ def test_what_is_said_to_fit_fits() -> None:
     assert board_sheet(Board(square=0.0368, marker=0.028)).width == 297.0
 
 
+@pytest.mark.parametrize("suffix", ["pdf", "svg"])
+def test_a_link_stays_one_and_its_file_is_written(tmp_path: Path, suffix: str) -> None:
+    (tmp_path / "store").mkdir()
+    file, link = tmp_path / "store" / f"real.{suffix}", tmp_path / f"m.{suffix}"
+    file.write_bytes(b"old")
+    link.symlink_to(file)
+    assert tral("print", "marker", 1, "--out", link).exit_code == 0
+    assert link.is_symlink()
+    assert file.read_bytes().startswith((b"%PDF", b"<svg", b"<?xml"))
+    assert [path.name for path in file.parent.iterdir()] == [file.name]
+
+
 def test_a_failed_page_leaves_the_old_file(tmp_path: Path) -> None:
     out = tmp_path / "m.pdf"
     tral("print", "marker", 1, "--out", out)

@@ -40,6 +40,8 @@ def file_of(machine: MachineDefinition, folder: Path) -> Path:
 def tuned(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
     folder = tmp_path_factory.mktemp("tuned")
     machine = file_of(blind(0.5, 1.0).model_copy(update={"name": "<blind> & bold"}), folder)
+    for name in ("new.uxf", "report.html"):
+        (folder / name).symlink_to(tmp_path_factory.mktemp("kept") / name)
     arguments = ["--policy", machine, "--params", PARAMS, "--grid", 2, "--save", folder / "new.uxf"]
     return folder, tral("tune", *arguments, *CHEAP, "--out", folder)
 
@@ -53,6 +55,13 @@ def test_it_leaves_a_machine_the_figures_a_report_and_the_study(tuned: tuple[Pat
     assert report["complete"]
     assert report["task"]["seeds"] == [0]
     assert load(folder / "new.uxf").states == load(folder / "machine.json").states
+
+
+def test_links_stay_links(tuned: tuple[Path, Result]) -> None:
+    folder, _ = tuned
+    links = [folder / "new.uxf", folder / "report.html"]
+    assert all(link.is_symlink() for link in links)
+    assert [[path.name for path in link.resolve().parent.iterdir()] for link in links] == [["new.uxf"], ["report.html"]]
 
 
 def test_it_says_the_verdict(tuned: tuple[Path, Result]) -> None:

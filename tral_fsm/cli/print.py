@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from tral_env.errors import ConfigError
 from tral_fsm.cli.calibrate import BoardKind, make_board
-from tral_fsm.cli.files import prepare_folder
+from tral_fsm.cli.files import prepare_folder, write_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -72,12 +73,17 @@ def gate(
 
 
 def _save(sheets: Sequence[Sheet], out: Path) -> None:
-    from tral_fsm.report.sheet import page_suffix, save
+    from tral_fsm.report.sheet import page_suffix, printed
 
     page_suffix(out)  # before a folder is made for it
     prepare_folder(out.parent)
-    written = save(sheets, out)
+    pages = printed(sheets, out)
+    try:
+        for file, content in pages.items():
+            write_bytes(file, content)
+    except OSError as error:
+        raise ConfigError(f"--out {out}: cannot be written: {error.strerror}") from error
     for sheet in sheets:
         for text in sheet.texts[1:]:
             typer.echo(text.text)
-    typer.echo(f"Written: {', '.join(str(path) for path in written)}; print at 100 %, not fitted to the page")
+    typer.echo(f"Written: {', '.join(str(path) for path in pages)}; print at 100 %, not fitted to the page")

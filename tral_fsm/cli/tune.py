@@ -17,7 +17,7 @@ from tral_env.errors import ConfigError
 from tral_fsm.cli import opengl
 from tral_fsm.cli import tune_options as options
 from tral_fsm.cli.console import versions
-from tral_fsm.cli.files import prepare_folder, write_json
+from tral_fsm.cli.files import prepare_folder, write_bytes, write_json
 from tral_fsm.cli.tune_show import Bar, print_result
 
 if TYPE_CHECKING:
@@ -179,7 +179,7 @@ def _tune(arguments: options.TuneArguments, machine: MachineDefinition, origin: 
 
 
 def _write_page(arguments: options.TuneArguments, tuned: Tuned, report: dict[str, Any], bar: Bar) -> None:
-    from tral_fsm.report.tuning_page import Page, save_report
+    from tral_fsm.report.tuning_page import Page, report_html
 
     page = Page(
         tuned=tuned,
@@ -188,8 +188,8 @@ def _write_page(arguments: options.TuneArguments, tuned: Tuned, report: dict[str
         command=report["command"],
         version=report["versions"]["tral-env"],
     )
-    path = arguments.out / "report.html"
-    save_report(page, path, processes=arguments.processes, size=arguments.grid, on_stage=bar.stage)
+    html = report_html(page, processes=arguments.processes, size=arguments.grid, on_stage=bar.stage)
+    write_bytes(arguments.out / "report.html", html.encode("utf-8"))
 
 
 def _origin() -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -133,43 +134,32 @@ def page_suffix(out: Path) -> str:
     return suffix
 
 
-def save(sheets: Sequence[Sheet], out: Path) -> list[Path]:
-    """Write pages, each file at once: a PDF with all of them, or an SVG for each.
+def printed(sheets: Sequence[Sheet], out: Path) -> dict[Path, bytes]:
+    """What is to be written: a PDF with all pages, or an SVG for each.
 
     Args:
         sheets: the pages.
         out: a .pdf or .svg; several SVGs get the names of their pages before the suffix.
 
     Returns:
-        The files.
+        Content by file.
 
     Raises:
-        ConfigError: another suffix, or a file that cannot be written.
+        ConfigError: another suffix.
     """
-    suffix = page_suffix(out)
-    try:
-        if suffix == ".pdf":
-            return [_save_pdf(sheets, out)]
-        if len(sheets) == 1:
-            return [_save_text(to_svg(sheets[0]), out)]
-        pages = {out.with_name(f"{out.stem}_{sheet.name}{out.suffix}"): sheet for sheet in sheets}
-        return [_save_text(to_svg(sheet), file) for file, sheet in pages.items()]
-    except OSError as error:
-        raise ConfigError(f"--out {out}: cannot be written: {error.strerror}") from error
+    if page_suffix(out) == ".pdf":
+        return {out: _pdf(sheets)}
+    if len(sheets) == 1:
+        return {out: to_svg(sheets[0]).encode("utf-8")}
+    return {out.with_name(f"{out.stem}_{sheet.name}{out.suffix}"): to_svg(sheet).encode("utf-8") for sheet in sheets}
 
 
-def _save_text(text: str, out: Path) -> Path:
-    part = out.with_name(f"{out.name}.part")
-    part.write_text(text, encoding="utf-8")
-    return part.replace(out)
-
-
-def _save_pdf(sheets: Sequence[Sheet], out: Path) -> Path:
+def _pdf(sheets: Sequence[Sheet]) -> bytes:
     import matplotlib as mpl
     from matplotlib.backends.backend_pdf import PdfPages
 
-    part = out.with_name(f"{out.name}.part")
-    with mpl.rc_context({"pdf.fonttype": 42}), PdfPages(part, metadata={"CreationDate": None}) as pages:
+    content = io.BytesIO()
+    with mpl.rc_context({"pdf.fonttype": 42}), PdfPages(content, metadata={"CreationDate": None}) as pages:
         for sheet in sheets:
             pages.savefig(to_figure(sheet))
-    return part.replace(out)
+    return content.getvalue()

@@ -7,7 +7,6 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from html import escape
-from pathlib import Path
 
 from matplotlib.figure import Figure
 
@@ -51,12 +50,11 @@ class Page:
     version: str
 
 
-def save_report(page: Page, path: Path, *, processes: int = 1, size: int = 9, on_stage: OnStage | None = None) -> None:
-    """Write the report.
+def report_html(page: Page, *, processes: int = 1, size: int = 9, on_stage: OnStage | None = None) -> str:
+    """The report, one file with all its figures.
 
     Args:
         page: what it is about.
-        path: of the HTML file.
         processes: how many drive the grids.
         size: points along a side of the plane and along a line; 0: neither is driven.
         on_stage: called with what is under way: "around", drives around what was found, then "steps", the responses.
@@ -65,13 +63,10 @@ def save_report(page: Page, path: Path, *, processes: int = 1, size: int = 9, on
     body = [_head(page), _checked(page.tuned.comparison), _numbers(page.tuned), *_pictures(page, around)]
     body += _classical(page, on_stage)
     title = escape(f"Tuning of {page.tuned.old.name or 'a machine'}")
-    html = (
+    return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
         f"<style>{_STYLE}</style></head>\n<body><h1>{title}</h1>\n" + "\n".join(body) + "\n</body></html>\n"
     )
-    part = path.with_name(f"{path.name}.part")
-    part.write_text(html, encoding="utf-8")
-    part.replace(path)
 
 
 def _probe(page: Page, processes: int, size: int, on_stage: OnStage | None) -> Probe | None:

@@ -85,11 +85,12 @@ def described(tuned: Tuned, origin: str) -> MachineDefinition:
 
 
 def save(tuned: Tuned, path: Path, origin: str) -> None:
-    """Write the new machine, in the format of the suffix.
+    """Write the new machine at once, in the format of the suffix; a link stays one.
 
     Raises:
         MachineError: no format has this suffix.
     """
-    part = path.with_name(f"{path.name}.part")
+    file = path.resolve()
+    part = file.with_name(f"{file.name}.part")
     part.write_text(write(described(tuned, origin), by_suffix(path.suffix)), encoding="utf-8")
-    part.replace(path)
+    part.replace(file)
