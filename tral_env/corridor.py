@@ -61,6 +61,9 @@ class CorridorConfig:
     image_faults: WebcamLaw = field(default_factory=WebcamLaw)
     """How much of each fault a level of `image_degradation` brings to a rendered image: streaks and covered patches
     are off until they are asked for here."""
+    pixels: bool = False
+    """The observation has an image of its own, which is rendered wherever the readings come from.
+    `TralCorridorPixels-v0` sets it."""
 
     def __post_init__(self) -> None:
         if self.scenario not in tuple(SCENARIOS):  # a tuple, so that a list is told as any other wrong name
@@ -71,10 +74,10 @@ class CorridorConfig:
             raise ConfigError(f"courses = {self.courses!r}: expected a whole number, 1 or more, or None")
         if self.courses is not None and self.course is not None:
             raise ConfigError(f"courses = {self.courses!r} with a course of your own: expected one of them")
-        if self.camera == "projected" and self.image_faults != WebcamLaw():
+        if self.camera == "projected" and not self.pixels and self.image_faults != WebcamLaw():
             raise ConfigError(
                 f"image_faults = {self.image_faults!r} with camera='projected', which takes no image: expected "
-                "camera='rendered'"
+                "camera='rendered', or TralCorridorPixels-v0, whose observation has an image"
             )
         level(self.randomization)
         Layout.of(self.groups)

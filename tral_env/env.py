@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
@@ -62,6 +62,9 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": int(CONTROL_RATE_HZ)}  # noqa: RUF012 (Gymnasium declares it so)
 
+    _pixels: ClassVar[bool] = False
+    """The observation has an image."""
+
     def __init__(
         self,
         scenario: str = "office",
@@ -98,6 +101,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
             lens=lens,
             task=task,
             image_faults=image_faults,
+            pixels=self._pixels,
         )
         self.corridor = Corridor(1, config)
         self.action_space = action_space()
@@ -196,8 +200,11 @@ class TralCorridorPixelsEnv(TralCorridorEnv):
 
     Observation: `Dict(image=Box(0, 255, (height, width, 3), uint8), readings=Box((d,), float32))`. The image is that of
     the last exposure, 15 times a second, scaled to `image_size`, (width, height) in pixels: through the lens, with the
-    mounting error and the degradation that were drawn for the car. It needs OpenGL.
+    mounting error and the degradation that were drawn for the car. It needs OpenGL. `image_faults` are in the image
+    with either camera; the readings of the projected one know nothing of them.
     """
+
+    _pixels: ClassVar[bool] = True
 
     def __init__(self, image_size: tuple[int, int] = (160, 120), **kwargs: Any) -> None:
         """See the class; the other arguments are those of `TralCorridorEnv`."""

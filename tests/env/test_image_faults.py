@@ -47,7 +47,8 @@ def before_the_gate() -> Iterator[tuple[Webcam, RenderedVision, np.ndarray]]:
 
 
 def pixels(seed: int = 3, **kwargs: object) -> np.ndarray:
-    env = gym.make("TralCorridorPixels-v0", course=GATE_AHEAD, camera="rendered", randomization="none", **kwargs)
+    given = {"course": GATE_AHEAD, "camera": "rendered", "randomization": "none", **kwargs}
+    env = gym.make("TralCorridorPixels-v0", **given)
     try:
         return np.array(env.reset(seed=seed, options=LEVEL_1)[0]["image"], int)
     except RenderError:
@@ -122,6 +123,12 @@ def test_the_pixels_show_the_faults_that_are_asked_for_and_no_others() -> None:
     assert covered[0, 0] in PATCH_GREYS
 
 
+def test_the_pixels_show_the_faults_wherever_the_readings_come_from() -> None:
+    image = pixels(camera="projected", image_faults=PATCH)
+    assert np.array_equal(image, pixels(camera="rendered", image_faults=PATCH))
+    assert not np.array_equal(image, pixels(camera="projected"))
+
+
 def test_the_same_seed_gives_the_same_image() -> None:
     faults = WebcamLaw(streak_px=2.0, patch=0.2)
     image = pixels(image_faults=faults)
@@ -151,15 +158,18 @@ def test_a_row_among_others_looks_through_the_same_faults_as_alone() -> None:
     rows.close()
 
 
-def test_the_spec_with_faults_survives_json() -> None:
-    env = gym.make("TralCorridor-v0", scenario="gates", camera="rendered", image_faults=PATCH)
+@pytest.mark.parametrize(("name", "camera"), [("TralCorridor-v0", "rendered"), ("TralCorridorPixels-v0", "projected")])
+def test_the_spec_with_faults_survives_json(name: str, camera: str) -> None:
+    env = gym.make(name, scenario="gates", camera=camera, image_faults=PATCH)
     again = gym.make(EnvSpec.from_json(env.spec.to_json()))
     assert again.unwrapped.corridor.config.image_faults == PATCH
 
 
 @pytest.mark.parametrize("make", [gym.make, gym.make_vec])
 def test_the_projected_camera_refuses_faults_and_names_the_remedy(make: object) -> None:
-    with pytest.raises(ConfigError, match=r"image_faults.*patch=0\.2.*expected camera='rendered'"):
+    with pytest.raises(
+        ConfigError, match=r"image_faults.*patch=0\.2.*expected camera='rendered', or TralCorridorPixels-v0"
+    ):
         make("TralCorridor-v0", image_faults={"patch": 0.2})
 
 
