@@ -37,7 +37,7 @@ _FADE = 0.6
 class FollowCorridorSpec(DrivingSpec):
     """Keeps a place in the corridor: a clearance to the wall on `side`, at most half of what both sides have."""
 
-    needs: ClassVar[Mapping[str, str]] = {"slow_front": "speed"}
+    needs: ClassVar[Mapping[str, str]] = {"slow_front": "speed", "unsure_speed": "speed"}
 
     type: Literal["FollowCorridor"] = "FollowCorridor"
     side: Side = Field("right", description="the wall that the clearance is to")
@@ -50,6 +50,13 @@ class FollowCorridorSpec(DrivingSpec):
     shift: float = quantity(5.0, "m", "the line shifts towards `side` by no more than this altogether", gt=0.0, le=5.0)
     max_angle_deg: float = quantity(18.0, "deg", "the line is approached no steeper", gt=0.0, le=60.0)
     learn_trim: bool = Field(True, description="learn at which steering the car drives straight")
+    unsure_speed: float | None = quantity(
+        None,
+        "m/s",
+        "no faster while the corridor's direction or the trim is not known yet; null: never mind",
+        gt=0.0,
+        le=5.0,
+    )
     slow_front: float | None = quantity(None, "m", "front range from which on the car slows down", gt=0.0, le=5.0)
     slow_speed: float = quantity(0.3, "m/s", "speed at half of slow_front and nearer", ge=0.0, le=5.0)
 
@@ -84,8 +91,8 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
     def tick(self, m: MachineState) -> None:
         """Move the line, steer onto it."""
         spec = self.spec
-        if spec.learn_trim and m.trim_fault:
-            m.set_trim(m.trim + m.trim_fault)
+        if spec.learn_trim:
+            m.take_trim()
         slope = self.shift(m)
         approach = clip(self.offset / (2.0 * spec.length) + slope, self.steepest)
         self.steer(m, clip(steering_for(2.0 / spec.length * (approach - math.sin(m.heading))), _SURE_LOCK))
@@ -127,9 +134,11 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
         return -sign * slope
 
     def speed_now(self, m: MachineState) -> float | None:
-        """Speed before something ahead, m/s; None: as it is."""
+        """Speed before something ahead, and while little is known of the corridor, m/s; None: as it is."""
         spec = self.spec
-        return slowed(spec.speed, spec.slow_speed, spec.slow_front, m.front.range)
+        free = spec.speed if spec.unsure_speed is None or m.walls.sure else spec.unsure_speed
+        slow = slowed(free, spec.slow_speed, spec.slow_front, m.front.range)
+        return free if slow is None else slow
 
 
 class TurnSpec(DrivingSpec):

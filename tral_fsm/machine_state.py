@@ -18,8 +18,9 @@ from tral_env.interface import (
     MAX_AGE_S,
 )
 from tral_fsm.control import TRACK, clip, curvature, speed_control, steering_play, wrap
+from tral_fsm.reckoning import BEND_PER_STEERING, Stand
 from tral_fsm.sensed import Sighting, Sonar, is_new
-from tral_fsm.tracking import BEND_PER_STEERING, Stand, Track
+from tral_fsm.tracking import Track
 from tral_fsm.walls import SENSOR_X, Ahead, Walls
 
 _HISTORY_TICKS = 128
@@ -42,6 +43,8 @@ _OPENING_GAIN = 0.2
 _NEAR_GATE_M, _GATE_ANGLE = 2.0, math.radians(22.0)
 """A gate that is so near stands within this angle of its corridor. Source: the family `gates` has 10 degrees, and as
 much for the camera."""
+_FRESH_S = 0.5
+"""A gate seen so lately is where it was seen from the car, wherever walls say that the car points."""
 _QUARTER = math.pi / 2.0
 
 COLUMNS = CORE_LAYOUT.names
@@ -73,11 +76,11 @@ class MachineState:
         "corridor_yaw",
         "direction",
         "distance",
-        "doubt",
         "front",
         "gate",
         "given_trim",
         "guessed_gate",
+        "late",
         "left",
         "lock_scale",
         "marker",
@@ -92,6 +95,7 @@ class MachineState:
         "time",
         "trim",
         "trim_fault",
+        "turned",
         "walls",
         "wanted_clearance",
         "wanted_side",
@@ -130,7 +134,9 @@ class MachineState:
         """How far the wheels have been moved, to and fro, in units of steering."""
         self.path = 0.0
         """Dead reckoning's length, less where the car reverses, m."""
-        self.doubt = 0.0
+        self.turned = 0.0
+        """By its wheels, rad."""
+        self.late = 0.0
         """How far the car turned while its wheels were under way, rad, added up: when they arrive is not known well."""
         self.corridor_yaw = 0.0
         """Direction of the corridor in dead reckoning, rad, but for quarter turns; learnt from the side ranges."""
@@ -204,15 +210,16 @@ class MachineState:
         if self.speed < 0.05 and self.applied_throttle != 0.0:
             self.direction = -1.0 if self.applied_throttle < 0.0 else 1.0
         if step > 0.0:  # also false for NaN, at the first tick
-            bend = self.lock_scale * curvature(self._wheel - self.trim - self.given_trim)
+            bend = self.lock_scale * curvature(self._wheel - self.trim - self.trim_fault - self.given_trim)
             # the magnets sit on the rear left wheel, which runs on the inner circle of a left turn
             step = self.direction * step / (1.0 - bend * TRACK / 2.0)
             self.path += step
-            self.doubt += BEND_PER_STEERING * abs(behind * step)
+            self.late += BEND_PER_STEERING * abs(behind * step)
             middle = self.yaw + step * bend / 2.0
             self.x += step * math.cos(middle)
             self.y += step * math.sin(middle)
             self.yaw += step * bend
+            self.turned += step * bend
         self._history.append((self.x, self.y, self.yaw))
 
     def _see(self, seen: Sighting, number: float, x: float, y: float, heading: float, age: float) -> None:
@@ -229,14 +236,14 @@ class MachineState:
         seen.y = py + sin * x + cos * y
         seen.heading = yaw + heading
         if seen is self.gate:
-            self._track(Stand(px, py, yaw, self.path, self.doubt, self.swept))
+            self._track(self._stand(px, py, yaw))
 
     def _track(self, stand: Stand) -> None:
         """Let the new sighting of a gate correct what earlier ones told of it, and learn trim and lock from it."""
         gate = self.gate
         track = self._tracks.get(gate.id)
         if track is None:
-            self._tracks[gate.id] = Track(gate.x, gate.y, gate.heading, stand)
+            self._tracks[gate.id] = Track(gate.x, gate.y, gate.heading, stand, self.walls.trim_deviation)
             return
         trim, lock = track.take(gate.x, gate.y, gate.heading, stand)
         self.set_trim(self.trim + trim)
@@ -273,6 +280,11 @@ class MachineState:
         if near and abs(_quarter(gate.heading - self.corridor_yaw)) > _GATE_ANGLE:
             self.corridor_yaw = gate.heading
             self.walls.forget()
+            self.walls.doubt_direction()
+
+    def _stand(self, x: float, y: float, yaw: float) -> Stand:
+        """Where the car was a moment ago."""
+        return Stand(x, y, yaw, self.path, self.turned, self.late, self.swept)
 
     def _pose_before(self, age: float) -> Pose:
         """Pose of dead reckoning some seconds ago."""
@@ -281,21 +293,19 @@ class MachineState:
 
     def _find_walls(self) -> None:
         """Correct the corridor's direction and walls by the side ranges that came in this tick."""
-        self.trim_fault = 0.0
         for sonar, wall in ((self.left, self.walls.left), (self.right, self.walls.right)):
             if sonar.new:
                 x, y, yaw = self._pose_before(sonar.age)
                 if self._tracks and any(track.beside(x, y) for track in self._tracks.values()):
                     continue  # a post is no wall
                 along = self.yaw - self.heading
-                turn, trim = self.walls.take(wall, sonar.range, x, y, yaw - along, along)
-                if self.walls.direction_known:
+                turn, trim = self.walls.take(wall, sonar.range, self._stand(x, y, yaw), along)
+                if self.walls.direction_known and self.gate.age > _FRESH_S:
                     # What has drifted is the car's heading: so points that states remember stay where they are.
-                    self.yaw -= turn
-                    self.doubt += abs(turn)
+                    self.yaw += turn
                 else:
-                    self.corridor_yaw += turn
-                self.trim_fault += trim
+                    self.corridor_yaw -= turn
+                self.trim_fault = clip(self.trim + self.trim_fault + trim, _TRIM_LIMIT) - self.trim
         if self.front.new:
             self.ahead.take(self.front.range, self.distance)
 
@@ -330,6 +340,11 @@ class MachineState:
     def learn_trim(self, gain: float, error: float) -> None:
         """Integrate a small deviation [m], + = too far right, with a gain [1/(m s)] into the trim."""
         self.set_trim(self.trim + gain * error * CONTROL_PERIOD_S)
+
+    def take_trim(self) -> None:
+        """Steer from now on by what the walls have told of the trim."""
+        self.trim += self.trim_fault
+        self.trim_fault = 0.0
 
     def set_trim(self, trim: float) -> None:
         """Set the trim, within what may be the car's fault."""

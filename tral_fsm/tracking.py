@@ -10,27 +10,10 @@ still known well.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
-from tral_fsm.control import FULL_LOCK, WHEELBASE, wrap
+from tral_fsm.control import wrap
+from tral_fsm.reckoning import BEND_PER_STEERING, LOCK_DEVIATION, TRIM_DEVIATION, Stand
 
-BEND_PER_STEERING = FULL_LOCK / WHEELBASE
-"""Curvature that a unit of steering gives around straight ahead, 1/m."""
-TRIM_DEVIATION = 0.08
-"""Of the trim before anything is known, as a share of full lock: 1.8 degrees. Source: choice, between the levels of
-randomization."""
-_TRIM_WALK = 0.01
-"""How far the trim may wander in a metre."""
-_HEADING_WALK = 0.01
-"""How far dead reckoning's heading wanders in a metre of straight driving, rad."""
-LOCK_DEVIATION = 0.08
-"""Of the lock's scale before anything is known. Source: choice, between the levels of randomization."""
-_BEND_FAULT = 0.03
-"""Share of a turn that dead reckoning may be wrong by, whatever the lock: slip, the linkage's shape."""
-_LATE_FAULT = 0.7
-"""Share of what it turns while the wheels are under way: latency, the servo's speed."""
-_SWEPT_FAULT = 0.05
-"""The trim may be other after the wheels have moved: friction stops them elsewhere. For a unit of steering."""
 _PLACE_WALK = 0.02
 """How far dead reckoning's place wanders in a metre, m."""
 _ALONG = (0.01, 0.015)
@@ -49,29 +32,12 @@ _POSTS, _POSTS_ASIDE = (0.8, 0.4), 1.5
 Row = list[float]
 
 
-class Stand(NamedTuple):
-    """Where the car was when a gate was seen, and how sure that is; all by dead reckoning."""
-
-    x: float
-    """m."""
-    y: float
-    """m."""
-    yaw: float
-    """rad."""
-    path: float
-    """Driven so far, less where it reversed, m."""
-    doubt: float
-    """Turned so far while the wheels were under way, rad."""
-    swept: float
-    """How far the wheels have been moved so far, in units of steering."""
-
-
 class Track:
     """One gate, and the covariance of its pose and the trim."""
 
-    __slots__ = ("_covariance", "_misfits", "_stand", "heading", "x", "y")
+    __slots__ = ("_covariance", "_misfits", "_stand", "_trim", "heading", "x", "y")
 
-    def __init__(self, x: float, y: float, heading: float, stand: Stand) -> None:
+    def __init__(self, x: float, y: float, heading: float, stand: Stand, trim: float = TRIM_DEVIATION) -> None:
         """Begin with a sighting.
 
         Args:
@@ -79,7 +45,9 @@ class Track:
             y: likewise.
             heading: of its axis, rad.
             stand: where it was seen from.
+            trim: deviation of the trim.
         """
+        self._trim = trim
         self.begin(x, y, heading, stand)
 
     def begin(self, x: float, y: float, heading: float, stand: Stand) -> None:
@@ -95,7 +63,7 @@ class Track:
             [a * cos * cos + b * sin * sin, shared, 0.0, 0.0, 0.0],
             [shared, a * sin * sin + b * cos * cos, 0.0, 0.0, 0.0],
             [0.0, 0.0, turned * turned, 0.0, 0.0],
-            [0.0, 0.0, 0.0, TRIM_DEVIATION * TRIM_DEVIATION, 0.0],
+            [0.0, 0.0, 0.0, self._trim * self._trim, 0.0],
             [0.0, 0.0, 0.0, 0.0, LOCK_DEVIATION * LOCK_DEVIATION],
         ]
         self._misfits = 0
@@ -135,7 +103,7 @@ class Track:
     def _drift(self, now: Stand, dx: float, dy: float) -> None:
         """A wrong trim and a wrong lock turn the gate about the car; the rest of dead reckoning's faults wander."""
         before = self._stand
-        driven, turned = now.path - before.path, now.yaw - before.yaw
+        driven, turned = now.path - before.path, now.turned - before.turned
         p = self._covariance
         for fault, turn in ((3, BEND_PER_STEERING * driven), (4, -turned)):
             fx, fy = -turn * dy, turn * dx
@@ -148,11 +116,7 @@ class Track:
                 for column in range(5):
                     row[column] += f * last[column]
         # A wandering heading turns the gate about the car, too.
-        wander = (
-            _HEADING_WALK**2 * abs(driven)
-            + (_BEND_FAULT * turned) ** 2
-            + (_LATE_FAULT * (now.doubt - before.doubt)) ** 2
-        )
+        wander = now.heading_wander(before)
         place = _PLACE_WALK**2 * abs(driven)
         p[0][0] += wander * dy * dy + place
         p[0][1] -= wander * dx * dy
@@ -163,7 +127,7 @@ class Track:
         p[1][2] += wander * dx
         p[2][1] += wander * dx
         p[2][2] += wander
-        p[3][3] += _TRIM_WALK**2 * abs(driven) + (_SWEPT_FAULT * (now.swept - before.swept)) ** 2
+        p[3][3] += now.trim_wander(before)
 
     def _fits(self, seen: tuple[tuple[tuple[float, float, float], float, float], ...]) -> bool:
         """Whether no part of a sighting is farther off than chance has it."""

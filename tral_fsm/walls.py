@@ -9,9 +9,11 @@ readings agree with it; then it is the wall's new place.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from tral_env.interface import NO_ECHO_M
-from tral_fsm.control import WHEELBASE, clip
+from tral_fsm.control import WHEELBASE
+from tral_fsm.reckoning import BEND_PER_STEERING, LOCK_DEVIATION, TRIM_DEVIATION, Stand
 
 SENSOR_X = WHEELBASE / 2.0
 """Side ultrasonics ahead of the rear axle, m."""
@@ -19,26 +21,32 @@ REACH = 2.2
 """A range above it is no wall of the corridor the car is in, m. Source: corridors up to 2.6 m, the car 0.2 m wide."""
 ECHO_ANGLE = math.radians(18.0)
 """A wall met at a larger angle may give no echo, rad. Source: 20 to 25 degrees, less the doubt about the heading."""
-_PLACE_GAIN = (0.3, 0.2, 0.12)
-"""Share of an unforetold centimetre that is believed to be the clearance's: direction new, known, well known."""
 FORGET_ANGLE = math.radians(38.0)
 """Beyond this the car turns out of the corridor, rad; at 45 degrees along becomes across."""
-_SURE, _SETTLED = 16, 60
-"""After so many readings that agree the corridor's direction is known, and well known."""
-_TURN_GAIN = (1.4, 0.55, 0.2)
-"""Share that is believed to be the heading's, rad/m: an error of 0.55 dies away within 0.4 m. Source: choice."""
-_TRIM_GAIN = (0.06, 0.06, 0.02)
-"""Share that is believed to be the trim's, steering for a metre."""
 _JUMP = 0.02
-"""An unforetold change larger than this is no matter of heading, m; twice that while the heading is new."""
+"""A change that was not foretold is no matter of heading if it is larger than this, m,"""
+_GATE = 3.0
+"""and larger than so many deviations."""
+_SIGMA = 0.008
+"""Deviation of a reading, m. Source: the SRF08's steps of 8.65 mm, jitter."""
+_ANEW = 0.02
+"""Deviation of a wall's place when it was found anew, m."""
+_WALL_WALK = 0.01
+"""How far a wall's place wanders in a metre, m."""
+_HALL_FAULT = 0.05
+"""Share of the way that the hall sensor may be wrong by."""
+_SURE = math.radians(2.5)
+"""The corridor's direction is known when its deviation is below this, rad."""
+_SURE_TRIM = 0.03
+"""The trim is known when its deviation is below this, in units of steering: 0.7 degrees."""
+_DIRECTION = math.radians(6.0)
+"""Deviation of the corridor's direction at the start, and after it was found to be wrong, rad."""
 _AGREE = 3
 """So many readings must agree on a new place of the wall."""
 _HASTY = 10
 """A wall that moves after fewer readings than this rather seems to move: the car slips."""
 _SLIP = 0.2
 """Slips that add up to this on one side or both: the corridor's direction is wrong, m."""
-_MOST_TURN = (0.05, 0.008, 0.004)
-"""The direction is corrected by no more than this at a reading, rad. The last is 6 degrees for a metre."""
 _FAR = 0.45
 """A range that is so much larger than the wall's is an opening, no recess, m."""
 
@@ -48,10 +56,22 @@ _AHEAD_MISSES = 3
 """So many readings in a row may be wrong before something else is ahead."""
 
 
+class Fault(NamedTuple):
+    """By how much dead reckoning is wrong: what is to be added."""
+
+    heading: float
+    """rad."""
+    trim: float
+    """In units of steering."""
+
+
+NO_FAULT = Fault(0.0, 0.0)
+
+
 class Wall:
     """The wall on one side."""
 
-    __slots__ = ("_agreed", "_candidate", "_readings", "_x", "_y", "drift", "lost", "moved", "range", "sign", "slip")
+    __slots__ = ("_agreed", "_candidate", "_readings", "_x", "_y", "lost", "moved", "range", "sign", "slip")
 
     def __init__(self, sign: float) -> None:
         self.sign = sign
@@ -66,8 +86,6 @@ class Wall:
         """What the ultrasonic should read now, m; NaN: no wall known."""
         self.lost = 0
         """Readings in a row that found no wall while the car stood parallel enough to hear one."""
-        self.drift = math.nan
-        """How much farther left the car is than foretold, by the last reading, m; NaN: the reading told nothing."""
         self.slip = 0.0
         """How much farther left the car is by this reading, since the wall was found at another place so soon, m."""
         self._readings = 0
@@ -110,18 +128,15 @@ class Wall:
         self._x, self._y = x, y
         return step
 
-    def take(self, reading: float, stage: int) -> None:
-        """Take a reading [m] in a stage: the corridor's direction is 0 new, 1 known, 2 well known."""
+    def fits(self, reading: float, deviation: float) -> bool:
+        """Take a reading [m]; gives whether it is of this wall, by the deviation [m] of what was foretold."""
         error = reading - self.range
-        self.drift = math.nan
         self.slip = 0.0
-        if abs(error) <= (_JUMP if stage else 2.0 * _JUMP):
+        if abs(error) <= max(_JUMP, _GATE * deviation):
             self.lost = self._agreed = 0
             self._candidate = math.nan
             self._readings += 1
-            self.range += max(_PLACE_GAIN[stage], 1.0 / self._readings) * error
-            self.drift = -self.sign * error
-            return
+            return True
         if reading > REACH or error > _FAR:
             self.lost += 1
             self._candidate = math.nan
@@ -130,6 +145,7 @@ class Wall:
                 self._readings = 0
         if reading <= REACH:
             self._settle(reading)
+        return False
 
     def _settle(self, reading: float) -> None:
         """Believe in a new place of the wall once enough readings agree on it."""
@@ -147,21 +163,31 @@ class Wall:
 
 
 class Walls:
-    """Both walls and the direction of the corridor between them."""
+    """Both walls and the direction of the corridor between them: an extended Kalman filter.
 
-    __slots__ = ("_agreed", "_slip", "left", "right")
+    Its five unknowns: by how much the heading, the trim, the lock's scale and the two ranges are wrong.
+    """
+
+    __slots__ = ("_covariance", "_slip", "_stand", "left", "right")
 
     def __init__(self) -> None:
         self.left = Wall(1.0)
         self.right = Wall(-1.0)
-        self._agreed = 0
         self._slip = 0.0
+        self._stand = Stand(0.0, 0.0, 0.0)
+        self._covariance = [[0.0] * 5 for _ in range(5)]
+        for i, deviation in enumerate((_DIRECTION, TRIM_DEVIATION, LOCK_DEVIATION, _ANEW, _ANEW)):
+            self._covariance[i][i] = deviation * deviation
 
     def forget(self) -> None:
         """The car has turned out of the corridor: none of its walls is beside it any more."""
         self.left.forget()
         self.right.forget()
-        self._agreed = 0
+        self._slip = 0.0
+
+    def doubt_direction(self) -> None:
+        """The corridor's direction was found to be wrong."""
+        self._renew(0, _DIRECTION)
         self._slip = 0.0
 
     def side(self, is_left: bool) -> Wall:
@@ -171,54 +197,97 @@ class Walls:
     @property
     def direction_known(self) -> bool:
         """The corridor's direction is known."""
-        return self._agreed > _SURE
+        return self._covariance[0][0] < _SURE * _SURE
 
-    def take(
-        self, wall: Wall, reading: float, x: float, y: float, heading: float, corridor_yaw: float
-    ) -> tuple[float, float]:
+    @property
+    def trim_deviation(self) -> float:
+        """Standard deviation of the trim."""
+        return math.sqrt(self._covariance[1][1])
+
+    @property
+    def sure(self) -> bool:
+        """The corridor's direction is known, and at which steering the car drives straight."""
+        return self.direction_known and self.trim_deviation < _SURE_TRIM
+
+    def take(self, wall: Wall, reading: float, stand: Stand, along: float) -> Fault:
         """Take a reading of a side ultrasonic.
 
         Args:
             wall: the side.
             reading: m.
-            x: of the rear axle when the sensor fired, in dead reckoning, m.
-            y: likewise.
-            heading: of the car against the corridor then, rad.
-            corridor_yaw: direction of the corridor that the heading counts from, in dead reckoning, rad.
+            stand: where the car was when the sensor fired.
+            along: direction of the corridor in dead reckoning, rad.
 
         Returns:
-            Corrections of the corridor's direction [rad] and of the trim, both + = left.
+            What is to be added to the heading and to the trim.
         """
+        heading = stand.yaw - along
+        self._drift(stand, math.sin(heading))
         if abs(heading) > FORGET_ANGLE:
             self.forget()
         if abs(heading) > ECHO_ANGLE:
-            return 0.0, 0.0
-        yaw = corridor_yaw + heading
-        step = wall.foretell(x + SENSOR_X * math.cos(yaw), y + SENSOR_X * math.sin(yaw), corridor_yaw)
-        stage = (self._agreed >= _SURE) + (self._agreed >= _SETTLED)
-        wall.take(reading, stage)
+            return NO_FAULT
+        wall.foretell(stand.x + SENSOR_X * math.cos(stand.yaw), stand.y + SENSOR_X * math.sin(stand.yaw), along)
+        side = 3 if wall is self.left else 4
+        variance = self._covariance[side][side] + _SIGMA * _SIGMA
+        moved = wall.moved
+        if wall.fits(reading, math.sqrt(variance)):
+            return self._correct(side, reading - wall.range, variance)
+        if wall.moved != moved:
+            self._renew(side, _ANEW)
         self._slip = 0.0 if wall.steady else self._slip + wall.slip
         if abs(self._slip) > _SLIP:
-            self._agreed, self._slip = 0, 0.0
-        drift = self._common(wall, stage)
-        if drift != drift:
-            return 0.0, 0.0
-        self._agreed += 1
-        share = -drift * min(step / 0.04, 1.0)
-        return clip(_TURN_GAIN[stage] * share, _MOST_TURN[stage]), _TRIM_GAIN[stage] * share
+            self.doubt_direction()
+        return NO_FAULT
 
-    def _common(self, wall: Wall, stage: int) -> float:
-        """Drift [m] that both walls agree on: an edge or a recess on one side looks like one, but not from the other.
+    def _drift(self, stand: Stand, slant: float) -> None:
+        """A wrong trim and a wrong lock turn the car, a wrong heading moves it; the rest of its faults wander."""
+        before, self._stand = self._stand, stand
+        driven, turned = stand.path - before.path, stand.turned - before.turned
+        p = self._covariance
+        trim = -BEND_PER_STEERING * driven
+        lever = SENSOR_X + driven / 2.0
+        for row in p:
+            turn = trim * row[1] + turned * row[2]
+            shift = driven * row[0] + lever * turn
+            row[0] += turn
+            row[3] -= shift
+            row[4] += shift
+        heading, left, right = p[0], p[3], p[4]
+        for i, (t, k, h) in enumerate(zip(p[1], p[2], heading, strict=True)):
+            turn = trim * t + turned * k
+            shift = driven * h + lever * turn
+            heading[i] += turn
+            left[i] -= shift
+            right[i] += shift
+        heading[0] += stand.heading_wander(before)
+        p[1][1] += stand.trim_wander(before)
+        wander = _WALL_WALK * _WALL_WALK * abs(driven) + (_HALL_FAULT * slant * driven) ** 2
+        left[3] += wander
+        right[4] += wander
 
-        NaN if the reading told nothing. Of two drifts to the same side the smaller one. If they contradict each other:
-        that of the nearer wall while the direction is new, since openings are far; 0 later.
-        """
-        other = self.right if wall is self.left else self.left
-        if wall.drift != wall.drift or other.drift != other.drift:
-            return wall.drift
-        if wall.drift * other.drift > 0.0:
-            return min(wall.drift, other.drift, key=abs)
-        return wall.drift if stage == 0 and wall.range < other.range else 0.0
+    def _correct(self, side: int, error: float, variance: float) -> Fault:
+        """Kalman's step for one range, in the form of Schmidt: the lock's fault is allowed for, not estimated."""
+        p = self._covariance
+        ph = [row[side] for row in p]
+        heading, trim, _, left, right = (error / variance * x for x in ph)
+        lock = p[2][2]
+        for row, x in zip(p, ph, strict=True):
+            gain = x / variance
+            for j in range(5):
+                row[j] -= gain * ph[j]
+        p[2][2] = lock
+        self.left.range += left
+        self.right.range += right
+        return Fault(heading, trim)
+
+    def _renew(self, index: int, deviation: float) -> None:
+        """Know one unknown by this deviation only."""
+        p = self._covariance
+        for row in p:
+            row[index] = 0.0
+        p[index] = [0.0] * 5
+        p[index][index] = deviation * deviation
 
 
 class Ahead:

@@ -2,95 +2,150 @@
 
 import math
 
+import numpy as np
 import pytest
 import toy
+from hypothesis import given
+from hypothesis import strategies as st
 from readings import one_state, two_states
 
 from tral_fsm import load_policy
 from tral_fsm.machine_state import MachineState
-from tral_fsm.walls import Ahead, Wall, Walls
+from tral_fsm.reckoning import BEND_PER_STEERING, Stand
+from tral_fsm.walls import NO_FAULT, Ahead, Wall, Walls
 
 CRUISE = {"type": "FollowCorridor", "throttle": 0.2}
+
+
+def drive(walls: Walls, metres: float, left: float = 0.8, right: float = 1.0, begin: float = 0.0) -> float:
+    """Drive straight ahead between two walls, 4 cm a reading; gives the heading that was taken for wrong, rad."""
+    turned = 0.0
+    for k in range(round(metres / 0.04)):
+        stand = Stand(begin + 0.04 * k, 0.0, 0.0, path=begin + 0.04 * k)
+        turned += walls.take(walls.left, left, stand, 0.0).heading
+        turned += walls.take(walls.right, right, stand, 0.0).heading
+    return turned
 
 
 def settled(metres: float = 1.0) -> Walls:
     """Walls after driving between walls at 0.8 m on the left and 1.0 m on the right, 4 cm a reading."""
     walls = Walls()
-    for k in range(round(metres / 0.04)):
-        walls.take(walls.left, 0.8, 0.04 * k, 0.0, 0.0, 0.0)
-        walls.take(walls.right, 1.0, 0.04 * k, 0.0, 0.0, 0.0)
+    drive(walls, metres)
     return walls
+
+
+def at(x: float, y: float = 0.0, yaw: float = 0.0) -> Stand:
+    """The car was here, after as many metres."""
+    return Stand(x, y, yaw, path=x)
 
 
 class TestWalls:
     def test_a_wall_is_known_after_three_readings_that_agree(self) -> None:
         wall = Wall(1.0)
         for reading in (0.80, 0.81):
-            wall.take(reading, 0)
+            wall.fits(reading, 0.0)
             assert not wall.known
-        wall.take(0.82, 0)
+        wall.fits(0.82, 0.0)
         assert wall.known
         assert wall.range == pytest.approx(0.81)
 
     def test_a_wrong_reading_moves_nothing(self) -> None:
         walls = settled()
-        assert walls.take(walls.left, 0.5, 1.04, 0.0, 0.0, 0.0) == (0.0, 0.0)
+        assert walls.take(walls.left, 0.5, at(1.04), 0.0) == NO_FAULT
         assert walls.left.range == pytest.approx(0.8)
 
     def test_a_cupboard_becomes_the_wall(self) -> None:
         walls = settled()
         moved = walls.left.moved
         for k in range(3):
-            walls.take(walls.left, 0.4, 1.04 + 0.04 * k, 0.0, 0.0, 0.0)
+            walls.take(walls.left, 0.4, at(1.04 + 0.04 * k), 0.0)
         assert walls.left.range == pytest.approx(0.4)
         assert walls.left.moved == moved + 1
 
     def test_driving_to_the_left_is_foretold(self) -> None:
         walls = settled()
-        walls.take(walls.left, 0.7, 1.04, 0.1, 0.0, 0.0)
-        assert walls.left.drift == pytest.approx(0.0)
+        fault = walls.take(walls.left, 0.7, at(1.04, 0.1), 0.0)
+        assert fault == pytest.approx((0.0, 0.0), abs=1e-9)
         assert walls.left.range == pytest.approx(0.7)
 
     def test_two_readings_without_a_wall_make_an_opening(self) -> None:
         walls = settled()
-        walls.take(walls.right, 6.0, 1.04, 0.0, 0.0, 0.0)
+        walls.take(walls.right, 6.0, at(1.04), 0.0)
         assert not walls.right.open
-        walls.take(walls.right, 6.0, 1.08, 0.0, 0.0, 0.0)
+        walls.take(walls.right, 6.0, at(1.08), 0.0)
         assert walls.right.open
         assert not walls.right.known
 
     def test_at_an_angle_no_echo_is_no_opening(self) -> None:
         walls = settled()
         for k in range(5):
-            walls.take(walls.right, 6.0, 1.04 + 0.04 * k, 0.0, math.radians(25.0), 0.0)
+            walls.take(walls.right, 6.0, at(1.04 + 0.04 * k, yaw=math.radians(25.0)), 0.0)
         assert not walls.right.open
         assert walls.right.known
 
     def test_turning_out_of_the_corridor_forgets_its_walls(self) -> None:
         walls = settled()
-        walls.take(walls.right, 6.0, 1.04, 0.0, math.radians(40.0), 0.0)
+        walls.take(walls.right, 6.0, at(1.04, yaw=math.radians(40.0)), 0.0)
         assert not walls.left.known
         assert not walls.right.known
 
-    @pytest.mark.parametrize("degrees", [-4.0, 4.0])
+    @given(degrees=st.floats(-8.0, 8.0))
     def test_a_wrong_direction_is_put_right_within_a_metre(self, degrees: float) -> None:
         walls, along = Walls(), 0.0
         slope = math.tan(math.radians(degrees))
         for k in range(25):
             s = 0.04 * k
             for wall, start in ((walls.left, 0.8), (walls.right, 1.0)):
-                turn, _ = walls.take(wall, start - wall.sign * slope * s, s, 0.0, -along, along)
-                along += turn
+                along -= walls.take(wall, start - wall.sign * slope * s, at(s), along).heading
         assert math.degrees(-along) == pytest.approx(degrees, abs=0.7)
+        assert walls.direction_known
+
+    @given(fault=st.floats(-0.12, 0.12))
+    def test_a_wrong_trim_is_learnt_within_three_metres(self, fault: float) -> None:
+        walls, along, yaw, y, trim = Walls(), 0.0, 0.0, 0.0, 0.0
+        for k in range(75):
+            s = 0.04 * k
+            for wall, start in ((walls.left, 0.8), (walls.right, 1.0)):
+                found = walls.take(wall, start - wall.sign * y, at(s), along)
+                along -= found.heading
+                trim += found.trim
+            # the car holds its wheels where it takes straight ahead to be, and truly turns by what is left
+            yaw -= BEND_PER_STEERING * (fault - trim) * 0.04
+            y += yaw * 0.04
+        assert trim == pytest.approx(fault, abs=0.03)
+        assert walls.sure
+
+    def test_nothing_is_sure_at_the_start(self) -> None:
+        walls = Walls()
+        assert not walls.direction_known
+        assert not walls.sure
+        drive(walls, 3.0)
+        assert walls.sure
+
+    def test_a_turn_makes_the_direction_doubtful(self) -> None:
+        walls = settled(3.0)
+        walls.take(walls.left, 6.0, Stand(3.04, 0.0, 1.5, path=3.04, turned=1.5), 0.0)
+        assert not walls.direction_known
 
     def test_an_edge_on_one_side_does_not_turn_the_corridor(self) -> None:
         walls = settled(4.0)
         turned = 0.0
         for k in range(10):
             s = 4.0 + 0.04 * k
-            turned += abs(walls.take(walls.left, 0.8, s, 0.0, 0.0, 0.0)[0])
-            turned += abs(walls.take(walls.right, math.hypot(1.0, 0.04 * k), s, 0.0, 0.0, 0.0)[0])
-        assert turned < math.radians(1.0)
+            turned += walls.take(walls.left, 0.8, at(s), 0.0).heading
+            turned += walls.take(walls.right, math.hypot(1.0, 0.04 * k), at(s), 0.0).heading
+        assert abs(turned) < math.radians(1.5)
+
+    @given(readings=st.lists(st.tuples(st.floats(0.03, 6.0), st.floats(0.03, 6.0)), min_size=1, max_size=60))
+    def test_whatever_is_heard_the_filter_stays_sound(self, readings: list[tuple[float, float]]) -> None:
+        walls = Walls()
+        for k, (left, right) in enumerate(readings):
+            stand = Stand(0.04 * k, 0.0, 0.02 * k % 0.3, path=0.04 * k, turned=0.02 * k, late=0.001 * k, swept=0.1 * k)
+            for wall, reading in ((walls.left, left), (walls.right, right)):
+                assert all(math.isfinite(x) for x in walls.take(wall, reading, stand, 0.0))
+        covariance = np.array(walls._covariance)
+        assert np.allclose(covariance, covariance.T)
+        assert np.linalg.eigvalsh(covariance).min() > -1e-12
 
 
 class TestAhead:
@@ -195,6 +250,27 @@ class TestStates:
         bench.tick(distance=0.05, speed=0.5)
         bench.tick(distance=0.10, speed=0.5)
         assert before - bench.m.wanted_clearance == pytest.approx(0.01)
+
+    def test_it_drives_slowly_until_it_knows_the_corridor(self) -> None:
+        bench = one_state(type="FollowCorridor", speed=1.0, unsure_speed=0.4)
+        targets = []
+        for k in range(80):
+            bench.tick(left=0.8, right=0.8, distance=0.04 * k, speed=0.5)
+            targets.append(bench.m.speed_target)
+        assert targets[0] == 0.4
+        assert targets[-1] == 1.0
+        assert targets == sorted(targets)  # once it knows it stays so
+
+    def test_a_trim_that_is_not_to_be_learnt_is_known_to_dead_reckoning_alone(self) -> None:
+        taken, left = one_state(**CRUISE), one_state(**CRUISE, learn_trim=False)
+        for bench in (taken, left):
+            for k in range(60):  # it drifts to the left of straight ahead
+                y = 0.5 * 0.1 * (0.04 * k) ** 2
+                bench.tick(left=0.8 - y, right=0.8 + y, distance=0.04 * k, speed=0.5)
+        assert taken.m.trim < -0.03
+        assert taken.m.trim_fault == 0.0
+        assert left.m.trim == 0.0
+        assert left.m.trim_fault < -0.03
 
     def test_reversing_it_steers_the_other_way(self) -> None:
         bench = one_state(type="BackUp", throttle=-0.2)

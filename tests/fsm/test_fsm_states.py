@@ -192,7 +192,7 @@ def test_doubt_about_turns_grows_in_reverse_too() -> None:
     doubts = []
     for k in range(100):
         bench.tick(distance=0.01 * k, speed=0.04, throttle=-0.2, steering=(-1.0) ** (k // 20))
-        doubts.append(bench.m.doubt)
+        doubts.append(bench.m.late)
     assert bench.m.path < 0.0
     assert doubts == sorted(doubts)
     assert doubts[-1] > 0.1
