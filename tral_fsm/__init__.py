@@ -1,6 +1,6 @@
 """State machines that drive: definition, states, transitions, policy."""
 
-from tral_fsm import corridor, following, scurve  # register their states and conditions
+from tral_fsm import again, corridor, following, scurve, sightings  # register their states and conditions
 from tral_fsm.checks import FormatError, Problem, check
 from tral_fsm.definition import MachineDefinition
 from tral_fsm.library import load as load_machine
@@ -17,6 +17,7 @@ __all__ = [
     "MachineState",
     "Problem",
     "Transit",
+    "again",
     "check",
     "corridor",
     "following",
@@ -24,4 +25,5 @@ __all__ = [
     "load_policy",
     "machine_names",
     "scurve",
+    "sightings",
 ]

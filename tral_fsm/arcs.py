@@ -110,10 +110,13 @@ def out_of_reach(pose: Pose, radius: float, aside: float) -> str:
         return f"the target is {-ahead:.2f} m behind"
     if abs(heading) <= _ASKEW and abs(offset - ahead * math.tan(heading)) <= aside:
         return ""
-    near = clip(offset, aside)
-    arcs = two_arcs(x - sin * near, y + cos * near, heading)
-    if arcs is None:
+    bend = math.inf
+    for near in (clip(offset, aside), 0.0, aside, -aside):
+        arcs = two_arcs(x - sin * near, y + cos * near, heading)
+        if arcs is not None:
+            bend = min(bend, abs(arcs.curvature))
+            if bend * radius <= 1.0:
+                return ""
+    if bend == math.inf:
         return f"no way leads to {x:.2f}, {y:+.2f} m, {math.degrees(heading):+.0f} deg"
-    if abs(arcs.curvature) * radius > 1.0:
-        return f"an arc of {1.0 / abs(arcs.curvature):.2f} m is needed, {radius:.2f} m the least"
-    return ""
+    return f"an arc of {1.0 / bend:.2f} m is needed, {radius:.2f} m the least"

@@ -66,6 +66,9 @@ class UnreachableSpec(ConditionSpec):
     """Fires when the state cannot come to its target any more: it lies behind, or needs too tight a turn."""
 
     type: Literal["Unreachable"] = "Unreachable"
+    seconds: float = quantity(
+        0.0, "s", "it has been out of reach so long without a break: one bad sighting is none", ge=0.0, le=60.0
+    )
 
 
 class SensorLevelSpec(ConditionSpec):
@@ -97,6 +100,13 @@ class ArucoGateFoundSpec(SightingSpec):
     hand_over: bool = Field(True, description="the next state must be targetable and takes the gate as its target")
     narrower_than: float | None = quantity(
         None, "m", "only a gate whose opening, as far as it has been seen, is narrower", gt=0.0, le=5.0
+    )
+    missed_by: float | None = quantity(
+        None,
+        "m",
+        "only if the way straight on misses its middle by more, or, its opening known, does not lead through it",
+        ge=0.0,
+        le=5.0,
     )
     one_post: bool = Field(
         False, description="also fires when only one of its markers was ever seen: the middle is guessed beside it"

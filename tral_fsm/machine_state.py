@@ -251,6 +251,10 @@ class MachineState:
         gate.x, gate.y, gate.heading = track.x, track.y, track.heading
         self._follow_axis(gate)
 
+    def was_seen(self, gate: int) -> bool:
+        """Whether both markers of a gate were ever seen at once."""
+        return gate in self._tracks
+
     def _measure_gate(self, opening: float) -> None:
         """Take the opening [m] of the gate in a new image."""
         known = self.gate.opening
@@ -263,7 +267,7 @@ class MachineState:
         guess.new = (
             marker.new
             and marker.id in GATE_MARKER_IDS
-            and marker.id // 2 not in self._tracks
+            and marker.id // 2 != self.gate.id
             and abs(wrap(marker.heading - self.yaw)) < _POST_ANGLE
         )
         if guess.new:
@@ -326,6 +330,10 @@ class MachineState:
         dx, dy = x - self.x, y - self.y
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         return cos * dx + sin * dy, cos * dy - sin * dx, wrap(heading - self.yaw)
+
+    def distance_to(self, seen: Sighting) -> float:
+        """From the car to what was seen, m."""
+        return math.hypot(seen.x - self.x, seen.y - self.y)
 
     def to_reckoning(self, x: float, y: float, heading: float) -> Pose:
         """A pose seen from the car now, in the frame of dead reckoning."""

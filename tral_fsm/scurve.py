@@ -24,6 +24,9 @@ _LAST_PLAN = 0.5
 """Nearer to the end of the arcs than this the plan moves with the gate instead of being made anew, m: small errors
 would give tight arcs. Source: choice."""
 
+_MARGIN_M = 0.05
+"""Kept free on either side of the car in a gate that is within reach, m. Source: choice."""
+
 
 class SCurveSpec(DrivingSpec):
     """Drives to a point, or before a gate that is handed over, on two arcs of equal radius that end on its axis."""
@@ -40,7 +43,9 @@ class SCurveSpec(DrivingSpec):
     straight: float = quantity(0.2, "m", "the last part of the way is straight, along the axis", ge=0.0, le=10.0)
     radius: float = quantity(0.75, "m", "an arc of a smaller radius is not driven: out of reach", gt=0.0, le=100.0)
     tolerance: float = quantity(0.05, "m", "arrived within this distance along the way", gt=0.0, le=2.0)
-    aside: float = quantity(0.1, "m", "out of reach if the point would be missed by more", gt=0.0, le=2.0)
+    aside: float = quantity(
+        0.1, "m", "out of reach if missed by more, unless a gate's opening is known", gt=0.0, le=2.0
+    )
     length: float = quantity(0.35, "m", "an offset from the way dies away by e in it", gt=0.0, le=5.0)
     max_angle_deg: float = quantity(25.0, "deg", "the way is approached no steeper", gt=0.0, le=90.0)
     track: bool = Field(True, description="plan anew from each new sighting of the gate that was handed over")
@@ -97,7 +102,7 @@ class SCurve(DrivingState[SCurveSpec]):
         """Follow the way."""
         spec = self.spec
         for gate in (m.gate, m.guessed_gate):
-            if gate.new and spec.track and gate.id == self.gate:
+            if gate.new and spec.track and gate.id == self.gate and (gate is m.gate or not m.was_seen(gate.id)):
                 self.take(m, gate)
         here = relative(self.target, (m.x, m.y, m.yaw))
         self.finished = here[0] >= spec.straight - spec.tolerance
@@ -131,4 +136,9 @@ class SCurve(DrivingState[SCurveSpec]):
     def unreachable(self, m: MachineState) -> str:
         """Why the end of the arcs cannot be reached; empty: it can."""
         passed = min(max(relative(self.target, (m.x, m.y, m.yaw))[0], 0.0), self.spec.straight)
-        return out_of_reach(m.from_here(*along(self.target, passed)), self.spec.radius, self.spec.aside)
+        return out_of_reach(m.from_here(*along(self.target, passed)), self.spec.radius, self.aside(m))
+
+    def aside(self, m: MachineState) -> float:
+        """How far beside the way is near enough, m: what a gate of a known width leaves beside the car."""
+        room = m.gate.room(_MARGIN_M) if m.gate.id == self.gate else math.nan
+        return room if room == room else self.spec.aside

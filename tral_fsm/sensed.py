@@ -6,6 +6,10 @@ import math
 
 from tral_env.interface import CONTROL_PERIOD_S, MAX_AGE_S, NO_ECHO_M
 
+_HALF_CAR_M = 0.1
+"""Half of the car's width, m."""
+_LEAST_ROOM_M = 0.03
+"""However narrow a gate is, no way ends more exactly, m."""
 _HALF_PERIOD = CONTROL_PERIOD_S / 2.0
 
 
@@ -69,3 +73,8 @@ class Sighting:
         """s since the image was exposed."""
         self.new = False
         """This tick brought a new image of it."""
+
+    def room(self, margin: float) -> float:
+        """How far beside the middle of the gate a car may pass with a margin [m] on either side, m; NaN: not known."""
+        half = self.opening / 2.0
+        return max(half - _HALF_CAR_M - margin, _LEAST_ROOM_M) if half == half else math.nan

@@ -16,14 +16,11 @@ from tral_fsm.conditions import (
     AllSpec,
     AlwaysSpec,
     AnySpec,
-    ArucoGateFoundSpec,
     ConditionSpec,
     DistanceSpec,
     FinishedSpec,
-    MarkerFoundSpec,
     NotSpec,
     SensorLevelSpec,
-    SightingSpec,
     TimerSpec,
     TurnedSpec,
     UnreachableSpec,
@@ -34,7 +31,6 @@ from tral_fsm.spec import register
 from tral_fsm.states import State
 
 C = TypeVar("C", bound=ConditionSpec)
-G = TypeVar("G", bound=SightingSpec)
 
 
 class Condition(Generic[C]):
@@ -194,13 +190,20 @@ class Finished(Condition[FinishedSpec]):
 
 @runs(UnreachableSpec)
 class Unreachable(Condition[UnreachableSpec]):
-    """Fires when its owner says why it cannot come to its target."""
+    """Fires when its owner has said for long enough why it cannot come to its target."""
 
-    counts = False
+    def __init__(self, spec: UnreachableSpec, owner: State[Any]) -> None:
+        super().__init__(spec, owner)
+        self.counts = spec.seconds > 0.0
+
+    def on_enter(self, m: MachineState) -> None:
+        """It is within reach so far."""
+        self.since = math.inf
 
     def triggered(self, m: MachineState) -> bool:
-        """There is a reason."""
-        return self.owner.unreachable(m) != ""
+        """There has been a reason all the time."""
+        self.since = min(self.since, m.time) if self.owner.unreachable(m) else math.inf
+        return m.time - self.since >= self.spec.seconds - 5e-10
 
     def why(self, m: MachineState) -> str:
         """The reason."""
@@ -239,63 +242,6 @@ class SensorLevel(Condition[SensorLevelSpec]):
         """Range and level."""
         reading = getattr(m, self.spec.sensor).range
         return f"{self.spec.sensor} {reading:.3f} {'<' if self.is_below else '>'} {self.level:g} m"
-
-
-class Seen(Condition[G]):
-    """Fires when something is seen ahead, near and fresh enough."""
-
-    counts = False
-
-    def __init__(self, spec: G, owner: State[Any]) -> None:
-        super().__init__(spec, owner)
-        self.bearing = math.radians(spec.max_bearing_deg)
-
-    def sighting(self, m: MachineState) -> Sighting:
-        """What is looked for."""
-        raise NotImplementedError
-
-    def triggered(self, m: MachineState) -> bool:
-        """Seen, ahead, near and fresh enough."""
-        spec, seen = self.spec, self.sighting(m)
-        if seen.id < 0 or seen.age > spec.max_age or (spec.ids and seen.id not in spec.ids):
-            return False
-        x, y, _ = m.from_here(seen.x, seen.y, seen.heading)
-        near = 0.0 < x <= spec.max_ahead and math.hypot(x, y) <= spec.max_distance
-        return near and abs(math.atan2(y, x)) <= self.bearing
-
-    def why(self, m: MachineState) -> str:
-        """Id, place and age."""
-        seen = self.sighting(m)
-        x, y, heading = m.from_here(seen.x, seen.y, seen.heading)
-        return f"id {seen.id} at {x:.2f}, {y:+.2f} m, {math.degrees(heading):+.0f} deg, {seen.age:.2f} s old"
-
-
-@runs(ArucoGateFoundSpec)
-class ArucoGateFound(Seen[ArucoGateFoundSpec]):
-    """Fires when a gate is seen and hands it over."""
-
-    def sighting(self, m: MachineState) -> Sighting:
-        """The nearest gate, or one that is guessed from its marker if there is none."""
-        is_old = m.gate.age > self.spec.max_age
-        return m.guessed_gate if self.spec.one_post and is_old else m.gate
-
-    def triggered(self, m: MachineState) -> bool:
-        """Seen, and as narrow as asked."""
-        narrower = self.spec.narrower_than
-        return super().triggered(m) and (narrower is None or self.sighting(m).opening < narrower)
-
-    def hand_over(self, m: MachineState) -> Sighting | None:
-        """The gate."""
-        return self.sighting(m) if self.spec.hand_over else None
-
-
-@runs(MarkerFoundSpec)
-class MarkerFound(Seen[MarkerFoundSpec]):
-    """Fires when a single marker is seen."""
-
-    def sighting(self, m: MachineState) -> Sighting:
-        """The nearest marker."""
-        return m.marker
 
 
 class Composite(Condition[Any]):
