@@ -70,7 +70,7 @@ def test_the_known_route_is_driven_to_its_end() -> None:
     assert success.all()
 
 
-@pytest.mark.parametrize("machine", ["gate_scurve", "office"])
+@pytest.mark.parametrize("machine", ["gate", "gate_scurve", "office"])
 @pytest.mark.parametrize(("width", "passed"), [(0.4, False), (0.55, True)])
 def test_a_gate_that_is_too_narrow_is_refused_with_a_stop(machine: str, width: float, passed: bool) -> None:
     gate = {"id": 0, "at": 4.0, "width": width}

@@ -33,13 +33,16 @@ def outcomes(machine: str, width: float, length: float, *gates: dict[str, Any], 
     return ends
 
 
-def test_a_gate_so_close_that_only_one_post_is_in_view_is_passed() -> None:
-    ends = outcomes("gate_scurve", 3.0, 8.0, {"at": 2.5, "width": 0.6, "offset": 0.3})
-    assert ends == ["success"] * 8
+# The manoeuvre of 2016 drives its last metre straight on, whatever it sees then.
+@pytest.mark.parametrize(("machine", "least"), [("gate_scurve", 8), ("gate", 6)])
+def test_a_gate_so_close_that_only_one_post_is_in_view_is_passed(machine: str, least: int) -> None:
+    ends = outcomes(machine, 3.0, 8.0, {"at": 2.5, "width": 0.6, "offset": 0.3})
+    assert ends.count("success") >= least
 
 
-def test_a_gate_beside_the_view_is_passed() -> None:
-    ends = outcomes("gate_scurve", 3.0, 8.0, {"at": 3.0, "width": 0.8, "offset": 0.6})
+@pytest.mark.parametrize("machine", ["gate_scurve", "gate"])
+def test_a_gate_beside_the_view_is_passed(machine: str) -> None:
+    ends = outcomes(machine, 3.0, 8.0, {"at": 3.0, "width": 0.8, "offset": 0.6})
     assert ends == ["success"] * 8
 
 
