@@ -169,7 +169,7 @@ class Turn(DrivingState[TurnSpec]):
         sign = 1.0 if self.spec.side == "left" else -1.0
         self.aim = m.yaw - m.heading + sign * _QUARTER
         radius = max(m.ahead.range + FRONT_X - _LATE - self.spec.room, 0.1)
-        self.lock = max(steering_for(1.0 / radius), self.spec.lock)
+        self.lock = max(min(steering_for(1.0 / radius), _SURE_LOCK), self.spec.lock)
 
     def tick(self, m: MachineState) -> None:
         """Steer to that direction."""

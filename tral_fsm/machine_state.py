@@ -82,6 +82,7 @@ class MachineState:
         "guessed_gate",
         "late",
         "left",
+        "lock_fault",
         "lock_scale",
         "marker",
         "path",
@@ -152,6 +153,8 @@ class MachineState:
         """Steering at which the car drives straight, as far as the active state's parameters say so."""
         self.lock_scale = 1.0
         """Curvature that the car drives over the one that its steering should give, as far as gates have taught it."""
+        self.lock_fault = 0.0
+        """By how much the walls say that it is wrong: dead reckoning allows for it."""
         self.trim_fault = 0.0
         """By how much the side range that came in this tick says that the trim is wrong."""
         self.steering = 0.0
@@ -210,7 +213,8 @@ class MachineState:
         if self.speed < 0.05 and self.applied_throttle != 0.0:
             self.direction = -1.0 if self.applied_throttle < 0.0 else 1.0
         if step > 0.0:  # also false for NaN, at the first tick
-            bend = self.lock_scale * curvature(self._wheel - self.trim - self.trim_fault - self.given_trim)
+            wheel = self._wheel - self.trim - self.trim_fault - self.given_trim
+            bend = (self.lock_scale + self.lock_fault) * curvature(wheel)
             # the magnets sit on the rear left wheel, which runs on the inner circle of a left turn
             step = self.direction * step / (1.0 - bend * TRACK / 2.0)
             self.path += step
@@ -303,12 +307,14 @@ class MachineState:
                 if self._tracks and any(track.beside(x, y) for track in self._tracks.values()):
                     continue  # a post is no wall
                 along = self.yaw - self.heading
-                turn, trim = self.walls.take(wall, sonar.range, self._stand(x, y, yaw), along)
+                turn, trim, lock = self.walls.take(wall, sonar.range, self._stand(x, y, yaw), along)
                 if self.walls.direction_known and self.gate.age > _FRESH_S:
                     # What has drifted is the car's heading: so points that states remember stay where they are.
                     self.yaw += turn
                 else:
                     self.corridor_yaw -= turn
+                lock_off = self.lock_scale - 1.0
+                self.lock_fault = clip(lock_off + self.lock_fault + lock, _LOCK_LIMIT) - lock_off
                 self.trim_fault = clip(self.trim + self.trim_fault + trim, _TRIM_LIMIT) - self.trim
         if self.front.new:
             self.ahead.take(self.front.range, self.distance)

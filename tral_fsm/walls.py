@@ -63,9 +63,11 @@ class Fault(NamedTuple):
     """rad."""
     trim: float
     """In units of steering."""
+    lock: float
+    """Of the lock's scale."""
 
 
-NO_FAULT = Fault(0.0, 0.0)
+NO_FAULT = Fault(0.0, 0.0, 0.0)
 
 
 class Wall:
@@ -219,7 +221,7 @@ class Walls:
             along: direction of the corridor in dead reckoning, rad.
 
         Returns:
-            What is to be added to the heading and to the trim.
+            What is to be added to the heading, the trim and the lock's scale.
         """
         heading = stand.yaw - along
         self._drift(stand, math.sin(heading))
@@ -267,19 +269,17 @@ class Walls:
         right[4] += wander
 
     def _correct(self, side: int, error: float, variance: float) -> Fault:
-        """Kalman's step for one range, in the form of Schmidt: the lock's fault is allowed for, not estimated."""
+        """Kalman's step for one range."""
         p = self._covariance
         ph = [row[side] for row in p]
-        heading, trim, _, left, right = (error / variance * x for x in ph)
-        lock = p[2][2]
+        heading, trim, lock, left, right = (error / variance * x for x in ph)
         for row, x in zip(p, ph, strict=True):
             gain = x / variance
             for j in range(5):
                 row[j] -= gain * ph[j]
-        p[2][2] = lock
         self.left.range += left
         self.right.range += right
-        return Fault(heading, trim)
+        return Fault(heading, trim, lock)
 
     def _renew(self, index: int, deviation: float) -> None:
         """Know one unknown by this deviation only."""

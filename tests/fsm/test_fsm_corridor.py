@@ -65,7 +65,7 @@ class TestWalls:
     def test_driving_to_the_left_is_foretold(self) -> None:
         walls = settled()
         fault = walls.take(walls.left, 0.7, at(1.04, 0.1), 0.0)
-        assert fault == pytest.approx((0.0, 0.0), abs=1e-9)
+        assert fault == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
         assert walls.left.range == pytest.approx(0.7)
 
     def test_two_readings_without_a_wall_make_an_opening(self) -> None:
