@@ -75,6 +75,14 @@ def pid_rate(p: float, i: float, d: float, error: float, error_sum: float, rate:
     return p * error + i * error_sum * PID_S + d * rate
 
 
+def damping(p: float, speed: float) -> float:
+    """Gain d [s/m] that damps a gain p [1/m] by 0.707 at a speed [m/s]: ``sqrt(2 wheelbase p / lock) / v``.
+
+    Source: LQR of the kinematic bicycle along a wall, kd = sqrt(2 L kp) / v. Below 0.2 m/s that of 0.2 m/s.
+    """
+    return math.sqrt(2.0 * WHEELBASE * p / FULL_LOCK) / max(speed, 0.2)
+
+
 def ramp(start: float, target: float, distance: float, driven: float) -> float:
     """Clearance [m] that runs linearly from `start` to `target` while `distance` metres are driven, then stays."""
     if driven >= distance:

@@ -61,7 +61,13 @@ class WallSpec(DrivingSpec):
     side: Side = Field("right", description="the wall that is followed")
     p: float = quantity(1.2, "1/m", "steering for a metre of deviation", ge=0.0, le=1000.0)
     i: float = quantity(0.0, "1/(m s)", "steering for a metre of deviation a second", ge=0.0, le=1000.0)
-    d: float = quantity(1.5, "s/m", "steering for a deviation that grows by 1 m/s", ge=0.0, le=1000.0)
+    d: float | None = quantity(
+        1.5,
+        "s/m",
+        "steering for a deviation that grows by 1 m/s; null: what damps p by 0.707 at the speed that the car has",
+        ge=0.0,
+        le=1000.0,
+    )
     derivative: Literal["sonar", "tick"] = Field(
         "sonar", description="over the sonar's own interval, or tick: the literal law of 2016"
     )

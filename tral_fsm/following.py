@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TypeVar
 
-from tral_fsm.control import clip, pid, pid_rate, ramp, slowed, steering_for
+from tral_fsm.control import clip, damping, pid, pid_rate, ramp, slowed, steering_for
 from tral_fsm.definition import BasicFollowWallSpec, FollowWallRampSpec, FollowWallSpec, WallSpec
 from tral_fsm.machine_state import MachineState
 from tral_fsm.sensed import Sonar
@@ -31,10 +31,10 @@ class WallState(DrivingState[W]):
         self.is_left = spec.side == "left"
         self.sign = 1.0 if self.is_left else -1.0
         self.limit = math.inf if spec.max_error is None else spec.max_error
-        self.steep = math.inf
-        """e at which p e and d e' are in balance at `max_angle_deg`, m for 1 m/s."""
-        if spec.max_angle_deg is not None and spec.derivative == "sonar" and spec.p * spec.d > 0.0:
-            self.steep = math.sin(math.radians(spec.max_angle_deg)) * spec.d / spec.p
+        self.steepest: float | None = None
+        """Sine of the angle to the wall at which p e and d e' shall be in balance at most; None: any."""
+        if spec.max_angle_deg is not None and spec.derivative == "sonar" and spec.p > 0.0 and spec.d != 0.0:
+            self.steepest = math.sin(math.radians(spec.max_angle_deg))
         self.range: float | None = None
         """Accepted range of the followed wall, m; None: no wall."""
         self.rate = 0.0
@@ -62,20 +62,25 @@ class WallState(DrivingState[W]):
         else:
             if spec.at_most_half:
                 wanted = min(wanted, self.half(m))
-            error = clip(self.range - wanted, min(self.limit, self.steep * max(m.speed, 0.2)))
+            d = damping(spec.p, m.speed) if spec.d is None else spec.d
+            error = clip(self.range - wanted, self.largest(d, m.speed))
             self.error_sum += error
             if spec.derivative == "tick":
-                y = pid(
-                    spec.p, spec.i, spec.d, error, self.error_sum, error if self.error_old is None else self.error_old
-                )
+                y = pid(spec.p, spec.i, d, error, self.error_sum, error if self.error_old is None else self.error_old)
             else:
-                y = pid_rate(spec.p, spec.i, spec.d, error, self.error_sum, self.rate)
+                y = pid_rate(spec.p, spec.i, d, error, self.error_sum, self.rate)
             self.error_old = error
             if spec.learn_trim and abs(error) < _TRIM_ERROR and abs(m.heading) < _TRIM_HEADING:
                 m.learn_trim(spec.learn_trim, self.sign * error)
         self.steer(m, self.sign * y)
         m.want_clearance(self.is_left, wanted)
         self.drive(m, self.speed_now(m))
+
+    def largest(self, d: float, speed: float) -> float:
+        """The e that counts at most, m."""
+        if self.steepest is None:
+            return self.limit
+        return min(self.limit, self.steepest * d * max(speed, 0.2) / self.spec.p)
 
     def accepts(self, sonar: Sonar) -> bool:
         """Whether a new reading is to be believed."""

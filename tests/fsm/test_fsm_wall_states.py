@@ -5,6 +5,8 @@ import math
 import pytest
 from readings import Bench, one_state, two_states
 
+from tral_fsm.control import FULL_LOCK, WHEELBASE
+
 LITERAL = {"derivative": "tick", "max_error": None, "max_angle_deg": None, "throttle": 0.3, "clearance": 0.5}
 
 
@@ -54,6 +56,22 @@ class TestBasicFollowWall:
         # p e = d v sin(30 degrees) at e = 0.05 m
         bench = wall(derivative="sonar", p=4.0, d=0.5, max_angle_deg=30.0)
         assert bench.tick(left=1.5, speed=0.8)[0] == pytest.approx(4.0 * 0.05)
+
+    @pytest.mark.parametrize("speed", [0.5, 1.0, 2.0])
+    def test_without_a_d_it_damps_p_at_the_speed_that_the_car_has(self, speed: float) -> None:
+        bench = wall(d=None, derivative="sonar", p=1.0, max_rate=10.0)
+        bench.tick(left=0.60, speed=speed)
+        for _ in range(4):
+            bench.tick()
+        d = math.sqrt(2.0 * WHEELBASE / FULL_LOCK) / speed  # kd = sqrt(2 L kp) / v
+        assert bench.tick(left=0.61)[0] == pytest.approx(0.11 + 0.16 * d)
+
+    def test_without_a_d_the_steepest_approach_is_the_same_at_every_speed(self) -> None:
+        slow, fast = (
+            wall(d=None, derivative="sonar", p=4.0, max_angle_deg=10.0).tick(left=1.5, speed=v)[0] for v in (0.5, 1.5)
+        )
+        assert slow == pytest.approx(fast)
+        assert 0.1 < slow < 0.9
 
     def test_without_a_wall_it_goes_straight_on(self) -> None:
         bench = wall()

@@ -13,7 +13,7 @@ from tral_env.course.layout import Course, Segment, Start
 from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ, CORE_LAYOUT
 from tral_env.vector_env import TralCorridorVectorEnv
 from tral_fsm.conditions import DistanceSpec
-from tral_fsm.control import speed_control
+from tral_fsm.control import damping, speed_control
 from tral_fsm.definition import BasicFollowWallSpec, MachineDefinition, TransitionSpec, WallSpec
 from tral_fsm.policy import MachinePolicy
 from tral_fsm.tuning.classical import Gains, Swing
@@ -192,7 +192,7 @@ def wall_states(machine: MachineDefinition) -> list[WallState]:
     return [
         WallState(
             name=state.label or str(state.id),
-            gains=Gains(p=state.p, d=state.d),
+            gains=Gains(p=state.p, d=damping(state.p, state.speed) if state.d is None else state.d),
             speed=state.speed,
             place=("states", k),
         )
