@@ -136,7 +136,9 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
     def speed_now(self, m: MachineState) -> float | None:
         """Speed before something ahead, and while little is known of the corridor, m/s; None: as it is."""
         spec = self.spec
-        free = spec.speed if spec.unsure_speed is None or m.walls.sure else spec.unsure_speed
+        free = spec.speed
+        if free is not None and spec.unsure_speed is not None and not m.walls.sure:
+            free = min(free, spec.unsure_speed)
         slow = slowed(free, spec.slow_speed, spec.slow_front, m.front.range)
         return free if slow is None else slow
 

@@ -156,7 +156,7 @@ class MachineState:
         self.lock_fault = 0.0
         """By how much the walls say that it is wrong: dead reckoning allows for it."""
         self.trim_fault = 0.0
-        """By how much the side range that came in this tick says that the trim is wrong."""
+        """By how much the walls say that it is wrong: dead reckoning allows for it, a state that learns takes it."""
         self.steering = 0.0
         """Output, + = left."""
         self.throttle = 0.0

@@ -33,7 +33,7 @@ Row = list[float]
 
 
 class Track:
-    """One gate, and the covariance of its pose and the trim."""
+    """One gate, and the covariance of its pose, the trim and the lock."""
 
     __slots__ = ("_covariance", "_misfits", "_stand", "_trim", "heading", "x", "y")
 

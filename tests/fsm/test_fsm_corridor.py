@@ -100,6 +100,16 @@ class TestWalls:
         assert math.degrees(-along) == pytest.approx(degrees, abs=0.7)
         assert walls.direction_known
 
+    @given(degrees=st.floats(-8.0, 8.0))
+    def test_so_it_is_in_reverse(self, degrees: float) -> None:
+        walls, along = Walls(), 0.0
+        slope = math.tan(math.radians(degrees))
+        for k in range(25):
+            s = -0.04 * k
+            for wall, start in ((walls.left, 0.8), (walls.right, 1.0)):
+                along -= walls.take(wall, start - wall.sign * slope * s, at(s), along).heading
+        assert math.degrees(-along) == pytest.approx(degrees, abs=0.7)
+
     @given(fault=st.floats(-0.12, 0.12))
     def test_a_wrong_trim_is_learnt_within_three_metres(self, fault: float) -> None:
         walls, along, yaw, y, trim = Walls(), 0.0, 0.0, 0.0, 0.0
@@ -260,6 +270,11 @@ class TestStates:
         assert targets[0] == 0.4
         assert targets[-1] == 1.0
         assert targets == sorted(targets)  # once it knows it stays so
+
+    def test_what_is_slower_anyway_is_not_made_faster(self) -> None:
+        bench = one_state(type="FollowCorridor", speed=0.3, unsure_speed=0.45)
+        bench.tick(left=0.8, right=0.8)
+        assert bench.m.speed_target == 0.3
 
     def test_a_trim_that_is_not_to_be_learnt_is_known_to_dead_reckoning_alone(self) -> None:
         taken, left = one_state(**CRUISE), one_state(**CRUISE, learn_trim=False)

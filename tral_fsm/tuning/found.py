@@ -92,5 +92,9 @@ def save(tuned: Tuned, path: Path, origin: str) -> None:
     """
     file = path.resolve()
     part = file.with_name(f"{file.name}.part")
-    part.write_text(write(described(tuned, origin), by_suffix(path.suffix)), encoding="utf-8")
-    part.replace(file)
+    text = write(described(tuned, origin), by_suffix(path.suffix))
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(file)
+    finally:
+        part.unlink(missing_ok=True)
