@@ -100,6 +100,7 @@ class MachineState:
         "walls",
         "wanted_clearance",
         "wanted_side",
+        "wound",
         "x",
         "y",
         "yaw",
@@ -119,7 +120,7 @@ class MachineState:
         """By the hall sensor, m/s."""
         self.gate = Sighting()
         self.guessed_gate = Sighting()
-        """A gate of which only one marker has ever been seen: its middle is guessed."""
+        """The gate of a marker that is seen alone: where it was when both were seen, or else its middle is guessed."""
         self.marker = Sighting()
         self.applied_steering = 0.0
         """Last command, as applied."""
@@ -137,6 +138,8 @@ class MachineState:
         """Dead reckoning's length, less where the car reverses, m."""
         self.turned = 0.0
         """By its wheels, rad."""
+        self.wound = 0.0
+        """Square of the curvature, added up over the way, rad^2/m: hall ticks that are missed turn the car by it."""
         self.late = 0.0
         """How far the car turned while its wheels were under way, rad, added up: when they arrive is not known well."""
         self.corridor_yaw = 0.0
@@ -224,6 +227,7 @@ class MachineState:
             self.y += step * math.sin(middle)
             self.yaw += step * bend
             self.turned += step * bend
+            self.wound += abs(step) * bend * bend
         self._history.append((self.x, self.y, self.yaw))
 
     def _see(self, seen: Sighting, number: float, x: float, y: float, heading: float, age: float) -> None:
@@ -234,8 +238,7 @@ class MachineState:
             return
         px, py, yaw = self._pose_before(age)
         cos, sin = math.cos(yaw), math.sin(yaw)
-        if seen.id != int(number):
-            seen.id, seen.opening = int(number), math.nan
+        seen.id = int(number)
         seen.x = px + cos * x - sin * y
         seen.y = py + sin * x + cos * y
         seen.heading = yaw + heading
@@ -248,11 +251,12 @@ class MachineState:
         track = self._tracks.get(gate.id)
         if track is None:
             self._tracks[gate.id] = Track(gate.x, gate.y, gate.heading, stand, self.walls.trim_deviation)
+            gate.opening = math.nan
             return
         trim, lock = track.take(gate.x, gate.y, gate.heading, stand)
         self.set_trim(self.trim + trim)
         self.lock_scale = 1.0 + clip(self.lock_scale + lock - 1.0, _LOCK_LIMIT)
-        gate.x, gate.y, gate.heading = track.x, track.y, track.heading
+        gate.x, gate.y, gate.heading, gate.opening = track.x, track.y, track.heading, track.opening
         self._follow_axis(gate)
 
     def was_seen(self, gate: int) -> bool:
@@ -261,8 +265,10 @@ class MachineState:
 
     def _measure_gate(self, opening: float) -> None:
         """Take the opening [m] of the gate in a new image."""
-        known = self.gate.opening
-        self.gate.opening = known + _OPENING_GAIN * (opening - known) if known == known else opening
+        track = self._tracks[self.gate.id]
+        known = track.opening
+        track.opening = known + _OPENING_GAIN * (opening - known) if known == known else opening
+        self.gate.opening = track.opening
 
     def _guess_gate(self) -> None:
         """Guess from a marker where the gate is whose other marker is out of view."""
@@ -276,10 +282,15 @@ class MachineState:
         )
         if guess.new:
             guess.id, is_right = divmod(marker.id, 2)
+            guess.age, guess.opening = marker.age, math.nan
+            track = self._tracks.get(guess.id)
+            if track is not None:
+                guess.x, guess.y, guess.heading, guess.opening = track.x, track.y, track.heading, track.opening
+                return
             left = _HALF_GATE_M if is_right else -_HALF_GATE_M
             guess.x = marker.x - left * math.sin(marker.heading)
             guess.y = marker.y + left * math.cos(marker.heading)
-            guess.heading, guess.age = marker.heading, marker.age
+            guess.heading = marker.heading
             self._follow_axis(guess)
 
     def _follow_axis(self, gate: Sighting) -> None:
@@ -292,7 +303,7 @@ class MachineState:
 
     def _stand(self, x: float, y: float, yaw: float) -> Stand:
         """Where the car was a moment ago."""
-        return Stand(x, y, yaw, self.path, self.turned, self.late, self.swept)
+        return Stand(x, y, yaw, self.path, self.turned, self.wound, self.late, self.swept)
 
     def _pose_before(self, age: float) -> Pose:
         """Pose of dead reckoning some seconds ago."""

@@ -41,6 +41,8 @@ class Stand(NamedTuple):
     """Driven so far, less where it reversed, m."""
     turned: float = 0.0
     """By its wheels, rad."""
+    wound: float = 0.0
+    """Square of the curvature, added up over the way, rad^2/m."""
     late: float = 0.0
     """Turned so far while the wheels were under way, rad."""
     swept: float = 0.0
@@ -48,11 +50,10 @@ class Stand(NamedTuple):
 
     def heading_wander(self, before: Stand) -> float:
         """Variance of the heading [rad^2] that driving here from a stand before has added, trim and lock aside."""
-        driven, turned = abs(self.path - before.path), self.turned - before.turned
         return (
-            _HEADING_WALK**2 * driven
-            + (_BEND_FAULT * turned) ** 2
-            + (_TICK_FAULT_M * turned * turned / driven if driven > 0.0 else 0.0)
+            _HEADING_WALK**2 * abs(self.path - before.path)
+            + (_BEND_FAULT * (self.turned - before.turned)) ** 2
+            + _TICK_FAULT_M * (self.wound - before.wound)
             + (_LATE_FAULT * (self.late - before.late)) ** 2
         )
 

@@ -35,7 +35,7 @@ Row = list[float]
 class Track:
     """One gate, and the covariance of its pose, the trim and the lock."""
 
-    __slots__ = ("_covariance", "_misfits", "_stand", "_trim", "heading", "x", "y")
+    __slots__ = ("_covariance", "_misfits", "_stand", "_trim", "heading", "opening", "x", "y")
 
     def __init__(self, x: float, y: float, heading: float, stand: Stand, trim: float = TRIM_DEVIATION) -> None:
         """Begin with a sighting.
@@ -47,6 +47,8 @@ class Track:
             stand: where it was seen from.
             trim: deviation of the trim.
         """
+        self.opening = math.nan
+        """Between its boards, m; NaN: not known yet."""
         self._trim = trim
         self.begin(x, y, heading, stand)
 

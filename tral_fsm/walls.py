@@ -118,17 +118,15 @@ class Wall:
         """Range at another place x, y [m] of dead reckoning, in a corridor of direction `along` [rad]; NaN: no wall."""
         return self.range - self._nearer(x, y, along)
 
-    def foretell(self, x: float, y: float, along: float) -> float:
-        """Move to the place of a new reading; gives the distance since the last one, m."""
+    def foretell(self, x: float, y: float, along: float) -> None:
+        """Move to the place of a new reading."""
         if self._x != self._x:
             self._x, self._y = x, y
-            return 0.0
-        step = math.hypot(x - self._x, y - self._y)
+            return
         nearer = self._nearer(x, y, along)
         self.range -= nearer
         self._candidate -= nearer
         self._x, self._y = x, y
-        return step
 
     def fits(self, reading: float, deviation: float) -> bool:
         """Take a reading [m]; gives whether it is of this wall, by the deviation [m] of what was foretold."""
@@ -234,6 +232,8 @@ class Walls:
         variance = self._covariance[side][side] + _SIGMA * _SIGMA
         moved = wall.moved
         if wall.fits(reading, math.sqrt(variance)):
+            if wall.steady:
+                self._slip = 0.0
             return self._correct(side, reading - wall.range, variance)
         if wall.moved != moved:
             self._renew(side, _ANEW)
