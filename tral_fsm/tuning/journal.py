@@ -108,9 +108,10 @@ class Journal:
 
     def _write(self, lines: Sequence[dict[str, Any]]) -> None:
         assert self.path is not None
-        part = self.path.with_name(f"{NAME}.part")
+        file = self.path.resolve()  # a link stays one
+        part = file.with_name(f"{file.name}.part")
         part.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
-        part.replace(self.path)
+        part.replace(file)
 
     def add(self, trials: Sequence[Trial]) -> None:
         """Write a generation down, so that it is there whatever comes next."""
