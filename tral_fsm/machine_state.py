@@ -13,14 +13,12 @@ from collections.abc import Sequence
 from tral_env.interface import (
     CONTROL_PERIOD_S,
     CORE_LAYOUT,
-    GATE_MARKER_IDS,
     MARKER_BOARD_WIDTH_M,
-    MAX_AGE_S,
 )
 from tral_fsm.control import TRACK, clip, curvature, speed_control, steering_play, wrap
+from tral_fsm.gates import Gates
 from tral_fsm.reckoning import BEND_PER_STEERING, Stand
 from tral_fsm.sensed import Sighting, Sonar, is_new
-from tral_fsm.tracking import Track
 from tral_fsm.walls import SENSOR_X, Ahead, Walls
 
 _HISTORY_TICKS = 128
@@ -34,12 +32,6 @@ _LOCK_LIMIT = 0.2
 _STALL_TICKS, _NEUTRAL_TICKS = 80, 16
 """A car that stands for so long although it should drive gets neutral for so long. Source: choice; 2016's motor
 controllers want 100 ms."""
-_HALF_GATE_M = 0.5
-"""A marker stands so far beside the middle of its gate, m. Source: choice, the family `gates` has 0.4 to 0.7."""
-_POST_ANGLE = math.radians(45.0)
-"""Gates are not guessed from markers that are seen more from the side than this. Source: choice."""
-_OPENING_GAIN = 0.2
-"""Share of an image's word on the width of a gate that is believed. Source: choice."""
 _NEAR_GATE_M, _GATE_ANGLE = 2.0, math.radians(22.0)
 """A gate that is so near stands within this angle of its corridor. Source: the family `gates` has 10 degrees, and as
 much for the camera."""
@@ -67,7 +59,6 @@ class MachineState:
         "_history",
         "_integral",
         "_stalled",
-        "_tracks",
         "_travelled",
         "_wheel",
         "ahead",
@@ -78,6 +69,7 @@ class MachineState:
         "distance",
         "front",
         "gate",
+        "gates",
         "given_trim",
         "guessed_gate",
         "late",
@@ -118,9 +110,10 @@ class MachineState:
         """Driven, by the hall sensor, m."""
         self.speed = 0.0
         """By the hall sensor, m/s."""
-        self.gate = Sighting()
-        self.guessed_gate = Sighting()
-        """The gate of a marker that is seen alone: where it was when both were seen, or else its middle is guessed."""
+        self.gates = Gates()
+        """Those that were seen."""
+        self.gate = self.gates.nearest
+        self.guessed_gate = self.gates.guess
         self.marker = Sighting()
         self.applied_steering = 0.0
         """Last command, as applied."""
@@ -174,7 +167,6 @@ class MachineState:
         self._stalled = 0
         self._wheel = 0.0
         self._travelled = math.nan
-        self._tracks: dict[int, Track] = {}
         self._history: deque[Pose] = deque(maxlen=_HISTORY_TICKS)
 
     def update(self, row: Sequence[float]) -> None:
@@ -200,8 +192,9 @@ class MachineState:
         self._see(self.gate, gate_id, gate_x, gate_y, gate_heading, gate_age)
         self._see(self.marker, marker_id, marker_x, marker_y, marker_heading, marker_age)
         if self.gate.new and self.marker.new and self.marker.id // 2 == self.gate.id:
-            self._measure_gate(2.0 * math.hypot(gate_x - marker_x, gate_y - marker_y) - MARKER_BOARD_WIDTH_M)
-        self._guess_gate()
+            self.gates.measure(2.0 * math.hypot(gate_x - marker_x, gate_y - marker_y) - MARKER_BOARD_WIDTH_M)
+        if self.gates.look(self.marker, self.yaw):
+            self._follow_axis(self.guessed_gate)
         self.wanted_side = self.wanted_clearance = self.speed_target = math.nan
 
     def _reckon(self) -> None:
@@ -247,51 +240,12 @@ class MachineState:
 
     def _track(self, stand: Stand) -> None:
         """Let the new sighting of a gate correct what earlier ones told of it, and learn trim and lock from it."""
-        gate = self.gate
-        track = self._tracks.get(gate.id)
-        if track is None:
-            self._tracks[gate.id] = Track(gate.x, gate.y, gate.heading, stand, self.walls.trim_deviation)
-            gate.opening = math.nan
-            return
-        trim, lock = track.take(gate.x, gate.y, gate.heading, stand)
+        known = self.gates.was_seen(self.gate.id)
+        trim, lock = self.gates.correct(stand, self.walls.trim_deviation)
         self.set_trim(self.trim + trim)
         self.lock_scale = 1.0 + clip(self.lock_scale + lock - 1.0, _LOCK_LIMIT)
-        gate.x, gate.y, gate.heading, gate.opening = track.x, track.y, track.heading, track.opening
-        self._follow_axis(gate)
-
-    def was_seen(self, gate: int) -> bool:
-        """Whether both markers of a gate were ever seen at once."""
-        return gate in self._tracks
-
-    def _measure_gate(self, opening: float) -> None:
-        """Take the opening [m] of the gate in a new image."""
-        track = self._tracks[self.gate.id]
-        known = track.opening
-        track.opening = known + _OPENING_GAIN * (opening - known) if known == known else opening
-        self.gate.opening = track.opening
-
-    def _guess_gate(self) -> None:
-        """Guess from a marker where the gate is whose other marker is out of view."""
-        marker, guess = self.marker, self.guessed_gate
-        guess.age = min(guess.age + CONTROL_PERIOD_S, MAX_AGE_S)
-        guess.new = (
-            marker.new
-            and marker.id in GATE_MARKER_IDS
-            and marker.id // 2 != self.gate.id
-            and abs(wrap(marker.heading - self.yaw)) < _POST_ANGLE
-        )
-        if guess.new:
-            guess.id, is_right = divmod(marker.id, 2)
-            guess.age, guess.opening = marker.age, math.nan
-            track = self._tracks.get(guess.id)
-            if track is not None:
-                guess.x, guess.y, guess.heading, guess.opening = track.x, track.y, track.heading, track.opening
-                return
-            left = _HALF_GATE_M if is_right else -_HALF_GATE_M
-            guess.x = marker.x - left * math.sin(marker.heading)
-            guess.y = marker.y + left * math.cos(marker.heading)
-            guess.heading = marker.heading
-            self._follow_axis(guess)
+        if known:  # one sighting alone may be wrong
+            self._follow_axis(self.gate)
 
     def _follow_axis(self, gate: Sighting) -> None:
         """Corridors lead through their gates: a direction that contradicts the axis of a near one was wrong."""
@@ -315,7 +269,7 @@ class MachineState:
         for sonar, wall in ((self.left, self.walls.left), (self.right, self.walls.right)):
             if sonar.new:
                 x, y, yaw = self._pose_before(sonar.age)
-                if self._tracks and any(track.beside(x, y) for track in self._tracks.values()):
+                if self.gates.beside(x, y):
                     continue  # a post is no wall
                 along = self.yaw - self.heading
                 turn, trim, lock = self.walls.take(wall, sonar.range, self._stand(x, y, yaw), along)

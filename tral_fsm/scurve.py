@@ -102,7 +102,7 @@ class SCurve(DrivingState[SCurveSpec]):
         """Follow the way."""
         spec = self.spec
         for gate in (m.gate, m.guessed_gate):
-            if gate.new and spec.track and gate.id == self.gate and (gate is m.gate or not m.was_seen(gate.id)):
+            if gate.new and spec.track and gate.id == self.gate and (gate is m.gate or not m.gates.was_seen(gate.id)):
                 self.take(m, gate)
         here = relative(self.target, (m.x, m.y, m.yaw))
         self.finished = here[0] >= spec.straight - spec.tolerance
