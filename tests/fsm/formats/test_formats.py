@@ -87,9 +87,9 @@ class TestRefused:
     @pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
     def test_document_types_are_refused_at_once(self, name: str, encoding: str) -> None:
         content = BOMBS[name].encode(encoding)
-        begin = time.perf_counter()
+        begin = time.process_time()
         assert "document type" in message(content, ".uxf")
-        assert time.perf_counter() - begin < 0.1
+        assert time.process_time() - begin < 0.1
 
     def test_unknown_entities_are_no_xml(self) -> None:
         assert "not XML: undefined entity" in message("<diagram><help_text>&a;</help_text></diagram>")
@@ -105,9 +105,9 @@ class TestRefused:
         ],
     )
     def test_what_is_too_much(self, content: str, told: str) -> None:
-        begin = time.perf_counter()
+        begin = time.process_time()
         assert told in message(content)
-        assert time.perf_counter() - begin < 1.0
+        assert time.process_time() - begin < 1.0
 
     def test_no_more_problems_are_told_than_can_be_read(self) -> None:
         told = message(json.dumps({"root": 0, "states": [{"id": n, "type": "Stopp"} for n in range(400)]}))
@@ -123,9 +123,9 @@ class TestRefused:
                 {"id": n, "type": "Always", "from": f"x{name}", "to": name} for n, name in enumerate(names)
             ],
         }
-        begin = time.perf_counter()
+        begin = time.process_time()
         assert "which is no state" in message(json.dumps(raw))
-        assert time.perf_counter() - begin < 2.0
+        assert time.process_time() - begin < 2.0
 
 
 def of_2016(**changes: Any) -> dict[str, Any]:
