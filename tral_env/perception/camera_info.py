@@ -6,7 +6,6 @@ those of `CameraConfig`.
 
 from __future__ import annotations
 
-import contextlib
 import math
 import reprlib
 from collections.abc import Mapping
@@ -15,6 +14,7 @@ from typing import Any
 
 import yaml
 
+from tral_env.atomic import write_bytes
 from tral_env.config import WIDE_LENS, CameraConfig, as_config
 from tral_env.errors import CalibrationError, ConfigError, nearest
 
@@ -195,12 +195,7 @@ def write_camera_info(path: Path, camera: CameraConfig, name: str = "camera") ->
     Raises:
         ConfigError: the file cannot be written.
     """
-    text, file = camera_info(camera, name), path.resolve()
-    part = file.with_name(f"{file.name}.part")
     try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(file)
+        write_bytes(path, camera_info(camera, name).encode("utf-8"))
     except OSError as error:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
         raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error

@@ -7,6 +7,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 
 
@@ -29,25 +30,6 @@ def prepare_folder(folder: Path, got: str | None = None) -> None:
         raise ConfigError(f"{shown}: cannot be written: {error.strerror}: choose another folder") from error
 
 
-def is_device(path: Path) -> bool:
-    """Something is there that is neither a file nor a folder."""
-    return path.exists() and not path.is_file() and not path.is_dir()
-
-
 def write_json(path: Path, content: Any) -> None:
-    """Replace a file by a JSON text at once: who reads it, or what interrupts this, never meets half of it."""
+    """Replace a file by a JSON text at once."""
     write_bytes(path, (json.dumps(content, indent=2, allow_nan=False) + "\n").encode("utf-8"))
-
-
-def write_bytes(path: Path, content: bytes) -> None:
-    """Replace a file at once; a link stays one. What is no file (/dev/stdout, a pipe) is written to, not replaced."""
-    if is_device(path):
-        path.write_bytes(content)
-        return
-    path = path.resolve()
-    part = path.with_name(f"{path.name}.part")
-    try:
-        part.write_bytes(content)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)

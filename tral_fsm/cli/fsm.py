@@ -8,9 +8,10 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from tral_env.atomic import is_device, write_bytes
 from tral_env.errors import ConfigError, MachineError, nearest
 from tral_fsm.cli.console import BAD_USAGE, FAILED, Guarded
-from tral_fsm.cli.files import is_device, prepare_folder, write_bytes
+from tral_fsm.cli.files import prepare_folder
 from tral_fsm.cli.fsm_states import command as states_command
 
 app = typer.Typer(

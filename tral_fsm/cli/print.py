@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 from tral_fsm.cli.calibrate import BoardKind, make_board
-from tral_fsm.cli.files import prepare_folder, write_bytes
+from tral_fsm.cli.files import prepare_folder
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 from tral_fsm.cli import opengl
 from tral_fsm.cli import tune_options as options
 from tral_fsm.cli.console import versions
-from tral_fsm.cli.files import prepare_folder, write_bytes, write_json
+from tral_fsm.cli.files import prepare_folder, write_json
 from tral_fsm.cli.tune_show import Bar, print_result
 
 if TYPE_CHECKING:

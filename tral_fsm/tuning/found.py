@@ -9,6 +9,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from tral_env.atomic import write_bytes
 from tral_fsm.definition import MachineDefinition
 from tral_fsm.fleet import Drive
 from tral_fsm.formats import by_suffix, write
@@ -90,11 +91,4 @@ def save(tuned: Tuned, path: Path, origin: str) -> None:
     Raises:
         MachineError: no format has this suffix.
     """
-    file = path.resolve()
-    part = file.with_name(f"{file.name}.part")
-    text = write(described(tuned, origin), by_suffix(path.suffix))
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(file)
-    finally:
-        part.unlink(missing_ok=True)
+    write_bytes(path, write(described(tuned, origin), by_suffix(path.suffix)).encode("utf-8"))

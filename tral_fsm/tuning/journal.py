@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 from tral_fsm.tuning.search import Trial, trial
 
@@ -108,10 +109,7 @@ class Journal:
 
     def _write(self, lines: Sequence[dict[str, Any]]) -> None:
         assert self.path is not None
-        file = self.path.resolve()  # a link stays one
-        part = file.with_name(f"{file.name}.part")
-        part.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
-        part.replace(file)
+        write_bytes(self.path, "".join(json.dumps(line) + "\n" for line in lines).encode("utf-8"))
 
     def add(self, trials: Sequence[Trial]) -> None:
         """Write a generation down, so that it is there whatever comes next."""
