@@ -28,6 +28,20 @@ _SWEPT_FAULT = 0.02
 """The trim may be other after the wheels have moved: friction stops them elsewhere. For a unit of steering."""
 
 
+def learn(covariance: list[list[float]], with_measured: list[float], spread: float) -> None:
+    """Kalman's step for the covariance of unknowns, after one number was measured.
+
+    Args:
+        covariance: (5, 5), changed in place.
+        with_measured: (5,) covariance of each unknown with that number.
+        spread: variance of that number, its noise included.
+    """
+    for row, with_it in zip(covariance, with_measured, strict=True):
+        gain = with_it / spread
+        for j, other in enumerate(with_measured):
+            row[j] -= gain * other
+
+
 class Stand(NamedTuple):
     """Where the car was when a sensor looked, and how it came there; all by dead reckoning."""
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 from tral_fsm.control import wrap
-from tral_fsm.reckoning import BEND_PER_STEERING, LOCK_DEVIATION, TRIM_DEVIATION, Stand
+from tral_fsm.reckoning import BEND_PER_STEERING, LOCK_DEVIATION, TRIM_DEVIATION, Stand, learn
 
 _PLACE_WALK = 0.02
 """How far dead reckoning's place wanders in a metre, m."""
@@ -152,11 +152,9 @@ class Track:
         ph = [a * row[0] + b * row[1] + c * row[2] for row in p]
         innovation = error - (a * state[0] + b * state[1] + c * state[2])
         spread = a * ph[0] + b * ph[1] + c * ph[2] + variance
-        for i, row in enumerate(p):
-            gain = ph[i] / spread
-            state[i] += gain * innovation
-            for j in range(5):
-                row[j] -= gain * ph[j]
+        for i, with_it in enumerate(ph):
+            state[i] += with_it / spread * innovation
+        learn(p, ph, spread)
 
     def beside(self, x: float, y: float) -> bool:
         """Whether a car at x, y [m] of dead reckoning is so near that its side ultrasonics may hear the posts."""

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from tral_env.interface import NO_ECHO_M
 from tral_fsm.control import WHEELBASE
-from tral_fsm.reckoning import BEND_PER_STEERING, LOCK_DEVIATION, TRIM_DEVIATION, Stand
+from tral_fsm.reckoning import BEND_PER_STEERING, LOCK_DEVIATION, TRIM_DEVIATION, Stand, learn
 
 SENSOR_X = WHEELBASE / 2.0
 """Side ultrasonics ahead of the rear axle, m."""
@@ -270,13 +270,9 @@ class Walls:
 
     def _correct(self, side: int, error: float, variance: float) -> Fault:
         """Kalman's step for one range."""
-        p = self._covariance
-        ph = [row[side] for row in p]
+        ph = [row[side] for row in self._covariance]
         heading, trim, lock, left, right = (error / variance * x for x in ph)
-        for row, x in zip(p, ph, strict=True):
-            gain = x / variance
-            for j in range(5):
-                row[j] -= gain * ph[j]
+        learn(self._covariance, ph, variance)
         self.left.range += left
         self.right.range += right
         return Fault(heading, trim, lock)

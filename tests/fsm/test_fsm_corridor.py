@@ -17,18 +17,15 @@ from tral_fsm.walls import NO_FAULT, Ahead, Wall, Walls
 CRUISE = {"type": "FollowCorridor", "throttle": 0.2}
 
 
-def drive(walls: Walls, metres: float, left: float = 0.8, right: float = 1.0, begin: float = 0.0) -> float:
-    """Drive straight ahead between two walls, 4 cm a reading; gives the heading that was taken for wrong, rad."""
-    turned = 0.0
+def drive(walls: Walls, metres: float) -> None:
+    """Drive straight ahead between walls at 0.8 m on the left and 1.0 m on the right, 4 cm a reading."""
     for k in range(round(metres / 0.04)):
-        stand = Stand(begin + 0.04 * k, 0.0, 0.0, path=begin + 0.04 * k)
-        turned += walls.take(walls.left, left, stand, 0.0).heading
-        turned += walls.take(walls.right, right, stand, 0.0).heading
-    return turned
+        walls.take(walls.left, 0.8, at(0.04 * k), 0.0)
+        walls.take(walls.right, 1.0, at(0.04 * k), 0.0)
 
 
 def settled(metres: float = 1.0) -> Walls:
-    """Walls after driving between walls at 0.8 m on the left and 1.0 m on the right, 4 cm a reading."""
+    """Walls after driving between them."""
     walls = Walls()
     drive(walls, metres)
     return walls
