@@ -51,7 +51,9 @@ class ArucoGateFound(Seen[ArucoGateFoundSpec]):
     """Fires when a gate is seen and hands it over."""
 
     def sighting(self, m: MachineState) -> Sighting:
-        """The nearest gate, or one that is guessed from its marker if that is nearer, or there is none."""
+        """The target; or the nearest gate, or one that is guessed from its marker if that is nearer or the only one."""
+        if self.spec.target:
+            return m.gates.find(m.gates.aim, m.time)
         gate, guess, oldest = m.gate, m.guessed_gate, self.spec.max_age
         if not self.spec.one_post or guess.age > oldest:
             return gate

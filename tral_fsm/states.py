@@ -163,6 +163,7 @@ class ApproachPoint(DrivingState[ApproachPointSpec]):
 class ArucoGateCenter(DrivingState[ArucoGateCenterSpec]):
     """Full lock towards the side on which the gate's middle is, until aligned.
 
+    The gate is the one that a state was handed last, or the nearest one if that lies behind the car.
     A gate out of view is followed by dead reckoning. Aligned: the car's heading is within the tolerance of the gate's
     axis, or has swept over it. It also ends when the middle changes sides, since to turn on would lead away from it.
     """
@@ -170,6 +171,9 @@ class ArucoGateCenter(DrivingState[ArucoGateCenterSpec]):
     def on_enter(self, m: MachineState) -> None:
         """Nothing is known of the gate's side yet."""
         self.finished = False
+        aimed = m.gates.find(m.gates.aim, m.time)
+        ahead, _, _ = m.from_here(aimed.x, aimed.y, aimed.heading)
+        self.gate = aimed.id if ahead > 0.0 else m.gate.id
         self.entry = m.distance
         self.side = 0.0
         self.error = math.nan
@@ -177,10 +181,11 @@ class ArucoGateCenter(DrivingState[ArucoGateCenterSpec]):
     def tick(self, m: MachineState) -> None:
         """Turn towards the middle."""
         spec = self.spec
-        _, y, heading = m.from_here(m.gate.x, m.gate.y, m.gate.heading)
+        gate = m.gates.find(self.gate, m.time)
+        _, y, heading = m.from_here(gate.x, gate.y, gate.heading)
         side = math.copysign(1.0, y)
         self.finished = (
-            m.gate.id < 0
+            gate.id < 0
             or abs(heading) <= math.radians(spec.tolerance_deg)
             or heading * self.error < 0.0
             or side * self.side < 0.0

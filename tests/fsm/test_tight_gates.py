@@ -8,6 +8,7 @@ from readings import Bench, two_states
 
 from tral_env.corridor import Corridor, CorridorConfig
 from tral_env.course.layout import Course
+from tral_env.interface import CONTROL_PERIOD_S
 from tral_fsm import load_policy
 
 GATE = {"gate_id": 0.0, "gate_x": 1.0, "gate_y": 0.2, "gate_heading": 0.0, "gate_age": 0.0}
@@ -130,3 +131,57 @@ def test_of_a_whole_gate_and_a_nearer_post_the_post_is_taken() -> None:
     assert bench.active == "b"
     assert bench.machine.active.gate == 0
     assert bench.machine.active.target[1] == pytest.approx(0.2)
+
+
+class TestTheTarget:
+    """A gate that a state was handed stays the one, though a gate behind it is seen whole instead."""
+
+    @staticmethod
+    def handed(condition: dict[str, Any], last: dict[str, Any]) -> Bench:
+        """A machine that was handed gate 0, and then saw gate 1 behind it, to the right."""
+        bench = Bench(
+            {
+                "root": "a",
+                "states": [
+                    {"id": "a", "type": "Motor", "throttle": 0.2},
+                    {"id": "b", "type": "SCurve", "throttle": 0.2, "before": 0.0},
+                    {"id": "c", "final": True, **last},
+                ],
+                "transitions": [
+                    {"id": "ab", "from": "a", "to": "b", "type": "ArucoGateFound", "ids": [0]},
+                    {"id": "bc", "from": "b", "to": "c", **condition},
+                ],
+            }
+        )
+        bench.tick(**GATE)
+        bench.tick(gate_id=1.0, gate_x=5.0, gate_y=-1.0, gate_heading=-0.5, gate_age=0.0)
+        return bench
+
+    def test_a_condition_asks_the_nearest_gate_or_the_target(self) -> None:
+        far = {"type": "ArucoGateFound", "max_distance": 2.0, "hand_over": False}
+        assert self.handed(far, {"type": "Stop"}).active == "b"
+        assert self.handed({**far, "target": True}, {"type": "Stop"}).active == "c"
+
+    def test_it_grows_older_while_it_is_out_of_view(self) -> None:
+        old = {"type": "Not", "of": [{"type": "ArucoGateFound", "target": True, "max_age": 0.5, "hand_over": False}]}
+        bench = self.handed(old, {"type": "Stop"})
+        ticks = 0
+        while bench.active == "b":
+            bench.tick(gate_id=1.0, gate_x=5.0, gate_y=-1.0, gate_heading=-0.5, gate_age=0.0)
+            ticks += 1
+        assert ticks == pytest.approx(0.5 / CONTROL_PERIOD_S, abs=1)
+
+    def test_full_lock_is_towards_the_target(self) -> None:
+        bench = self.handed({"type": "Always"}, {"type": "ArucoGateCenter", "throttle": 0.2, "tolerance_deg": 1.0})
+        bench.m.yaw += 0.1
+        bench.tick()
+        assert bench.active == "c"
+        assert bench.machine.active.gate == 0
+        assert bench.m.steering == pytest.approx(1.0)
+
+    def test_a_target_behind_the_car_is_done_with(self) -> None:
+        bench = self.handed({"type": "Always"}, {"type": "ArucoGateCenter", "throttle": 0.2})
+        assert bench.machine.active.gate == 0
+        bench.m.x += 2.0
+        bench.machine.active.on_enter(bench.m)
+        assert bench.machine.active.gate == 1
