@@ -21,7 +21,7 @@ from tral_fsm.machine_state import MachineState
 from tral_fsm.spec import Side, quantity
 from tral_fsm.states import DrivingState, State
 from tral_fsm.transitions import Condition
-from tral_fsm.walls import Ahead
+from tral_fsm.walls import SENSOR_X, Ahead
 
 _QUARTER = math.pi / 2.0
 _SURE_LOCK = 0.9
@@ -212,10 +212,11 @@ class BackUp(DrivingState[BackUpSpec]):
 
 
 class OpeningSpec(ConditionSpec):
-    """Fires when there is no wall on a side: two readings found none, though the car stood parallel to hear one."""
+    """Fires when there is no wall on a side: readings found none, though the car stood parallel to hear one."""
 
     type: Literal["Opening"] = "Opening"
     side: Side = Field("left", description="on which side")
+    readings: int = Field(2, description="so many readings in a row found none", ge=2, le=100)
 
 
 @transitions.runs(OpeningSpec)
@@ -230,7 +231,7 @@ class Opening(Condition[OpeningSpec]):
 
     def triggered(self, m: MachineState) -> bool:
         """The wall is lost."""
-        return m.walls.side(self.is_left).open
+        return m.walls.side(self.is_left).lost >= self.spec.readings
 
     def why(self, m: MachineState) -> str:
         """How many readings."""
@@ -306,7 +307,10 @@ class ObstacleAhead(Condition[ObstacleAheadSpec]):
 
 
 class MoreRoomSpec(ConditionSpec):
-    """Fires when there is more room on a side than on the other: when the wall there is farther away, or not known."""
+    """Fires when there is more room on a side than on the other: when the wall there is farther away, or not known.
+
+    Where something is ahead its place counts, not the car's: a car that drives aslant comes to it nearer to a wall.
+    """
 
     type: Literal["MoreRoom"] = "MoreRoom"
     side: Side = Field("left", description="on which side")
@@ -324,9 +328,17 @@ class MoreRoom(Condition[MoreRoomSpec]):
 
     def triggered(self, m: MachineState) -> bool:
         """More room there."""
-        here, there = m.clearance(self.is_left), m.clearance(not self.is_left)
+        ahead = self.place(m)
+        here, there = m.clearance(self.is_left, ahead), m.clearance(not self.is_left, ahead)
         return here > there or (here != here and there == there)
+
+    @staticmethod
+    def place(m: MachineState) -> float:
+        """How far ahead of the side ultrasonics what is ahead is, m; 0: nothing is."""
+        range_ = m.ahead.range
+        return FRONT_X - SENSOR_X + range_ if range_ < math.inf else 0.0
 
     def why(self, m: MachineState) -> str:
         """Both clearances."""
-        return f"left {m.clearance(True):.2f} m, right {m.clearance(False):.2f} m"
+        ahead = self.place(m)
+        return f"left {m.clearance(True, ahead):.2f} m, right {m.clearance(False, ahead):.2f} m, {ahead:.2f} m ahead"

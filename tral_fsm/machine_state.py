@@ -284,13 +284,14 @@ class MachineState:
         if self.front.new:
             self.ahead.take(self.front.range, self.distance)
 
-    def clearance(self, is_left: bool) -> float:
-        """What the side ultrasonic should read at this moment, m; NaN: no wall known."""
+    def clearance(self, is_left: bool, ahead: float = 0.0) -> float:
+        """What the side ultrasonic should read now, or so far `ahead` on the way straight on, m; NaN: no wall known."""
         wall = self.walls.left if is_left else self.walls.right
         if wall.range != wall.range:
             return math.nan
         along = self.yaw - self.heading
-        return wall.seen_from(self.x + SENSOR_X * math.cos(self.yaw), self.y + SENSOR_X * math.sin(self.yaw), along)
+        reach = SENSOR_X + ahead
+        return wall.seen_from(self.x + reach * math.cos(self.yaw), self.y + reach * math.sin(self.yaw), along)
 
     def side(self, is_left: bool) -> Sonar:
         """Side ultrasonic of that side."""

@@ -105,11 +105,6 @@ class Wall:
         """It has been where it is for a while."""
         return self._readings >= _HASTY
 
-    @property
-    def open(self) -> bool:
-        """Two readings or more found no wall where one would be heard."""
-        return self.lost >= 2
-
     def _nearer(self, x: float, y: float, along: float) -> float:
         """How much nearer a point is than the place of the last reading, m."""
         return self.sign * (math.cos(along) * (y - self._y) - math.sin(along) * (x - self._x))

@@ -65,19 +65,19 @@ class TestWalls:
         assert fault == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
         assert walls.left.range == pytest.approx(0.7)
 
-    def test_two_readings_without_a_wall_make_an_opening(self) -> None:
+    def test_after_two_readings_without_a_wall_none_is_known(self) -> None:
         walls = settled()
         walls.take(walls.right, 6.0, at(1.04), 0.0)
-        assert not walls.right.open
+        assert walls.right.known
         walls.take(walls.right, 6.0, at(1.08), 0.0)
-        assert walls.right.open
+        assert walls.right.lost == 2
         assert not walls.right.known
 
     def test_at_an_angle_no_echo_is_no_opening(self) -> None:
         walls = settled()
         for k in range(5):
             walls.take(walls.right, 6.0, at(1.04 + 0.04 * k, yaw=math.radians(25.0)), 0.0)
-        assert not walls.right.open
+        assert walls.right.lost == 0
         assert walls.right.known
 
     def test_turning_out_of_the_corridor_forgets_its_walls(self) -> None:
@@ -196,6 +196,18 @@ class TestConditions:
         assert not condition.triggered(blackboard(left=0.8, right=1.0))
         assert condition.triggered(blackboard(right=0.8))
 
+    @pytest.mark.parametrize(("heading", "fires"), [(-0.3, True), (0.0, False), (0.3, False)])
+    def test_a_car_that_drives_aslant_compares_the_walls_beside_what_is_ahead(
+        self, heading: float, fires: bool
+    ) -> None:
+        m = blackboard(left=0.8, right=1.0)
+        m.ahead.range, m.yaw = 1.0, heading
+        bench = two_states({"type": "MoreRoom", "side": "left"})
+        condition = bench.machine._ways[0][0].condition
+        assert condition.triggered(m) == fires
+        left, right = (float(part.split()[1]) for part in condition.why(m).split(", ")[:2])
+        assert right - left == pytest.approx(0.2 + 2.0 * 1.304 * math.sin(heading), abs=0.01)
+
     def test_something_ahead_asks_from_where_it_has_been_heard(self) -> None:
         wall = two_states({"type": "ObstacleAhead", "below": 1.0, "heard_above": 1.8})
         box = two_states({"type": "ObstacleAhead", "below": 1.0, "heard_below": 1.8})
@@ -231,14 +243,16 @@ class TestConditions:
             seen.append(bench.active)
         assert seen == ["a"] * 3 + ["b"] * 3
 
-    def test_an_opening_fires(self) -> None:
-        bench = two_states({"type": "Opening", "side": "right"})
+    @pytest.mark.parametrize("readings", [2, 3, 5])
+    def test_an_opening_fires_after_so_many_readings(self, readings: int) -> None:
+        bench = two_states({"type": "Opening", "side": "right", "readings": readings})
         for _ in range(4):
             bench.tick(right=0.8)
-        assert bench.active == "a"
-        bench.tick(right=6.0)
-        bench.tick(right=6.0)
-        assert bench.active == "b"
+        seen = []
+        for _ in range(readings):
+            bench.tick(right=6.0)
+            seen.append(bench.active)
+        assert seen == ["a"] * (readings - 1) + ["b"]
 
 
 class TestStates:
