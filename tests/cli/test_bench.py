@@ -68,3 +68,11 @@ def test_larger_courses_have_more_boxes() -> None:
     assert sizes[0] == 4
     assert 30 <= sizes[1] <= 60
     assert 300 <= sizes[2] <= 500
+
+
+def test_a_frame_costs_its_rendering_and_more() -> None:
+    cost = speed.camera_cost(frames=3)
+    assert isinstance(cost, dict)
+    assert list(cost) == ["in_env_ms", "bare_render_ms", "bare_detect_ms", "bare_pose_ms"]
+    assert cost["in_env_ms"] > cost["bare_detect_ms"] > 0.0
+    assert cost["bare_pose_ms"] > 0.1  # two markers are in view
