@@ -111,7 +111,9 @@ class ArucoGateFoundSpec(SightingSpec):
     one_post: bool = Field(
         False, description="also fires when only one of its markers was ever seen: the middle is guessed beside it"
     )
-    target: bool = Field(False, description="asks of the gate that was handed over last, though another one be nearer")
+    target: bool = Field(
+        False, description="asks of the gate that was handed over last, whole or not, though another one be nearer"
+    )
 
 
 class MarkerFoundSpec(SightingSpec):

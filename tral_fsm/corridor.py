@@ -216,7 +216,7 @@ class OpeningSpec(ConditionSpec):
 
     type: Literal["Opening"] = "Opening"
     side: Side = Field("left", description="on which side")
-    readings: int = Field(2, description="so many readings in a row found none", ge=2, le=100)
+    readings: int = Field(2, description="so many readings found none since one did", ge=2, le=100)
 
 
 @transitions.runs(OpeningSpec)
@@ -335,8 +335,8 @@ class MoreRoom(Condition[MoreRoomSpec]):
     @staticmethod
     def place(m: MachineState) -> float:
         """How far ahead of the side ultrasonics what is ahead is, m; 0: nothing is."""
-        range_ = m.ahead.range
-        return FRONT_X - SENSOR_X + range_ if range_ < math.inf else 0.0
+        near = min(m.ahead.range, m.ahead.last)
+        return FRONT_X - SENSOR_X + near if near < NO_ECHO_M - 0.01 else 0.0
 
     def why(self, m: MachineState) -> str:
         """Both clearances."""

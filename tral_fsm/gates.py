@@ -21,7 +21,7 @@ _OPENING_GAIN = 0.2
 class Gates:
     """Gates in the frame of dead reckoning."""
 
-    __slots__ = ("_found", "_tracks", "aim", "guess", "nearest")
+    __slots__ = ("_tracks", "guess", "nearest", "target")
 
     def __init__(self) -> None:
         self._tracks: dict[int, Track] = {}
@@ -29,36 +29,38 @@ class Gates:
         """The nearest gate of the last image that showed one whole, corrected by all that was seen of it."""
         self.guess = Sighting()
         """The gate of a marker that is seen alone: where it was when both were seen, or else its middle is guessed."""
-        self.aim = self.nearest.id
-        """Id of the gate that a state was handed last."""
-        self._found = Sighting()
+        self.target = Sighting()
+        """The gate that a state was handed last: where it was seen last, though another one be in view."""
 
     def was_seen(self, gate: int) -> bool:
         """Whether both markers of a gate were ever seen at once."""
         return gate in self._tracks
 
-    def find(self, gate: int, time: float) -> Sighting:
-        """The gate with this id at a time [s], though another one be in view; the nearest one if it was never seen."""
-        track = self._tracks.get(gate)
-        if gate == self.nearest.id or (track is None and gate != self.guess.id):
-            return self.nearest
-        if track is None:
-            return self.guess
-        found = self._found
-        found.id, found.age = gate, min(time - track.seen, MAX_AGE_S)
-        recall(found, track)
-        return found
+    def aim(self, gate: Sighting) -> None:
+        """Take a gate as the target."""
+        target = self.target
+        target.id, target.age, target.opening = gate.id, gate.age, gate.opening
+        target.x, target.y, target.heading = gate.x, gate.y, gate.heading
+
+    def follow(self) -> None:
+        """Keep the target where it was seen last, and know how old that is; asked in each tick, after all was seen."""
+        target, guess = self.target, self.guess
+        if target.id == self.nearest.id:
+            self.aim(self.nearest)
+        elif target.id == guess.id and guess.new:
+            self.aim(guess)
+        else:
+            target.age = min(target.age + CONTROL_PERIOD_S, MAX_AGE_S)
 
     def beside(self, x: float, y: float) -> bool:
         """Whether a car at x, y [m] may hear the posts of a gate."""
         return any(track.beside(x, y) for track in self._tracks.values())
 
-    def correct(self, stand: Stand, time: float, trim_deviation: float) -> tuple[float, float]:
+    def correct(self, stand: Stand, trim_deviation: float) -> tuple[float, float]:
         """Let a new sighting of the nearest gate correct what earlier ones told of it.
 
         Args:
             stand: where the car was when the image was exposed.
-            time: when that was, s.
             trim_deviation: how well the trim is known, for a gate that is new.
 
         Returns:
@@ -67,11 +69,9 @@ class Gates:
         gate = self.nearest
         track = self._tracks.get(gate.id)
         if track is None:
-            track = self._tracks[gate.id] = Track(gate.x, gate.y, gate.heading, stand, trim_deviation)
-            track.seen = time
+            self._tracks[gate.id] = Track(gate.x, gate.y, gate.heading, stand, trim_deviation)
             gate.opening = math.nan
             return 0.0, 0.0
-        track.seen = time
         faults = track.take(gate.x, gate.y, gate.heading, stand)
         recall(gate, track)
         return faults

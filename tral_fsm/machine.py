@@ -153,7 +153,7 @@ class Machine:
         self._enter(way.target, m)
         state = self._states[way.target]
         if found is not None and isinstance(state, Targetable):
-            m.gates.aim = found.id
+            m.gates.aim(found)
             state.set_target(m, *m.from_here(found.x, found.y, found.heading), gate=found.id)
 
     def _enter(self, index: int, m: MachineState) -> None:

@@ -195,6 +195,7 @@ class MachineState:
             self.gates.measure(2.0 * math.hypot(gate_x - marker_x, gate_y - marker_y) - MARKER_BOARD_WIDTH_M)
         if self.gates.look(self.marker, self.yaw):
             self._follow_axis(self.guessed_gate)
+        self.gates.follow()
         self.wanted_side = self.wanted_clearance = self.speed_target = math.nan
 
     def _reckon(self) -> None:
@@ -241,7 +242,7 @@ class MachineState:
     def _track(self, stand: Stand) -> None:
         """Let the new sighting of a gate correct what earlier ones told of it, and learn trim and lock from it."""
         known = self.gates.was_seen(self.gate.id)
-        trim, lock = self.gates.correct(stand, self.time - self.gate.age, self.walls.trim_deviation)
+        trim, lock = self.gates.correct(stand, self.walls.trim_deviation)
         self.set_trim(self.trim + trim)
         self.lock_scale = 1.0 + clip(self.lock_scale + lock - 1.0, _LOCK_LIMIT)
         if known:  # one sighting alone may be wrong

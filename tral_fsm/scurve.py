@@ -140,5 +140,6 @@ class SCurve(DrivingState[SCurveSpec]):
 
     def aside(self, m: MachineState) -> float:
         """How far beside the way is near enough, m: what a gate of a known width leaves beside the car."""
-        room = m.gate.room(_MARGIN_M) if m.gate.id == self.gate else math.nan
+        gate = m.gates.target
+        room = gate.room(_MARGIN_M) if gate.id == self.gate else math.nan
         return room if room == room else self.spec.aside

@@ -53,7 +53,7 @@ class ArucoGateFound(Seen[ArucoGateFoundSpec]):
     def sighting(self, m: MachineState) -> Sighting:
         """The target; or the nearest gate, or one that is guessed from its marker if that is nearer or the only one."""
         if self.spec.target:
-            return m.gates.find(m.gates.aim, m.time)
+            return m.gates.target
         gate, guess, oldest = m.gate, m.guessed_gate, self.spec.max_age
         if not self.spec.one_post or guess.age > oldest:
             return gate

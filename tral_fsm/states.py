@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable
 from typing import Any, ClassVar, Generic, Protocol, TypeVar, runtime_checkable
 
+from tral_env.interface import MAX_AGE_S
 from tral_fsm.arcs import out_of_reach
 from tral_fsm.control import clip, curvature, line, pursuit
 from tral_fsm.definition import (
@@ -163,7 +164,7 @@ class ApproachPoint(DrivingState[ApproachPointSpec]):
 class ArucoGateCenter(DrivingState[ArucoGateCenterSpec]):
     """Full lock towards the side on which the gate's middle is, until aligned.
 
-    The gate is the one that a state was handed last, or the nearest one if that lies behind the car.
+    The gate is the one that a state was handed last, or the nearest one if that is behind the car or long out of view.
     A gate out of view is followed by dead reckoning. Aligned: the car's heading is within the tolerance of the gate's
     axis, or has swept over it. It also ends when the middle changes sides, since to turn on would lead away from it.
     """
@@ -171,9 +172,9 @@ class ArucoGateCenter(DrivingState[ArucoGateCenterSpec]):
     def on_enter(self, m: MachineState) -> None:
         """Nothing is known of the gate's side yet."""
         self.finished = False
-        aimed = m.gates.find(m.gates.aim, m.time)
-        ahead, _, _ = m.from_here(aimed.x, aimed.y, aimed.heading)
-        self.gate = aimed.id if ahead > 0.0 else m.gate.id
+        target = m.gates.target
+        if target.id < 0 or target.age >= MAX_AGE_S or m.from_here(target.x, target.y, target.heading)[0] <= 0.0:
+            m.gates.aim(m.gate)
         self.entry = m.distance
         self.side = 0.0
         self.error = math.nan
@@ -181,7 +182,7 @@ class ArucoGateCenter(DrivingState[ArucoGateCenterSpec]):
     def tick(self, m: MachineState) -> None:
         """Turn towards the middle."""
         spec = self.spec
-        gate = m.gates.find(self.gate, m.time)
+        gate = m.gates.target
         _, y, heading = m.from_here(gate.x, gate.y, gate.heading)
         side = math.copysign(1.0, y)
         self.finished = (

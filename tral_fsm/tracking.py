@@ -35,7 +35,7 @@ Row = list[float]
 class Track:
     """One gate, and the covariance of its pose, the trim and the lock."""
 
-    __slots__ = ("_covariance", "_misfits", "_stand", "_trim", "heading", "opening", "seen", "x", "y")
+    __slots__ = ("_covariance", "_misfits", "_stand", "_trim", "heading", "opening", "x", "y")
 
     def __init__(self, x: float, y: float, heading: float, stand: Stand, trim: float = TRIM_DEVIATION) -> None:
         """Begin with a sighting.
@@ -49,8 +49,6 @@ class Track:
         """
         self.opening = math.nan
         """Between its boards, m; NaN: not known yet."""
-        self.seen = math.nan
-        """When the last image that shows it whole was exposed, s on the machine's clock."""
         self._trim = trim
         self.begin(x, y, heading, stand)
 

@@ -73,7 +73,7 @@ NO_FAULT = Fault(0.0, 0.0, 0.0)
 class Wall:
     """The wall on one side."""
 
-    __slots__ = ("_agreed", "_candidate", "_readings", "_x", "_y", "lost", "moved", "range", "sign", "slip")
+    __slots__ = ("_agreed", "_candidate", "_gone", "_readings", "_x", "_y", "lost", "moved", "range", "sign", "slip")
 
     def __init__(self, sign: float) -> None:
         self.sign = sign
@@ -87,12 +87,12 @@ class Wall:
         self.range = math.nan
         """What the ultrasonic should read now, m; NaN: no wall known."""
         self.lost = 0
-        """Readings in a row that found no wall while the car stood parallel enough to hear one."""
+        """Readings that found no wall while the car stood parallel enough to hear one, since there was one."""
         self.slip = 0.0
         """How much farther left the car is by this reading, since the wall was found at another place so soon, m."""
         self._readings = 0
         self._agreed = 0
-        self._candidate = math.nan
+        self._candidate = self._gone = math.nan
         self._x = self._y = math.nan
 
     @property
@@ -133,14 +133,22 @@ class Wall:
             self._readings += 1
             return True
         if reading > REACH or error > _FAR:
-            self.lost += 1
+            self._lose()
             self._candidate = math.nan
-            if self.lost >= 2:
-                self.range = math.nan
-                self._readings = 0
+        elif self.range != self.range and reading - self._gone > _FAR:
+            self._lose()
         if reading <= REACH:
             self._settle(reading)
         return False
+
+    def _lose(self) -> None:
+        """One more reading without the wall: after two it is gone."""
+        self.lost += 1
+        if self.range == self.range:
+            self._gone = self.range
+        if self.lost >= 2:
+            self.range = math.nan
+            self._readings = 0
 
     def _settle(self, reading: float) -> None:
         """Believe in a new place of the wall once enough readings agree on it."""

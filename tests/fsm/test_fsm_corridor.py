@@ -208,6 +208,12 @@ class TestConditions:
         left, right = (float(part.split()[1]) for part in condition.why(m).split(", ")[:2])
         assert right - left == pytest.approx(0.2 + 2.0 * 1.304 * math.sin(heading), abs=0.01)
 
+    def test_what_has_just_come_up_counts_before_the_wall_far_behind_it(self) -> None:
+        m = blackboard(left=1.0, right=0.8)
+        m.ahead.range, m.ahead.last, m.yaw = 4.0, 0.5, 0.08
+        condition = two_states({"type": "MoreRoom", "side": "left"}).machine._ways[0][0].condition
+        assert condition.triggered(m)
+
     def test_something_ahead_asks_from_where_it_has_been_heard(self) -> None:
         wall = two_states({"type": "ObstacleAhead", "below": 1.0, "heard_above": 1.8})
         box = two_states({"type": "ObstacleAhead", "below": 1.0, "heard_below": 1.8})
@@ -243,16 +249,22 @@ class TestConditions:
             seen.append(bench.active)
         assert seen == ["a"] * 3 + ["b"] * 3
 
-    @pytest.mark.parametrize("readings", [2, 3, 5])
-    def test_an_opening_fires_after_so_many_readings(self, readings: int) -> None:
+    @pytest.mark.parametrize(("readings", "beyond"), [(2, 6.0), (3, 6.0), (5, 6.0), (2, 1.6), (3, 1.6)])
+    def test_an_opening_fires_after_so_many_readings(self, readings: int, beyond: float) -> None:
         bench = two_states({"type": "Opening", "side": "right", "readings": readings})
         for _ in range(4):
             bench.tick(right=0.8)
         seen = []
         for _ in range(readings):
-            bench.tick(right=6.0)
+            bench.tick(right=beyond)
             seen.append(bench.active)
         assert seen == ["a"] * (readings - 1) + ["b"]
+
+    def test_a_wall_that_was_not_heard_twice_is_no_opening_to_three_readings(self) -> None:
+        bench = two_states({"type": "Opening", "side": "right", "readings": 3})
+        for reading in (0.8, 0.8, 0.8, 0.8, 6.0, 6.0, 0.8, 0.8, 0.8, 6.0, 6.0):
+            bench.tick(right=reading)
+        assert bench.active == "a"
 
 
 class TestStates:

@@ -176,12 +176,44 @@ class TestTheTarget:
         bench.m.yaw += 0.1
         bench.tick()
         assert bench.active == "c"
-        assert bench.machine.active.gate == 0
+        assert bench.m.gates.target.id == 0
         assert bench.m.steering == pytest.approx(1.0)
 
     def test_a_target_behind_the_car_is_done_with(self) -> None:
         bench = self.handed({"type": "Always"}, {"type": "ArucoGateCenter", "throttle": 0.2})
-        assert bench.machine.active.gate == 0
+        assert bench.m.gates.target.id == 0
         bench.m.x += 2.0
         bench.machine.active.on_enter(bench.m)
-        assert bench.machine.active.gate == 1
+        assert bench.m.gates.target.id == 1
+
+    def test_where_none_was_handed_over_the_nearest_is_turned_to(self) -> None:
+        bench = two_states({"type": "Distance", "distance": 0.5}, second={"type": "ArucoGateCenter", "throttle": 0.2})
+        seen = {"gate_id": 3.0, "gate_x": 2.0, "gate_y": 0.5, "gate_heading": 0.5, "gate_age": 0.0}
+        for driven in (0.0, 0.3, 0.6, 0.6):
+            bench.tick(distance=driven, **seen)
+        assert bench.active == "b"
+        assert bench.m.steering == pytest.approx(1.0)
+
+    def test_a_condition_has_no_target_before_one_was_handed_over(self) -> None:
+        bench = two_states({"type": "ArucoGateFound", "target": True, "hand_over": False})
+        bench.tick(**GATE)
+        assert bench.active == "a"
+
+    def test_a_target_of_one_post_stays_where_it_was_guessed(self) -> None:
+        post = {"marker_id": 0.0, "marker_x": 1.0, "marker_y": 0.9, "marker_heading": 0.3, "marker_age": 0.0}
+        bench = two_states(
+            {"type": "ArucoGateFound", "one_post": True}, second={"type": "SCurve", "throttle": 0.2, "before": 0.0}
+        )
+        bench.tick(**post)
+        target = bench.m.gates.target
+        guessed = (target.id, target.x, target.y)
+        assert guessed[0] == 0
+        bench.tick(**{**post, "marker_id": 2.0, "marker_x": 3.0, "marker_y": -0.5})
+        assert bench.m.guessed_gate.id == 1
+        assert (target.id, target.x, target.y) == guessed
+
+    def test_the_opening_of_the_target_tells_how_near_is_near_enough(self) -> None:
+        bench = self.handed({"type": "Timer", "seconds": 9.0}, {"type": "Stop"})
+        assert bench.m.gate.id == 1
+        bench.m.gates.target.opening = 0.76
+        assert bench.machine.active.aside(bench.m) == pytest.approx(0.38 - 0.1 - 0.05)
