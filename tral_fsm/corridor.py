@@ -301,7 +301,7 @@ class ObstacleAhead(Condition[ObstacleAheadSpec]):
         """How near, and from where on."""
         ahead = m.ahead
         return (
-            f"{min(ahead.range, ahead.last):.2f} < {self.level(m):.2f} m ahead, {ahead.aside:.2f} m aside, "
+            f"{ahead.near:.2f} < {self.level(m):.2f} m ahead, {ahead.aside:.2f} m aside, "
             f"heard from {ahead.heard_from:.2f} m on"
         )
 
@@ -335,8 +335,8 @@ class MoreRoom(Condition[MoreRoomSpec]):
     @staticmethod
     def place(m: MachineState) -> float:
         """How far ahead of the side ultrasonics what is ahead is, m; 0: nothing is."""
-        near = min(m.ahead.range, m.ahead.last)
-        return FRONT_X - SENSOR_X + near if near < NO_ECHO_M - 0.01 else 0.0
+        near = m.ahead.near
+        return FRONT_X - SENSOR_X + near if near < math.inf else 0.0
 
     def why(self, m: MachineState) -> str:
         """Both clearances."""

@@ -44,13 +44,11 @@ class Gates:
 
     def follow(self) -> None:
         """Keep the target where it was seen last, and know how old that is; asked in each tick, after all was seen."""
-        target, guess = self.target, self.guess
-        if target.id == self.nearest.id:
-            self.aim(self.nearest)
-        elif target.id == guess.id and guess.new:
-            self.aim(guess)
-        else:
-            target.age = min(target.age + CONTROL_PERIOD_S, MAX_AGE_S)
+        target = self.target
+        target.age = min(target.age + CONTROL_PERIOD_S, MAX_AGE_S)
+        for seen in (self.nearest, self.guess):
+            if seen.new and seen.id == target.id:
+                self.aim(seen)
 
     def beside(self, x: float, y: float) -> bool:
         """Whether a car at x, y [m] may hear the posts of a gate."""

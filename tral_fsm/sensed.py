@@ -6,6 +6,8 @@ import math
 
 from tral_env.interface import CONTROL_PERIOD_S, MAX_AGE_S, NO_ECHO_M
 
+HEARD_M = NO_ECHO_M - 0.01
+"""A shorter range is an echo, m."""
 _HALF_CAR_M = 0.1
 """Half of the car's width, m."""
 _LEAST_ROOM_M = 0.03
@@ -53,7 +55,7 @@ class Sonar:
     @property
     def echo(self) -> bool:
         """Something answered."""
-        return self.range < NO_ECHO_M - 0.01
+        return self.range < HEARD_M
 
 
 class Sighting:

@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tral_env.interface import NO_ECHO_M
 from tral_fsm.control import WHEELBASE
 from tral_fsm.reckoning import BEND_PER_STEERING, LOCK_DEVIATION, TRIM_DEVIATION, Stand, learn
+from tral_fsm.sensed import HEARD_M
 
 SENSOR_X = WHEELBASE / 2.0
 """Side ultrasonics ahead of the rear axle, m."""
@@ -340,7 +340,7 @@ class Ahead:
             self._missed += 1
         else:
             self._missed = 0
-            self._range, self._driven = (reading, driven) if reading < NO_ECHO_M - 0.01 else (math.inf, driven)
+            self._range, self._driven = (reading, driven) if reading < HEARD_M else (math.inf, driven)
             self.heard_from, self.range = self._range, math.inf
             self._begin, self._sums = driven, (0.0, 0.0, 0.0, 0.0, 0.0)
             if self._range < math.inf:
@@ -352,6 +352,12 @@ class Ahead:
         z = reading * reading - s * s
         n, ss, s2, sz, zs = self._sums
         self._sums = n + 1.0, ss + s, s2 + s * s, sz + z, zs + z * s
+
+    @property
+    def near(self) -> float:
+        """What is ahead, or what has only just come up nearer than that, m; inf: nothing."""
+        near = min(self.range, self.last)
+        return near if near < HEARD_M else math.inf
 
     @property
     def agreed(self) -> int:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from board_world import photograph
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from tral_env.calibration_stage import BoardStage
@@ -79,9 +79,10 @@ def test_the_wide_lens_of_the_simulated_camera_is_found_again():
 
 
 @settings(max_examples=10)
-@given(st.floats(300, 900), st.floats(0.95, 1.05), st.floats(-30, 30), st.floats(-30, 30), st.floats(-0.12, 0.05))
+@given(st.floats(300, 900), st.floats(0.95, 1.05), st.floats(-30, 30), st.floats(-30, 30), st.floats(-0.2, 0.05))
 def test_any_lens_is_found_from_exact_corners(focal, aspect, right, down, k1):
-    # below k1 = -0.15 the image would fold: 1 + 3 k1 r^2 + 5 0.01 r^4 has a root
+    # below k1 = -0.149 a lens folds where 1 + 3 k1 r^2 + 5 0.01 r^4 = 0: outside the image of a longer one
+    assume(k1 > -0.149 or focal > 520)
     lens = CameraConfig(
         fx=focal, fy=focal * aspect, cx=319.5 + right, cy=239.5 + down, distortion=(k1, 0.01, 0.001, -0.001, 0.0)
     )
