@@ -283,7 +283,7 @@ class MachineState:
                 self.lock_fault = clip(lock_off + self.lock_fault + lock, _LOCK_LIMIT) - lock_off
                 self.trim_fault = clip(self.trim + self.trim_fault + trim, _TRIM_LIMIT) - self.trim
         if self.front.new:
-            self.ahead.take(self.front.range, self.distance)
+            self.ahead.take(self.front.range, self.distance, self.path)
 
     def clearance(self, is_left: bool, ahead: float = 0.0) -> float:
         """What the side ultrasonic should read now, or so far `ahead` on the way straight on, m; NaN: no wall known."""

@@ -54,6 +54,8 @@ _AHEAD_JUMP = 0.08
 """What is heard ahead comes nearer by what was driven, give or take this, m."""
 _AHEAD_MISSES = 3
 """So many readings in a row may be wrong before something else is ahead."""
+_AHEAD_SAME = 0.25
+"""What is heard anew is what was lost if it is where that was, give or take this, m."""
 
 
 class Fault(NamedTuple):
@@ -300,6 +302,7 @@ class Ahead:
         "_begin",
         "_driven",
         "_last_driven",
+        "_lost",
         "_missed",
         "_range",
         "_sums",
@@ -313,7 +316,7 @@ class Ahead:
         self.range = math.inf
         """Last reading that was foretold by the one before, m; inf: none."""
         self.heard_from = math.inf
-        """Range at which it was first heard, m."""
+        """Range at which it was first heard, m, though it was lost for a while."""
         self.last = math.inf
         """The last reading, whatever it was of, m."""
         self.run = 0
@@ -324,9 +327,10 @@ class Ahead:
         self._missed = 0
         self._begin = 0.0
         self._sums = (0.0, 0.0, 0.0, 0.0, 0.0)
+        self._lost = (math.inf, math.inf)
 
-    def take(self, reading: float, driven: float) -> None:
-        """Take a reading [m] after so many metres `driven`."""
+    def take(self, reading: float, driven: float, path: float) -> None:
+        """Take a reading [m] after so many metres `driven`, and a `path` that is so long, less where it reversed."""
         foretold = self.last - (driven - self._last_driven)
         self.run = self.run + 1 if -_AHEAD_JUMP <= reading - foretold <= _AHEAD_JUMP else 1
         self.last, self._last_driven = reading, driven
@@ -336,12 +340,16 @@ class Ahead:
             self._range, self._driven = reading, driven
             self.range = reading
             self._sum(reading, driven)
+            if self.agreed >= _AHEAD_MISSES:
+                self._lost = reading + path, self.heard_from
         elif self._missed < _AHEAD_MISSES and foretold < math.inf:
             self._missed += 1
         else:
             self._missed = 0
             self._range, self._driven = (reading, driven) if reading < HEARD_M else (math.inf, driven)
-            self.heard_from, self.range = self._range, math.inf
+            place, heard_from = self._lost
+            self.heard_from = heard_from if abs(reading + path - place) <= _AHEAD_SAME else self._range
+            self.range = math.inf
             self._begin, self._sums = driven, (0.0, 0.0, 0.0, 0.0, 0.0)
             if self._range < math.inf:
                 self._sum(reading, driven)
