@@ -301,8 +301,8 @@ class Ahead:
     __slots__ = (
         "_begin",
         "_driven",
+        "_known",
         "_last_driven",
-        "_lost",
         "_missed",
         "_range",
         "_sums",
@@ -327,7 +327,7 @@ class Ahead:
         self._missed = 0
         self._begin = 0.0
         self._sums = (0.0, 0.0, 0.0, 0.0, 0.0)
-        self._lost = (math.inf, math.inf)
+        self._known = (math.inf, math.inf)
 
     def take(self, reading: float, driven: float, path: float) -> None:
         """Take a reading [m] after so many metres `driven`, and a `path` that is so long, less where it reversed."""
@@ -341,17 +341,18 @@ class Ahead:
             self.range = reading
             self._sum(reading, driven)
             if self.agreed >= _AHEAD_MISSES:
-                self._lost = reading + path, self.heard_from
+                self._known = reading + path, self.heard_from
         elif self._missed < _AHEAD_MISSES and foretold < math.inf:
             self._missed += 1
         else:
             self._missed = 0
-            self._range, self._driven = (reading, driven) if reading < HEARD_M else (math.inf, driven)
-            place, heard_from = self._lost
-            self.heard_from = heard_from if abs(reading + path - place) <= _AHEAD_SAME else self._range
-            self.range = math.inf
-            self._begin, self._sums = driven, (0.0, 0.0, 0.0, 0.0, 0.0)
-            if self._range < math.inf:
+            self._range = self.heard_from = self.range = math.inf
+            self._begin = self._driven = driven
+            self._sums = (0.0, 0.0, 0.0, 0.0, 0.0)
+            if reading < HEARD_M:
+                place, heard_from = self._known
+                self.heard_from = heard_from if abs(reading + path - place) <= _AHEAD_SAME else reading
+                self._range = reading
                 self._sum(reading, driven)
 
     def _sum(self, reading: float, driven: float) -> None:

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from readings import one_state, two_states
 
+from tral_env.interface import NO_ECHO_M
 from tral_fsm import load_policy
 from tral_fsm.machine_state import MachineState
 from tral_fsm.reckoning import BEND_PER_STEERING, Stand
@@ -160,22 +161,45 @@ class TestAhead:
     def test_how_the_range_falls_tells_how_far_aside(self, aside: float) -> None:
         ahead = Ahead()
         for k in range(20):
-            ahead.take(math.hypot(2.0 - 0.04 * k, aside), 0.04 * k)
+            ahead.take(math.hypot(2.0 - 0.04 * k, aside), 0.04 * k, 0.04 * k)
         assert ahead.aside == pytest.approx(aside, abs=1e-6)
         assert ahead.heard_from == pytest.approx(math.hypot(2.0, aside))
 
     def test_one_wrong_reading_is_passed_over(self) -> None:
         ahead = Ahead()
         for k, reading in enumerate((3.0, 2.96, 0.4, 2.88)):
-            ahead.take(reading, 0.04 * k)
+            ahead.take(reading, 0.04 * k, 0.04 * k)
         assert (ahead.range, ahead.heard_from) == (2.88, 3.0)
 
     def test_something_else_is_heard_anew(self) -> None:
         ahead = Ahead()
         for k, reading in enumerate((3.0, 2.96, 1.5, 1.46, 1.42, 1.38, 1.34)):
-            ahead.take(reading, 0.04 * k)
+            ahead.take(reading, 0.04 * k, 0.04 * k)
         assert ahead.heard_from == 1.38
         assert ahead.range == 1.34
+
+    def test_what_was_lost_is_the_same_where_it_was(self) -> None:
+        ahead = Ahead()
+        for k, reading in enumerate((3.0, 2.96, 2.92, 2.88, *[NO_ECHO_M] * 8, 2.6, 2.56, 2.52)):
+            ahead.take(reading, 0.04 * k, 0.04 * k)
+        assert (ahead.range, ahead.heard_from) == (2.52, 3.0)
+
+    def test_what_is_heard_elsewhere_is_something_else(self) -> None:
+        ahead = Ahead()
+        for k, reading in enumerate((3.0, 2.96, 2.92, 2.88, *[NO_ECHO_M] * 8, 2.1, 2.06, 2.02)):
+            ahead.take(reading, 0.04 * k, 0.04 * k)
+        assert (ahead.range, ahead.heard_from) == (2.02, 2.1)
+
+    def test_a_car_that_backs_off_knows_it_again(self) -> None:
+        ahead = Ahead()
+        way = [0.1 * k for k in range(20)]
+        for path in way:
+            ahead.take(3.0 - path, path, path)
+        for k, path in enumerate(reversed(way)):
+            ahead.take(3.0 - path, way[-1] + 0.1 * k, path)
+        for k, path in enumerate(way):
+            ahead.take(3.0 - path, 2.0 * way[-1] + 0.1 * k, path)
+        assert ahead.heard_from == 3.0
 
 
 def blackboard(**ranges: float) -> MachineState:

@@ -129,7 +129,7 @@ def test_the_same_machine_gives_the_same_layout(name: str) -> None:
 @pytest.mark.parametrize("name", machine_names())
 def test_packaged_machines_make_no_wallpaper(name: str) -> None:
     laid = layout(load_machine(name))
-    assert max(laid.width, laid.height) <= (3200 if name == "office" else 2500)  # office has 24 states
+    assert max(laid.width, laid.height) <= 2500
     assert laid.width * laid.height <= 4e6
 
 
