@@ -55,7 +55,7 @@ class ArucoGateFound(Seen[ArucoGateFoundSpec]):
         if self.spec.target:
             return m.gates.target
         gate, guess, oldest = m.gate, m.guessed_gate, self.spec.max_age
-        if not self.spec.one_post or guess.age > oldest:
+        if not self.spec.one_post or guess.age > oldest or guess.id == gate.id:
             return gate
         return guess if gate.age > oldest or m.distance_to(guess) < m.distance_to(gate) else gate
 

@@ -55,7 +55,9 @@ _AHEAD_JUMP = 0.08
 _AHEAD_MISSES = 3
 """So many readings in a row may be wrong before something else is ahead."""
 _AHEAD_SAME = 0.25
-"""What is heard anew is what was lost if it is where that was, give or take this, m."""
+"""What is heard anew is what was lost if it is where that was, give or take this, m,"""
+_AHEAD_LOST = 1.0
+"""and if the car has gone no farther than this since, m: dropouts end sooner, and what comes later may be a box."""
 
 
 class Fault(NamedTuple):
@@ -295,7 +297,7 @@ class Ahead:
     """What the front ultrasonic hears: from how far on it has been heard tells a wall from a box.
 
     A wall across the corridor answers from 5 m on. A box that is turned, or beside the car's way, is heard by its edges
-    alone, from 2 m on.
+    alone, from 2 m on. What echoes have lost is the same still if it is soon heard again where it was.
     """
 
     __slots__ = (
@@ -316,7 +318,7 @@ class Ahead:
         self.range = math.inf
         """Last reading that was foretold by the one before, m; inf: none."""
         self.heard_from = math.inf
-        """Range at which it was first heard, m, though it was lost for a while."""
+        """Range at which it was first heard, m; kept if it is lost and soon heard again where it was."""
         self.last = math.inf
         """The last reading, whatever it was of, m."""
         self.run = 0
@@ -327,21 +329,27 @@ class Ahead:
         self._missed = 0
         self._begin = 0.0
         self._sums = (0.0, 0.0, 0.0, 0.0, 0.0)
-        self._known = (math.inf, math.inf)
+        self._known = (math.inf, 0.0, 0.0)
 
     def take(self, reading: float, driven: float, path: float) -> None:
-        """Take a reading [m] after so many metres `driven`, and a `path` that is so long, less where it reversed."""
+        """Take a reading [m].
+
+        Args:
+            reading: m.
+            driven: the way so far, m.
+            path: the way so far, less where the car reversed, m.
+        """
         foretold = self.last - (driven - self._last_driven)
         self.run = self.run + 1 if -_AHEAD_JUMP <= reading - foretold <= _AHEAD_JUMP else 1
         self.last, self._last_driven = reading, driven
         foretold = self._range - (driven - self._driven)
-        if -_AHEAD_JUMP <= reading - foretold <= _AHEAD_JUMP:
+        if reading < HEARD_M and -_AHEAD_JUMP <= reading - foretold <= _AHEAD_JUMP:
             self._missed = 0
             self._range, self._driven = reading, driven
             self.range = reading
             self._sum(reading, driven)
             if self.agreed >= _AHEAD_MISSES:
-                self._known = reading + path, self.heard_from
+                self._known = reading, path, self.heard_from
         elif self._missed < _AHEAD_MISSES and foretold < math.inf:
             self._missed += 1
         else:
@@ -350,10 +358,15 @@ class Ahead:
             self._begin = self._driven = driven
             self._sums = (0.0, 0.0, 0.0, 0.0, 0.0)
             if reading < HEARD_M:
-                place, heard_from = self._known
-                self.heard_from = heard_from if abs(reading + path - place) <= _AHEAD_SAME else reading
                 self._range = reading
+                self.heard_from = max(reading, self._remembered(reading, path))
                 self._sum(reading, driven)
+
+    def _remembered(self, reading: float, path: float) -> float:
+        """From where on what is heard now had been heard before it was lost, m; 0: it is something else."""
+        known, then, heard_from = self._known
+        same = abs(path - then) <= _AHEAD_LOST and abs(reading - known + path - then) <= _AHEAD_SAME
+        return heard_from if same else 0.0
 
     def _sum(self, reading: float, driven: float) -> None:
         """Add to the sums of the line z = r^2 - s^2 over s."""

@@ -24,8 +24,10 @@ CHEAPER = {
     ),
     'tral tune --policy wall --scenario straight --params "follow.p,follow.d" --randomization hard --budget 300 '
     "--seeds 0:12 --report-seeds 500:540": "--seeds 0:1 --budget 4 --population 4 --report-seeds 500:501 --grid 0",
-    'tral tune --policy doors --scenario doors --params "follow.speed=0.5:1.6" --randomization hard --budget 320 '
-    "--seeds 200:240 --report-seeds 500:540": "--seeds 0:1 --budget 4 --population 4 --report-seeds 500:501 --grid 0",
+    'tral tune --policy crossing --scenario crossing --tie --params "follow.speed=0.6:1.6,turn *.speed=0.35:0.9,'
+    'settle.speed=0.4:1.2" --randomization hard --budget 480 --seeds 200:240 --report-seeds 500:600': (
+        "--seeds 0:1 --budget 4 --population 4 --report-seeds 500:501 --grid 0"
+    ),
     "tral tune --policy wall --sampler tpe --storage study.log --out runs/tune1": (
         "--seeds 0:1 --budget 4 --population 4 --report-seeds none --grid 0"
     ),

@@ -178,28 +178,64 @@ class TestAhead:
         assert ahead.heard_from == 1.38
         assert ahead.range == 1.34
 
-    def test_what_was_lost_is_the_same_where_it_was(self) -> None:
-        ahead = Ahead()
-        for k, reading in enumerate((3.0, 2.96, 2.92, 2.88, *[NO_ECHO_M] * 8, 2.6, 2.56, 2.52)):
-            ahead.take(reading, 0.04 * k, 0.04 * k)
-        assert (ahead.range, ahead.heard_from) == (2.52, 3.0)
+    @pytest.mark.parametrize(
+        ("off", "heard_from"), [(0.0, 3.0), (0.24, 3.0), (-0.24, 3.0), (0.26, 2.86), (-0.26, 2.34)]
+    )
+    def test_what_was_lost_is_the_same_where_it_was(self, off: float, heard_from: float) -> None:
+        ahead = heard_and_lost(lost_m=0.4)
+        ahead.take(3.0 - 0.4 + off, 0.4, 0.4)
+        assert ahead.heard_from == pytest.approx(heard_from)
 
-    def test_what_is_heard_elsewhere_is_something_else(self) -> None:
+    def test_what_was_heard_too_few_times_is_not_remembered(self) -> None:
         ahead = Ahead()
-        for k, reading in enumerate((3.0, 2.96, 2.92, 2.88, *[NO_ECHO_M] * 8, 2.1, 2.06, 2.02)):
+        for k, reading in enumerate((3.0, 2.96, *[NO_ECHO_M] * 8)):
             ahead.take(reading, 0.04 * k, 0.04 * k)
-        assert (ahead.range, ahead.heard_from) == (2.02, 2.1)
+        ahead.take(2.6, 0.4, 0.4)
+        assert ahead.heard_from == 2.6
 
-    def test_a_car_that_backs_off_knows_it_again(self) -> None:
-        ahead = Ahead()
-        way = [0.1 * k for k in range(20)]
-        for path in way:
-            ahead.take(3.0 - path, path, path)
-        for k, path in enumerate(reversed(way)):
-            ahead.take(3.0 - path, way[-1] + 0.1 * k, path)
-        for k, path in enumerate(way):
-            ahead.take(3.0 - path, 2.0 * way[-1] + 0.1 * k, path)
+    @pytest.mark.parametrize(("lost_m", "heard_from"), [(1.0, 3.0), (1.2, 1.8)])
+    def test_what_was_lost_long_ago_is_something_else(self, lost_m: float, heard_from: float) -> None:
+        ahead = heard_and_lost(lost_m)
+        ahead.take(3.0 - lost_m, lost_m, lost_m)
+        assert ahead.heard_from == pytest.approx(heard_from)
+
+    def test_a_car_that_backed_off_knows_it_again(self) -> None:
+        ahead = heard_and_lost(lost_m=0.4)
+        ahead.take(3.0, 0.8, 0.0)
         assert ahead.heard_from == 3.0
+        ahead = heard_and_lost(lost_m=0.4)
+        ahead.take(2.8, 0.6, 0.2)
+        assert ahead.heard_from == 3.0
+
+    def test_it_was_heard_from_no_nearer_than_now(self) -> None:
+        ahead = heard_and_lost(lost_m=0.4)
+        ahead.take(3.2, 1.0, -0.2)
+        assert ahead.heard_from == 3.2
+
+    def test_no_echo_is_nothing(self) -> None:
+        ahead = Ahead()
+        for k, reading in enumerate((5.98, NO_ECHO_M, NO_ECHO_M, NO_ECHO_M, NO_ECHO_M, NO_ECHO_M)):
+            ahead.take(reading, 0.01 * k, 0.01 * k)
+        assert (ahead.near, ahead.range, ahead.heard_from) == (math.inf, math.inf, math.inf)
+
+    def test_near_is_what_has_just_come_up(self) -> None:
+        ahead = Ahead()
+        for k, reading in enumerate((3.0, 2.96, 2.92)):
+            ahead.take(reading, 0.04 * k, 0.04 * k)
+        assert ahead.near == 2.92
+        ahead.take(0.9, 0.16, 0.16)
+        assert ahead.near == 0.9
+
+
+def heard_and_lost(lost_m: float) -> Ahead:
+    """Something 3 m ahead of the start was heard for 0.12 m of way, then not until the way is `lost_m`."""
+    ahead = Ahead()
+    for k in range(4):
+        ahead.take(3.0 - 0.04 * k, 0.04 * k, 0.04 * k)
+    for k in range(8):
+        way = 0.12 + (lost_m - 0.12) * (k + 1) / 8
+        ahead.take(NO_ECHO_M, way, way)
+    return ahead
 
 
 def blackboard(**ranges: float) -> MachineState:

@@ -52,6 +52,41 @@ def test_gates_to_and_fro_are_mostly_passed() -> None:
     assert outcomes("gate_scurve", 2.6, 14.0, *zigzag).count("success") >= 6
 
 
+def test_a_gate_seen_whole_is_not_handed_over_as_an_older_guess_from_its_post() -> None:
+    found = {"type": "ArucoGateFound", "max_age": 9.9, "one_post": True}
+    narrow = {"type": "ArucoGateFound", "max_age": 9.9, "narrower_than": 0.45, "target": True, "hand_over": False}
+    bench = Bench(
+        {
+            "root": "look",
+            "states": [
+                {"id": "look", "type": "Stop"},
+                {"id": "gate", "type": "SCurve", "speed": 0.45},
+                {"id": "refused", "type": "Stop"},
+            ],
+            "transitions": [
+                {
+                    "id": 0,
+                    "from": "look",
+                    "to": "gate",
+                    "type": "All",
+                    "of": [{"type": "Timer", "seconds": 1.0}, found],
+                },
+                {"id": 1, "from": "gate", "to": "refused", **narrow},
+            ],
+        }
+    )
+    post = {"marker_id": 3.0, "marker_x": 1.5, "marker_y": -0.7, "marker_heading": 0.0, "marker_age": 0.05}
+    bench.tick(**post)
+    for _ in range(20):
+        bench.tick()
+    bench.tick(gate_id=1.0, gate_x=1.5, gate_y=-0.42, gate_heading=0.0, gate_age=0.05, **post)
+    assert bench.m.gates.target.id == -1
+    for _ in range(80):
+        bench.tick()
+    assert (bench.m.gates.target.id, bench.m.gates.target.y) == (1, bench.m.gate.y)
+    assert bench.active == "refused"
+
+
 class TestAgain:
     """A car that is pushed from the first state to the second one, and back, as the distance grows."""
 
