@@ -14,6 +14,7 @@ from pydantic import Field
 
 from tral_env.interface import NO_ECHO_M
 from tral_fsm import states, transitions
+from tral_fsm.ahead import Ahead
 from tral_fsm.conditions import ConditionSpec
 from tral_fsm.control import clip, slowed, steering_for
 from tral_fsm.definition import DrivingSpec
@@ -21,7 +22,7 @@ from tral_fsm.machine_state import MachineState
 from tral_fsm.spec import Side, quantity
 from tral_fsm.states import DrivingState, State
 from tral_fsm.transitions import Condition
-from tral_fsm.walls import SENSOR_X, Ahead
+from tral_fsm.walls import SENSOR_X
 
 _QUARTER = math.pi / 2.0
 _SURE_LOCK = 0.9

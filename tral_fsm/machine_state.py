@@ -15,11 +15,12 @@ from tral_env.interface import (
     CORE_LAYOUT,
     MARKER_BOARD_WIDTH_M,
 )
+from tral_fsm.ahead import Ahead
 from tral_fsm.control import TRACK, clip, curvature, speed_control, steering_play, wrap
 from tral_fsm.gates import Gates
 from tral_fsm.reckoning import BEND_PER_STEERING, Stand
 from tral_fsm.sensed import Sighting, Sonar, is_new
-from tral_fsm.walls import SENSOR_X, Ahead, Walls
+from tral_fsm.walls import SENSOR_X, Walls
 
 _HISTORY_TICKS = 128
 """Poses kept for late camera images: 1.6 s."""
