@@ -29,8 +29,8 @@ from tral_fsm.bench.host import host
 from tral_fsm.cli.console import check_name, print_figures
 from tral_fsm.cli.drive import Randomization
 from tral_fsm.cli.files import prepare_folder, write_json
-from tral_fsm.report.summary import Summary, summarize
-from tral_fsm.rollout import drive
+from tral_fsm.evaluation.rollout import drive
+from tral_fsm.evaluation.summary import Summary, summarize
 
 REPEAT = 8
 """Ticks for which the learner's command is held: it decides ten times a second."""

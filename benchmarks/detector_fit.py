@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from tral_env.interface import wrap_angle
-from tral_env.perception.detector_law import LAW
+from tral_env.perception.detection_model import LAW
 
 STEEPEST = 1.0
 """Views more slanted than this, rad, do not count: their errors are no longer those of a size in the image."""

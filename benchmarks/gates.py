@@ -20,16 +20,16 @@ from numpy.typing import NDArray
 from report import Settings, append, digest, lines, made_with, span, stretches, work
 
 from tral_env.config import CarConfig
-from tral_env.corridor import Corridor, CorridorConfig
 from tral_env.course.plan import BOX_KINDS, Plan
 from tral_env.errors import ConfigError, TralError
+from tral_env.world import Corridor, CorridorConfig
 from tral_fsm import load_policy
 from tral_fsm.bench.host import host
 from tral_fsm.cli.drive import Camera, Randomization
 from tral_fsm.cli.files import prepare_folder
-from tral_fsm.policy import MachinePolicy
-from tral_fsm.report.summary import wilson
-from tral_fsm.rollout import outcome
+from tral_fsm.evaluation.rollout import outcome
+from tral_fsm.evaluation.summary import wilson
+from tral_fsm.runtime.policy import MachinePolicy
 
 TOGETHER = 8
 """Drives in one batch."""

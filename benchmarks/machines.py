@@ -22,9 +22,9 @@ from tral_env.errors import TralError
 from tral_fsm import load_machine
 from tral_fsm.bench.host import host
 from tral_fsm.cli.drive import Randomization
-from tral_fsm.definition import MachineDefinition
-from tral_fsm.fleet import Fleet, Job
-from tral_fsm.report.summary import pooled_rmse, summarize
+from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.evaluation.batch import Fleet, Job
+from tral_fsm.evaluation.summary import pooled_rmse, summarize
 
 MADE_FOR = {
     "straight": "wall",

@@ -32,7 +32,7 @@ from tral_env.interface import wrap_angle
 from tral_env.perception.aruco import Detector, MarkerPoses, marker_poses
 from tral_env.perception.camera import OnboardCamera
 from tral_env.perception.degrade import WebcamLaw, degrade
-from tral_env.perception.detector_law import LAW
+from tral_env.perception.detection_model import LAW
 from tral_env.perception.projected import (
     NOISE_PLACES,
     NORMALS,

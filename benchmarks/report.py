@@ -28,9 +28,9 @@ from tral_fsm import load_policy
 from tral_fsm.bench.host import host
 from tral_fsm.cli.console import check_name
 from tral_fsm.cli.drive import Camera, Randomization
-from tral_fsm.definition import MachineDefinition
+from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.evaluation.summary import Summary, summarize
 from tral_fsm.formats import write
-from tral_fsm.report.summary import Summary, summarize
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,7 +167,7 @@ _kept: dict[tuple[str, Settings], tuple[Any, Any]] = {}
 
 def episode(scenario: str, seed: int, settings: Settings) -> list[dict[str, Any]]:
     """The line of one episode, driven in a process that keeps its last env."""
-    from tral_fsm.rollout import drive
+    from tral_fsm.evaluation.rollout import drive
 
     key = (scenario, settings)
     if key not in _kept:

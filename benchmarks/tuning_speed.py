@@ -25,7 +25,7 @@ from tral_fsm import load_machine
 from tral_fsm.bench.host import host
 from tral_fsm.cli.console import check_name, print_figures
 from tral_fsm.cli.files import prepare_folder, write_json
-from tral_fsm.fleet import ROWS, Fleet, Job
+from tral_fsm.evaluation.batch import ROWS, Fleet, Job
 
 SEEDS = 8
 """Courses that all candidates share, as in a search."""

@@ -7,9 +7,9 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
+from tral_env.calibration.board_poses import BoardPose
+from tral_env.calibration.boards import Board
 from tral_env.config import CameraConfig
-from tral_env.perception.board import Board
-from tral_env.perception.board_poses import BoardPose
 from tral_env.perception.rays import pixel_rays
 
 MARGIN = 0.02

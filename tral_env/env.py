@@ -11,16 +11,16 @@ from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
 from tral_env.config import CameraConfig, CarConfig, TaskConfig
-from tral_env.corridor import Corridor, CorridorConfig
 from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space
 from tral_env.perception.degrade import WebcamLaw
 from tral_env.randomization import Randomization
-from tral_env.sim import Simulation
-from tral_env.views import VIEWS, Views
-from tral_env.vision import Webcam
+from tral_env.simulation.sim import Simulation
+from tral_env.simulation.views import VIEWS, Views
+from tral_env.simulation.vision import Webcam
+from tral_env.world import Corridor, CorridorConfig
 
 _ROW = np.zeros(1, np.int64)
 

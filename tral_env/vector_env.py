@@ -12,12 +12,12 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from tral_env.config import CameraConfig, CarConfig, TaskConfig
-from tral_env.corridor import Corridor, CorridorConfig, Step, is_count
 from tral_env.course.layout import Course
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, action_space
 from tral_env.perception.degrade import WebcamLaw
 from tral_env.randomization import Randomization
+from tral_env.world import Corridor, CorridorConfig, Step, is_count
 
 Array = NDArray[np.floating]
 

@@ -1,13 +1,16 @@
 """State machines that drive: definition, states, transitions, policy."""
 
-from tral_fsm import again, corridor, following, scurve, sightings  # register their states and conditions
-from tral_fsm.checks import FormatError, Problem, check
-from tral_fsm.definition import MachineDefinition
-from tral_fsm.library import load as load_machine
-from tral_fsm.library import names as machine_names
-from tral_fsm.machine import Machine, Transit
-from tral_fsm.machine_state import MachineState
-from tral_fsm.policy import MachinePolicy, load_policy
+from tral_fsm.conditions import detections as sightings
+from tral_fsm.conditions import retry_limit as again
+from tral_fsm.definition.checks import FormatError, Problem, check
+from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.estimation.estimator import MachineState
+from tral_fsm.formats.library import load as load_machine
+from tral_fsm.formats.library import names as machine_names
+from tral_fsm.runtime.machine import Machine, Transit
+from tral_fsm.runtime.policy import MachinePolicy, load_policy
+from tral_fsm.states import corridor, scurve
+from tral_fsm.states import wall as following
 
 __all__ = [
     "FormatError",

@@ -14,14 +14,14 @@ import pytest
 from board_world import photograph
 from typer.testing import CliRunner, Result
 
-from tral_env.calibration_stage import MARGIN, BoardStage, pixels_per_metre
+from tral_env.calibration.board_poses import seeded_poses
+from tral_env.calibration.boards import Board
+from tral_env.calibration.camera_info import read_camera_info, write_camera_info
+from tral_env.calibration.image_sources import frames
+from tral_env.calibration.solve import Limits
 from tral_env.config import WIDE_LENS, CameraConfig
 from tral_env.errors import RenderError
-from tral_env.perception.board import Board
-from tral_env.perception.board_poses import seeded_poses
-from tral_env.perception.calibration import Limits
-from tral_env.perception.camera_info import read_camera_info, write_camera_info
-from tral_env.perception.frames import frames
+from tral_env.simulation.board_scene import MARGIN, BoardStage, pixels_per_metre
 from tral_fsm.cli import app
 from tral_fsm.report.calibration import difference_px
 
@@ -148,7 +148,7 @@ def test_ctrl_c_ends_the_looking_of_a_camera(shots: Path, tmp_path: Path, monkey
         yield from frames([str(path) for path in sorted(shots.glob("0*.png"))])
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("tral_env.perception.frames.frames", watched)
+    monkeypatch.setattr("tral_env.calibration.image_sources.frames", watched)
     result = tral("/dev/video0", "--out", tmp_path)
     assert result.exit_code == 1
     assert "Ctrl-C: enough" in result.stderr

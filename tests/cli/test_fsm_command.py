@@ -12,10 +12,11 @@ from xml.etree import ElementTree as ET
 import pytest
 from typer.testing import CliRunner, Result
 
-from tral_fsm import load_machine, machine_names, packaged
+from tral_fsm import load_machine, machine_names
 from tral_fsm.cli import app
-from tral_fsm.conditions import CONDITIONS
-from tral_fsm.definition import STATES
+from tral_fsm.definition import packaged
+from tral_fsm.definition.conditions import CONDITIONS
+from tral_fsm.definition.machine import STATES
 from tral_fsm.formats.tral_json import loads
 
 BAD = """{"root": 0, "states": [

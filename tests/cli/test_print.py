@@ -13,13 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner, Result
 
+from tral_env.calibration.boards import Board
+from tral_env.calibration.printables import board_sheet, gate_sheets, marker_sheet
+from tral_env.calibration.sheet import PAPERS, Sheet
 from tral_env.course.markers import marker_image
 from tral_env.errors import ConfigError
 from tral_env.perception.aruco import Detector
-from tral_env.perception.board import Board
 from tral_fsm.cli import app
-from tral_fsm.report.printables import board_sheet, gate_sheets, marker_sheet
-from tral_fsm.report.sheet import PAPERS, Sheet
 
 SVG = "{http://www.w3.org/2000/svg}"
 PIXELS_PER_MM = 4

@@ -8,7 +8,7 @@ import pytest
 from lane import STEPS, Cruiser, Lane
 
 from tral_env.interface import CORE_LAYOUT
-from tral_fsm.rollout import Tick, drive
+from tral_fsm.evaluation.rollout import Tick, drive
 
 
 class Stateless:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tral_fsm.report.summary import summarize, wilson
+from tral_fsm.evaluation.summary import summarize, wilson
 
 
 def record(outcome: str = "success", **changes: Any) -> dict[str, Any]:

@@ -5,8 +5,8 @@ import pytest
 
 from tral_env.errors import ConfigError
 from tral_env.noise import NoiseTape
+from tral_env.perception.camera_pipeline import Sightings
 from tral_env.perception.gate import Sighting
-from tral_env.perception.sightings import Sightings
 from tral_env.randomization import LEVELS, Randomization, level
 from tral_env.sensors.ranging import Ranging
 

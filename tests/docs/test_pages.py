@@ -13,9 +13,9 @@ import pytest
 from pages import PAGES, ROOT, read, table
 
 from tral_env import randomization
-from tral_env.corridor import RESET_OPTIONS
 from tral_env.interface import CORE_LAYOUT, OPTIONAL_GROUPS
 from tral_env.randomization import LEVELS
+from tral_env.world import RESET_OPTIONS
 
 UNITS = ("deg", "s", "V", "ohm")
 

@@ -11,7 +11,6 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 
 from tral_env.config import CameraConfig, CarConfig
-from tral_env.corridor import CorridorConfig
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Gate, Segment
 from tral_env.course.scene import Pool, build_model
@@ -19,7 +18,8 @@ from tral_env.errors import ConfigError, RenderError
 from tral_env.interface import CORE_LAYOUT
 from tral_env.perception.aruco import Detector
 from tral_env.perception.degrade import PATCH_GREYS, WebcamLaw
-from tral_env.vision import RenderedVision, Webcam
+from tral_env.simulation.vision import RenderedVision, Webcam
+from tral_env.world import CorridorConfig
 
 GATE_AHEAD = Course(name="gate", segments=(Segment(length=6, gates=(Gate(id=2, at=4, offset=0.0, width=0.7),)),))
 PATCH = WebcamLaw(exposure=0, blur_px=0, glare=0, noise=0, patch=0.3)

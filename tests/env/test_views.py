@@ -13,7 +13,7 @@ from gymnasium.utils.env_checker import check_env
 import tral_env.env
 from tral_env.course.layout import Course, Gate, Segment
 from tral_env.errors import ConfigError, RenderError
-from tral_env.views import VIEWS, Views
+from tral_env.simulation.views import VIEWS, Views
 
 NO_OPENGL = """
 import os

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from tral_env import window
-from tral_env.corridor import Corridor, CorridorConfig
 from tral_env.course.generate import SCENARIOS, generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Door, Segment
 from tral_env.course.scene import Placement
-from tral_env.window import REACH_M, Window, crowd
+from tral_env.simulation import culling as window
+from tral_env.simulation.culling import REACH_M, Window, crowd
+from tral_env.world import Corridor, CorridorConfig
 from tral_fsm import load_policy
 
 

@@ -4,9 +4,9 @@ import json
 from typing import Any
 
 from tral_env.interface import CORE_LAYOUT
+from tral_fsm.estimation.estimator import MachineState
 from tral_fsm.formats.tral_json import loads
-from tral_fsm.machine import Machine, Transit
-from tral_fsm.machine_state import MachineState
+from tral_fsm.runtime.machine import Machine, Transit
 
 TICK = 0.0125
 SONARS = ("left", "front", "right")

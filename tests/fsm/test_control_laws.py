@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tral_env.config import CarConfig
 from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ
-from tral_fsm import control
+from tral_fsm.control import laws as control
 
 angles = st.floats(-100, 100)
 steerings = st.floats(-1, 1)

@@ -7,10 +7,12 @@ from typing import Any, ClassVar
 
 import pytest
 
-from tral_fsm import FormatError, MachineDefinition, MachinePolicy, check, library, load_machine, packaged
-from tral_fsm.checks import always, never
-from tral_fsm.conditions import AlwaysSpec, AnySpec, DistanceSpec, NotSpec
-from tral_fsm.definition import FSMStateSpec, MotorSpec, StopSpec, TransitionSpec
+from tral_fsm import FormatError, MachineDefinition, MachinePolicy, check, load_machine
+from tral_fsm.definition import packaged
+from tral_fsm.definition.checks import always, never
+from tral_fsm.definition.conditions import AlwaysSpec, AnySpec, DistanceSpec, NotSpec
+from tral_fsm.definition.machine import FSMStateSpec, MotorSpec, StopSpec, TransitionSpec
+from tral_fsm.formats import library
 from tral_fsm.formats.tral_json import loads
 
 STOP = {"id": 1, "type": "Stop"}

@@ -11,10 +11,10 @@ from readings import one_state, two_states
 
 from tral_env.interface import NO_ECHO_M
 from tral_fsm import load_policy
-from tral_fsm.ahead import Ahead
-from tral_fsm.machine_state import MachineState
-from tral_fsm.reckoning import BEND_PER_STEERING, Stand
-from tral_fsm.walls import NO_FAULT, Wall, Walls
+from tral_fsm.estimation.estimator import MachineState
+from tral_fsm.estimation.front_obstacle import Ahead
+from tral_fsm.estimation.odometry import BEND_PER_STEERING, Stand
+from tral_fsm.estimation.wall_filter import NO_FAULT, Wall, Walls
 
 CRUISE = {"type": "FollowCorridor", "throttle": 0.2}
 

@@ -3,10 +3,10 @@
 import re
 from pathlib import Path
 
-from tral_fsm.conditions import CONDITIONS
-from tral_fsm.definition import STATES
+from tral_fsm.definition.conditions import CONDITIONS
+from tral_fsm.definition.machine import STATES
 from tral_fsm.formats.tral_json import loads
-from tral_fsm.states import RUNTIMES
+from tral_fsm.states.base import RUNTIMES
 
 PAGE = (Path(__file__).parents[2] / "docs/state_machine.md").read_text("utf-8")
 

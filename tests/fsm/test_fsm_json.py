@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tral_fsm import FormatError, load_machine, machine_names
-from tral_fsm.conditions import CONDITIONS
-from tral_fsm.definition import STATES
+from tral_fsm.definition.conditions import CONDITIONS
+from tral_fsm.definition.machine import STATES
 from tral_fsm.formats.tral_json import as_json, dumps, loads
 
 STOP = {"id": 1, "type": "Stop"}

@@ -9,11 +9,15 @@ from readings import Bench, one_state, two_states
 
 from tral_env.errors import MachineError
 from tral_env.interface import CORE_LAYOUT
-from tral_fsm import FormatError, MachineState, library, packaged, states, transitions
-from tral_fsm.conditions import CONDITIONS, ConditionSpec
-from tral_fsm.definition import STATES, StateSpec
-from tral_fsm.library import load
-from tral_fsm.machine_state import COLUMNS
+from tral_fsm import FormatError, MachineState
+from tral_fsm.conditions import base as transitions
+from tral_fsm.definition import packaged
+from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
+from tral_fsm.definition.machine import STATES, StateSpec
+from tral_fsm.estimation.estimator import COLUMNS
+from tral_fsm.formats import library
+from tral_fsm.formats.library import load
+from tral_fsm.states import base as states
 
 
 def motor(number: int, throttle: float) -> dict[str, object]:
@@ -141,7 +145,7 @@ class TestMachinesInMachines:
         assert names == ["a/0", "a/1", "a/0", "a/0", "a/1"]
 
     def test_leaving_it_leaves_the_inner_state_first(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        from tral_fsm.machine import FSMState
+        from tral_fsm.runtime.machine import FSMState
 
         calls: list[str] = []
         leave = FSMState.on_exit

@@ -9,11 +9,11 @@ from typing import Literal
 import pytest
 
 from tral_env.errors import MachineError
-from tral_fsm import plugins
-from tral_fsm.conditions import CONDITIONS, ConditionSpec
-from tral_fsm.definition import STATES, StateSpec
+from tral_fsm.definition import plugins
+from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
+from tral_fsm.definition.machine import STATES, StateSpec
 from tral_fsm.formats.tral_json import loads
-from tral_fsm.states import RUNTIMES, State, runs
+from tral_fsm.states.base import RUNTIMES, State, runs
 
 WOBBLE = '{"root": 0, "states": [{"id": 0, "type": "Wobble", "final": true}]}'
 
@@ -85,7 +85,9 @@ def test_a_type_that_is_taken_is_refused() -> None:
         type: Literal["Motor"] = "Motor"
 
     before = STATES["Motor"]
-    with pytest.raises(MachineError, match=r"calls itself 'Motor', which tral_fsm\.definition\.MotorSpec does already"):
+    with pytest.raises(
+        MachineError, match=r"calls itself 'Motor', which tral_fsm\.definition\.machine\.MotorSpec does already"
+    ):
         runs(MotorSpec)(State)
     assert STATES["Motor"] is before
 
@@ -99,7 +101,7 @@ def test_a_class_without_a_type_is_refused() -> None:
 
 
 def test_a_class_may_be_defined_anew_under_its_name() -> None:
-    from tral_fsm import transitions
+    from tral_fsm.conditions import base as transitions
 
     def define() -> type[ConditionSpec]:
         class NodSpec(ConditionSpec):

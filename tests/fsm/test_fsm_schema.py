@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tral_fsm import FormatError, load_machine, machine_names
-from tral_fsm.conditions import CONDITIONS
-from tral_fsm.definition import STATES
+from tral_fsm.definition.conditions import CONDITIONS
+from tral_fsm.definition.machine import STATES
+from tral_fsm.definition.schema import dumps as schema_text
+from tral_fsm.definition.schema import schema
 from tral_fsm.formats.tral_json import as_json, dumps, loads
-from tral_fsm.schema import dumps as schema_text
-from tral_fsm.schema import schema
 
 VALIDATOR = jsonschema.Draft202012Validator(schema())
 STOP = {"id": 1, "type": "Stop"}
@@ -25,7 +25,7 @@ def fits(raw: Any) -> bool:
 
 
 def test_the_committed_schema_is_that_of_the_classes() -> None:
-    """If not: python -m tral_fsm.schema > tral_fsm/machine.schema.json"""
+    """If not: python -m tral_fsm.definition.schema > tral_fsm/machine.schema.json"""
     assert files("tral_fsm").joinpath("machine.schema.json").read_text("utf-8") == schema_text()
 
 

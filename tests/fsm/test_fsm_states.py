@@ -6,9 +6,9 @@ from typing import Any, ClassVar
 import pytest
 from readings import Bench, one_state, two_states
 
-from tral_fsm.control import curvature
-from tral_fsm.definition import STATES
-from tral_fsm.states import RUNTIMES, Finishable, Targetable
+from tral_fsm.control.laws import curvature
+from tral_fsm.definition.machine import STATES
+from tral_fsm.states.base import RUNTIMES, Finishable, Targetable
 
 
 class TestApproachPoint:

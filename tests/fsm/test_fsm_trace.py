@@ -12,10 +12,10 @@ from typer.testing import CliRunner
 from tral_env.interface import CORE_LAYOUT
 from tral_fsm import MachinePolicy, load_policy
 from tral_fsm.cli import app
+from tral_fsm.evaluation.rollout import Tick
 from tral_fsm.formats.tral_json import loads
-from tral_fsm.machine import Transit
-from tral_fsm.report.trace import COLUMNS, TraceFile, row
-from tral_fsm.rollout import Tick
+from tral_fsm.report.drive.trace import COLUMNS, TraceFile, row
+from tral_fsm.runtime.machine import Transit
 
 NEAR = {"type": "SensorLevel", "sensor": "front", "below": 0.5}
 OPEN = {"type": "SensorLevel", "sensor": "left", "above": 1.5}
@@ -145,8 +145,8 @@ class TestPolicy:
 def test_the_picture_numbers_the_transitions_of_the_outermost_machine() -> None:
     import gymnasium as gym
 
-    from tral_fsm.report.trajectory import outer_transits, trajectory_figure
-    from tral_fsm.rollout import drive
+    from tral_fsm.evaluation.rollout import drive
+    from tral_fsm.report.drive.trajectory import outer_transits, trajectory_figure
 
     env = gym.make("tral_env:TralCorridor-v0", scenario="corners", randomization="none", max_episode_steps=900)
     episode = drive(env, load_policy("corridor"), 3)

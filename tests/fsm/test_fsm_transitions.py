@@ -7,9 +7,9 @@ import pytest
 from readings import Bench, two_states
 
 from tral_env.interface import MARKER_BOARD_WIDTH_M
-from tral_fsm.conditions import CONDITIONS
-from tral_fsm.control import curvature, steering_play
-from tral_fsm.transitions import RUNTIMES
+from tral_fsm.conditions.base import RUNTIMES
+from tral_fsm.control.laws import curvature, steering_play
+from tral_fsm.definition.conditions import CONDITIONS
 
 
 def fires(bench: Bench, **readings: float) -> bool:

@@ -5,7 +5,7 @@ import math
 import pytest
 from readings import Bench, one_state, two_states
 
-from tral_fsm.control import FULL_LOCK, WHEELBASE
+from tral_fsm.control.laws import FULL_LOCK, WHEELBASE
 
 LITERAL = {"derivative": "tick", "max_error": None, "max_angle_deg": None, "throttle": 0.3, "clearance": 0.5}
 

@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 
 import tral_env
-from tral_env.corridor import Corridor, CorridorConfig
 from tral_env.course.layout import Course
+from tral_env.world import Corridor, CorridorConfig
 from tral_fsm import load_machine, load_policy, machine_names
-from tral_fsm.definition import FSMStateSpec
-from tral_fsm.fleet import Fleet, Job
+from tral_fsm.definition.machine import FSMStateSpec
+from tral_fsm.evaluation.batch import Fleet, Job
 
 MADE_FOR = {
     "wall": "straight",

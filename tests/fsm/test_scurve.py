@@ -7,8 +7,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from readings import Bench, one_state, two_states
 
-from tral_fsm import arcs
-from tral_fsm.control import clip, curvature, steering_play
+from tral_fsm.control import biarc as arcs
+from tral_fsm.control.laws import clip, curvature, steering_play
 
 HERE = (0.0, 0.0, 0.0)
 TICK = 1 / 80

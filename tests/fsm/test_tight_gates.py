@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from readings import Bench, two_states
 
-from tral_env.corridor import Corridor, CorridorConfig
 from tral_env.course.layout import Course
 from tral_env.interface import CONTROL_PERIOD_S
+from tral_env.world import Corridor, CorridorConfig
 from tral_fsm import load_policy
 
 GATE = {"gate_id": 0.0, "gate_x": 1.0, "gate_y": 0.2, "gate_heading": 0.0, "gate_age": 0.0}

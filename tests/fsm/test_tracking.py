@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT
-from tral_fsm.control import clip, curvature, steering_play
-from tral_fsm.machine_state import MachineState
-from tral_fsm.tracking import Stand, Track
+from tral_fsm.control.laws import clip, curvature, steering_play
+from tral_fsm.estimation.estimator import MachineState
+from tral_fsm.estimation.gate_tracker import Stand, Track
 
 GATE = (6.0, 0.3, 0.1)
 """x, y [m], heading of its axis [rad]."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from tral_env.config import CarConfig
 from tral_env.interface import CORE_LAYOUT, NO_ECHO_M
-from tral_fsm.policy import MachinePolicy
+from tral_fsm.runtime.policy import MachinePolicy
 
 CAR = CarConfig()
 SONARS = {

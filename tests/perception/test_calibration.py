@@ -11,14 +11,14 @@ from board_world import photograph
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tral_env.calibration_stage import BoardStage
+from tral_env.calibration.board_poses import BoardPose, seeded_poses
+from tral_env.calibration.boards import Board
+from tral_env.calibration.solve import PARAMETERS, calibrate, calibrate_collection, uncovered
+from tral_env.calibration.views import Collection, Rejected, View
 from tral_env.config import WIDE_LENS, CameraConfig
 from tral_env.errors import CalibrationError, RenderError
-from tral_env.perception.board import Board
-from tral_env.perception.board_poses import BoardPose, seeded_poses
-from tral_env.perception.calibration import PARAMETERS, calibrate, calibrate_collection, uncovered
-from tral_env.perception.calibration_views import Collection, Rejected, View
 from tral_env.perception.rays import lens_arrays
+from tral_env.simulation.board_scene import BoardStage
 
 BOARD = Board()
 CHESS = Board(kind="chessboard", columns=10, rows=7, square=0.025)

@@ -7,11 +7,11 @@ from board_world import photograph
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tral_env.calibration.board_poses import seeded_poses
+from tral_env.calibration.boards import DICTIONARY, Board, marker_ink
 from tral_env.config import WIDE_LENS, CameraConfig
 from tral_env.errors import ConfigError
 from tral_env.perception.aruco import Detector
-from tral_env.perception.board import DICTIONARY, Board, marker_ink
-from tral_env.perception.board_poses import seeded_poses
 from tral_env.perception.rays import lens_arrays
 
 CHARUCO = Board()

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from board_world import photograph
 
+from tral_env.calibration.board_poses import BoardPose
+from tral_env.calibration.boards import Board
+from tral_env.calibration.views import Collection, Rejected, View, coverage, edge_width
 from tral_env.config import WIDE_LENS
 from tral_env.errors import CalibrationError
-from tral_env.perception.board import Board
-from tral_env.perception.board_poses import BoardPose
-from tral_env.perception.calibration_views import Collection, Rejected, View, coverage, edge_width
 
 BOARD = Board()
 AHEAD = BoardPose(np.eye(3), np.array([0.0, 0.0, 0.2]))

@@ -9,9 +9,9 @@ from gymnasium.envs.registration import EnvSpec
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tral_env.calibration.camera_info import camera_info, load_lens, parse_camera_info, write_camera_info
 from tral_env.config import WIDE_LENS, CameraConfig
 from tral_env.errors import CalibrationError, ConfigError
-from tral_env.perception.camera_info import camera_info, load_lens, parse_camera_info, write_camera_info
 
 FROM_ROS = """
 # written by a calibrator that likes blocks

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
+from tral_env.calibration.image_sources import find_sources, frames
 from tral_env.errors import ConfigError, HardwareError
-from tral_env.perception.frames import find_sources, frames
 
 
 def grey(level: int):

@@ -6,7 +6,7 @@ from marker_world import build, camera_or_skip, plan_of
 
 from tral_env.config import WIDE_LENS, CameraConfig, CarConfig
 from tral_env.perception.aruco import Detector, marker_poses
-from tral_env.perception.detector_law import LAW, DetectorLaw
+from tral_env.perception.detection_model import LAW, DetectorLaw
 from tral_env.perception.gate import sight
 from tral_env.perception.projected import (
     NOISE_PLACES,

@@ -16,7 +16,7 @@ from tral_env.interface import wrap_angle
 from tral_env.perception.aruco import Detector, marker_poses
 from tral_env.perception.degrade import degrade
 from tral_env.perception.projected import NOISE_PLACES, NORMALS, UNIFORMS, Scenery, project
-from tral_env.stage import Stage
+from tral_env.simulation.render_scene import Stage
 
 LENS, CAR = CameraConfig(), CarConfig()
 LEVELS = {"off": 0.0, "mild": 1.0, "strong": 3.0}

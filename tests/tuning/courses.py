@@ -6,9 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from tral_fsm.conditions import AllSpec, DistanceSpec, SensorLevelSpec
-from tral_fsm.definition import FollowWallSpec, FSMStateSpec, MachineDefinition, MotorSpec, StopSpec, TransitionSpec
-from tral_fsm.fleet import ERROR_BINS, Drive
+from tral_fsm.definition.conditions import AllSpec, DistanceSpec, SensorLevelSpec
+from tral_fsm.definition.machine import (
+    FollowWallSpec,
+    FSMStateSpec,
+    MachineDefinition,
+    MotorSpec,
+    StopSpec,
+    TransitionSpec,
+)
+from tral_fsm.evaluation.batch import ERROR_BINS, Drive
 
 TWO_WALLS = MachineDefinition(
     name="two walls",

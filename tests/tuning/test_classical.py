@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from tral_env.config import CarConfig, EscConfig, UltrasonicConfig
 from tral_env.errors import ConfigError
 from tral_fsm import load_machine
-from tral_fsm.tuning.classical import (
+from tral_fsm.tuning.classical.design import (
     Gains,
     LinearCar,
     damping_of,
@@ -27,7 +27,7 @@ from tral_fsm.tuning.classical import (
     predicted_swing,
     step_response,
 )
-from tral_fsm.tuning.experiments import relay, step, wall_states
+from tral_fsm.tuning.classical.experiments import relay, step, wall_states
 
 SHARP = LinearCar(cadence_s=1e-6, latency_s=0.0, servo_s=1e-6, sonar_x=0.0)
 """Without delays, looking from the rear axle."""

@@ -12,9 +12,9 @@ from courses import blind
 
 from tral_env.errors import ConfigError
 from tral_fsm import load_machine
-from tral_fsm.fleet import Fleet, Job
-from tral_fsm.policy import MachinePolicy
-from tral_fsm.rollout import drive
+from tral_fsm.evaluation.batch import Fleet, Job
+from tral_fsm.evaluation.rollout import drive
+from tral_fsm.runtime.policy import MachinePolicy
 
 MACHINES = [load_machine("wall"), load_machine("office"), blind(0.5)]
 JOBS = [Job(2, "doors", 3), Job(0, "straight", 3), Job(2, "straight", 1), Job(1, "doors", 4), Job(2, "doors", 5)]

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tral_env.errors import ConfigError
-from tral_fsm.tuning.heldout import bootstrap, compare, figures, mean_of, sign_test
+from tral_fsm.tuning.holdout import bootstrap, compare, figures, mean_of, sign_test
 from tral_fsm.tuning.objective import Objective, Weights, parts
 
 

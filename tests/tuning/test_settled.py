@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tral_fsm.settled import ARRIVED_M, LONGEST_M, Settling, settled_ticks
+from tral_fsm.evaluation.settling import ARRIVED_M, LONGEST_M, Settling, settled_ticks
 
 RIGHT = (-1.0, 0.5)
 NONE = (math.nan, math.nan)

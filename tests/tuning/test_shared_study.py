@@ -20,11 +20,12 @@ from throwaway_postgres import server
 
 from tral_env.errors import ConfigError, MissingExtraError
 from tral_fsm.formats import write
-from tral_fsm.tuning import Settings, Task, optuna_search, tune
-from tral_fsm.tuning.optuna_search import OptunaSearch
+from tral_fsm.tuning import Settings, Task, tune
 from tral_fsm.tuning.parameters import find
-from tral_fsm.tuning.search import Trial
-from tral_fsm.tuning.storage import masked, open_storage
+from tral_fsm.tuning.search import optuna as optuna_search
+from tral_fsm.tuning.search.optuna import OptunaSearch
+from tral_fsm.tuning.search.space import Trial
+from tral_fsm.tuning.search.storage import masked, open_storage
 
 optuna = pytest.importorskip("optuna")
 

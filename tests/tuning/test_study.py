@@ -13,16 +13,16 @@ import pytest
 from courses import blind
 
 from tral_env.errors import ConfigError, MissingExtraError
-from tral_fsm.conditions import DistanceSpec, NotSpec
-from tral_fsm.definition import MachineDefinition, MotorSpec, TransitionSpec
-from tral_fsm.library import load
+from tral_fsm.definition.conditions import DistanceSpec, NotSpec
+from tral_fsm.definition.machine import MachineDefinition, MotorSpec, TransitionSpec
+from tral_fsm.formats.library import load
 from tral_fsm.tuning import Objective, Progress, Racing, Settings, Stage, Task, Tuned, tune
-from tral_fsm.tuning.evaluate import Evaluator, _deaf
+from tral_fsm.tuning.evaluator import Evaluator, _deaf
 from tral_fsm.tuning.found import described
 from tral_fsm.tuning.journal import BEFORE, NAME, Journal
-from tral_fsm.tuning.optuna_search import front
 from tral_fsm.tuning.parameters import find
-from tral_fsm.tuning.search import CmaSearch, Trial
+from tral_fsm.tuning.search.optuna import front
+from tral_fsm.tuning.search.space import CmaSearch, Trial
 from tral_fsm.tuning.study import Study, check_apart
 
 CRASHING = blind(0.5, 1.0)
@@ -250,7 +250,7 @@ class TestOptuna:
     def test_choices_and_whole_numbers_are_searched(self) -> None:
         from courses import TWO_WALLS
 
-        from tral_fsm.tuning.optuna_search import OptunaSearch
+        from tral_fsm.tuning.search.optuna import OptunaSearch
 
         names = ["right.side", "transition[end].of[0].readings", "left.p"]
         asked = OptunaSearch(find(TWO_WALLS, names), "tpe", population=20).ask()

@@ -17,9 +17,9 @@ from courses import TWO_WALLS, blind
 from typer.testing import CliRunner, Result
 
 from tral_fsm.cli import app
-from tral_fsm.definition import MachineDefinition
+from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.formats import write
-from tral_fsm.library import load
+from tral_fsm.formats.library import load
 from tral_fsm.tuning.journal import NAME
 
 PARAMS = "0.steering=0.3:0.9,0.speed=0.8:1.6"

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 from courses import TWO_WALLS
 
-from tral_fsm.report import tuning_figures, tuning_model
-from tral_fsm.tuning.classical import Gains
-from tral_fsm.tuning.experiments import Response
-from tral_fsm.tuning.optuna_search import OBJECTIVES
+from tral_fsm.report.tuning import figures as tuning_figures
+from tral_fsm.report.tuning import model as tuning_model
+from tral_fsm.tuning.classical.design import Gains
+from tral_fsm.tuning.classical.experiments import Response
 from tral_fsm.tuning.parameters import find
-from tral_fsm.tuning.probe import Line, Plane
-from tral_fsm.tuning.search import Trial
+from tral_fsm.tuning.search.optuna import OBJECTIVES
+from tral_fsm.tuning.search.space import Trial
+from tral_fsm.tuning.sensitivity import Line, Plane
 
 P, D, SPEED = find(TWO_WALLS, ["right.p", "right.d", "right.speed"])
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.course.plan import Plan
 from tral_env.interface import wrap_angle
-from tral_env.perception.detector_law import LAW, DetectorLaw
+from tral_env.perception.detection_model import LAW, DetectorLaw
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

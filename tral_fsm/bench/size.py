@@ -10,9 +10,9 @@ import mujoco
 import numpy as np
 from gymnasium.utils import seeding
 
-from tral_env.corridor import Corridor, CorridorConfig
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Door, Segment
+from tral_env.world import Corridor, CorridorConfig
 
 DOORS = (0, 4, 49)
 """Doors on each side of a straight corridor, 2.5 m apart: 4, 36 and about 400 boxes."""

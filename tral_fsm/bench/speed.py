@@ -24,8 +24,8 @@ from tral_env.config import CameraConfig
 from tral_env.course.layout import Course
 from tral_env.course.scene import Pool, build_model
 from tral_env.interface import CONTROL_PERIOD_S
+from tral_env.simulation.culling import WINDOW_BOXES
 from tral_env.vector_env import TralCorridorVectorEnv
-from tral_env.window import WINDOW_BOXES
 from tral_fsm.bench.host import host
 from tral_fsm.bench.size import size_cost
 from tral_fsm.bench.startup import startup_cost

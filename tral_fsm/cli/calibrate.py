@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from tral_env.calibration.boards import Board
+    from tral_env.calibration.solve import Calibration
+    from tral_env.calibration.views import Collection
     from tral_env.config import CameraConfig
-    from tral_env.perception.board import Board
-    from tral_env.perception.calibration import Calibration
-    from tral_env.perception.calibration_views import Collection
 
     Frames = Iterator[tuple[str, "NDArray[np.uint8] | None"]]
 
@@ -59,7 +59,7 @@ def make_board(
     Raises:
         ConfigError: there is no such board.
     """
-    from tral_env.perception.board import Board
+    from tral_env.calibration.boards import Board
 
     usual = SIZES[kind]
     square = (usual[2] if square_mm is None else square_mm) / 1000
@@ -132,9 +132,9 @@ def run(asked: Calibrating, board: Board, out: Path, *, quiet: bool) -> dict[str
         CalibrationError: too few images show the board.
         RenderError: no OpenGL for the simulated camera.
     """
-    from tral_env.perception.calibration import calibrate_collection
-    from tral_env.perception.calibration_views import Collection
-    from tral_env.perception.camera_info import load_lens
+    from tral_env.calibration.camera_info import load_lens
+    from tral_env.calibration.solve import calibrate_collection
+    from tral_env.calibration.views import Collection
 
     truth = load_lens(asked.lens) if asked.simulated else None
     images, total = _frames(asked, board, truth)
@@ -154,7 +154,7 @@ def run(asked: Calibrating, board: Board, out: Path, *, quiet: bool) -> dict[str
 
 def _frames(asked: Calibrating, board: Board, truth: CameraConfig | None) -> tuple[Any, int | None]:
     """The images, and how many there are, if that is known."""
-    from tral_env.perception.frames import IMAGES, find_sources, frames
+    from tral_env.calibration.image_sources import IMAGES, find_sources, frames
 
     if truth is None:
         if not asked.sources:
@@ -171,8 +171,8 @@ def _frames(asked: Calibrating, board: Board, truth: CameraConfig | None) -> tup
 
 
 def _simulated(asked: Calibrating, board: Board, truth: CameraConfig) -> Frames:
-    from tral_env.calibration_stage import BoardStage
-    from tral_env.perception.board_poses import seeded_poses
+    from tral_env.calibration.board_poses import seeded_poses
+    from tral_env.simulation.board_scene import BoardStage
 
     stage = BoardStage(board, truth, degradation=1.0, seed=asked.seed)
     with contextlib.closing(stage):
@@ -219,7 +219,7 @@ def _keep(folder: Path, number: int, name: str, image: NDArray[np.uint8]) -> Non
 def _write(
     result: Calibration, truth: CameraConfig | None, asked: Calibrating, board: Board, out: Path
 ) -> dict[str, Any]:
-    from tral_env.perception.camera_info import write_camera_info
+    from tral_env.calibration.camera_info import write_camera_info
     from tral_fsm.report.calibration import calibration_figure, calibration_record
 
     file = out / (GOOD if result.good else POOR)

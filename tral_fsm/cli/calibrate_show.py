@@ -12,14 +12,14 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from tral_env.perception.calibration import uncovered
-from tral_env.perception.calibration_views import Collection, Rejected, View
+from tral_env.calibration.solve import uncovered
+from tral_env.calibration.views import Collection, Rejected, View
 from tral_fsm.cli.console import print_figures
 from tral_fsm.report.calibration import difference_px, parameters
 
 if TYPE_CHECKING:
+    from tral_env.calibration.solve import Calibration
     from tral_env.config import CameraConfig
-    from tral_env.perception.calibration import Calibration
 
 _WORST = 5
 """Views that are listed; calibration.json has them all."""

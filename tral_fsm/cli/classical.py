@@ -9,16 +9,16 @@ from tral_fsm.cli.console import print_figures
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tral_fsm.definition import MachineDefinition
-    from tral_fsm.tuning.experiments import WallState
+    from tral_fsm.definition.machine import MachineDefinition
+    from tral_fsm.tuning.classical.experiments import WallState
 
 _SPEEDS = (0.3, 0.5, 0.7, 1.0, 1.3, 1.6, 2.0)
 
 
 def print_classical(machine: MachineDefinition) -> None:
     """Print classical gains beside those of a machine, with their margins."""
-    from tral_fsm.tuning.classical import lqr
-    from tral_fsm.tuning.experiments import WallState, relay, wall_states
+    from tral_fsm.tuning.classical.design import lqr
+    from tral_fsm.tuning.classical.experiments import WallState, relay, wall_states
 
     states = wall_states(machine)
     if states:
@@ -39,7 +39,7 @@ def _table(title: str, states: list[WallState]) -> Table:
     from rich.table import Table
     from rich.text import Text
 
-    from tral_fsm.report.tuning_page import MARGIN_HEADER, margin_row
+    from tral_fsm.report.tuning.page import MARGIN_HEADER, margin_row
 
     table = Table(title=Text(title), title_justify="left")
     for heading in MARGIN_HEADER:

@@ -19,7 +19,7 @@ from tral_env.errors import (
     TralError,
     nearest,
 )
-from tral_fsm.checks import FormatError
+from tral_fsm.definition.checks import FormatError
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import gymnasium as gym
 
     from tral_env.interface import Policy
-    from tral_fsm.rollout import Episode, Tick
+    from tral_fsm.evaluation.rollout import Episode, Tick
 
 Camera = Literal["projected", "rendered"]
 Randomization = Literal["none", "default", "hard"]
@@ -124,7 +124,7 @@ def run(arguments: DriveArguments, out: Path) -> dict[str, Any]:
         RenderError: pictures are asked for, and this machine has no OpenGL or no encoder.
     """
     from tral_fsm import load_policy
-    from tral_fsm.report.summary import summarize
+    from tral_fsm.evaluation.summary import summarize
 
     opengl.require_loadable()
     policy = load_policy(arguments.policy)
@@ -184,10 +184,10 @@ def _prepare(out: Path) -> None:
 
 def _drive_one(env: gym.Env[Any, Any], policy: Policy, seed: int, folder: Path, arguments: DriveArguments) -> Episode:
     from tral_fsm.cli.show import DriveProgress
-    from tral_fsm.report.trace import TraceFile
-    from tral_fsm.report.trajectory import save_trajectory
-    from tral_fsm.report.video import DriveVideo
-    from tral_fsm.rollout import drive
+    from tral_fsm.evaluation.rollout import drive
+    from tral_fsm.report.drive.trace import TraceFile
+    from tral_fsm.report.drive.trajectory import save_trajectory
+    from tral_fsm.report.drive.video import DriveVideo
 
     world: Any = env.unwrapped
     with contextlib.ExitStack() as stack:

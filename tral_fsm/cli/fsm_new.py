@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tral_fsm.definition import MachineDefinition
+from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.formats import tral_json
 
 _TEXT = """{

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from tral_fsm.conditions import ConditionSpec
-    from tral_fsm.definition import StateSpec
+    from tral_fsm.definition.conditions import ConditionSpec
+    from tral_fsm.definition.machine import StateSpec
 
 _WITHOUT = ("type", "id")
 _LIMITS = {"minimum": "≥ {:g}", "exclusiveMinimum": "> {:g}", "maximum": "≤ {:g}", "exclusiveMaximum": "< {:g}"}
@@ -26,9 +26,9 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout and nothing else.")] = False,
 ) -> None:
     """List the states and conditions of machines: parameters, units, defaults, ranges."""
-    from tral_fsm.conditions import CONDITIONS
-    from tral_fsm.definition import STATES
-    from tral_fsm.plugins import load_plugins
+    from tral_fsm.definition.conditions import CONDITIONS
+    from tral_fsm.definition.machine import STATES
+    from tral_fsm.definition.plugins import load_plugins
 
     load_plugins()
     found: dict[str, Mapping[str, type[StateSpec] | type[ConditionSpec]]] = {"states": STATES, "conditions": CONDITIONS}
@@ -48,7 +48,7 @@ def command(
 
 def _entry(name: str, spec: type[StateSpec] | type[ConditionSpec]) -> dict[str, Any]:
     """What there is to say about a type, as plain values."""
-    from tral_fsm.definition import StateSpec
+    from tral_fsm.definition.machine import StateSpec
 
     schema = spec.model_json_schema()
     entry: dict[str, Any] = {"type": name, "description": " ".join((spec.__doc__ or "").split())}

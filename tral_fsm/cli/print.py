@@ -15,7 +15,7 @@ from tral_fsm.cli.files import prepare_folder
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tral_fsm.report.sheet import Sheet
+    from tral_env.calibration.sheet import Sheet
 
 Paper = Literal["A4", "A3"]
 
@@ -40,7 +40,7 @@ def board(
     out: _Out = None,
 ) -> None:
     """A calibration board for `tral calibrate`, which takes the same options."""
-    from tral_fsm.report.printables import board_sheet
+    from tral_env.calibration.printables import board_sheet
 
     made = make_board(board, columns, rows, square_mm, marker_mm)
     _save([board_sheet(made, paper)], out or Path(f"{board}.pdf"))
@@ -54,7 +54,7 @@ def marker(
     out: _Out = None,
 ) -> None:
     """Single markers: 40 turn left, 41 turn right, 42 straight on; 0 to 39 belong to gates."""
-    from tral_fsm.report.printables import marker_sheet
+    from tral_env.calibration.printables import marker_sheet
 
     names = "_".join(str(one) for one in ids)
     _save([marker_sheet(one, size_mm, paper) for one in ids], out or Path(f"marker_{names}.pdf"))
@@ -68,13 +68,13 @@ def gate(
     out: _Out = None,
 ) -> None:
     """The two markers of a gate."""
-    from tral_fsm.report.printables import gate_sheets
+    from tral_env.calibration.printables import gate_sheets
 
     _save(gate_sheets(number, size_mm, paper), out or Path(f"gate_{number}.pdf"))
 
 
 def _save(sheets: Sequence[Sheet], out: Path) -> None:
-    from tral_fsm.report.sheet import page_suffix, printed
+    from tral_env.calibration.sheet import page_suffix, printed
 
     page_suffix(out)  # before a folder is made for it
     prepare_folder(out.parent)

@@ -24,7 +24,7 @@ from tral_fsm.cli.tune_show import Bar, print_result
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tral_fsm.definition import MachineDefinition
+    from tral_fsm.definition.machine import MachineDefinition
     from tral_fsm.tuning import Tuned
 
 _WRITTEN = ("machine.json", "tune.json", "report.html", "study.jsonl")
@@ -61,7 +61,7 @@ def command(
     goes on.
     """
     from tral_fsm.cli.classical import print_classical
-    from tral_fsm.library import load as load_machine
+    from tral_fsm.formats.library import load as load_machine
     from tral_fsm.tuning import Objective
 
     arguments = options.TuneArguments(
@@ -180,7 +180,7 @@ def _tune(arguments: options.TuneArguments, machine: MachineDefinition, origin: 
 
 
 def _write_page(arguments: options.TuneArguments, tuned: Tuned, report: dict[str, Any], bar: Bar) -> None:
-    from tral_fsm.report.tuning_page import Page, report_html
+    from tral_fsm.report.tuning.page import Page, report_html
 
     page = Page(
         tuned=tuned,
@@ -195,7 +195,7 @@ def _write_page(arguments: options.TuneArguments, tuned: Tuned, report: dict[str
 
 def _origin() -> str:
     """The command, as files tell it: without the password of a database."""
-    from tral_fsm.tuning.storage import masked
+    from tral_fsm.tuning.search.storage import masked
 
     arguments = sys.argv[1:]
     if arguments[:1] != ["tune"]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from tral_fsm.tuning import Progress, Stage, Tuned
-    from tral_fsm.tuning.heldout import Comparison, Estimate
+    from tral_fsm.tuning.holdout import Comparison, Estimate
 
 
 STAGES = {
@@ -89,7 +89,7 @@ def _parameters(tuned: Tuned) -> Table:
     from rich.table import Table
     from rich.text import Text
 
-    from tral_fsm.report.tuning_page import before
+    from tral_fsm.report.tuning.page import before
 
     table = Table(title=Text("Parameters"), title_justify="left")
     for heading in ("parameter", "was", "now"):
@@ -104,7 +104,7 @@ def _held_out(comparison: Comparison) -> Table:
     from rich.table import Table
     from rich.text import Text
 
-    from tral_fsm.report.tuning_page import estimate
+    from tral_fsm.report.tuning.page import estimate
 
     table = Table(title=Text("On courses that nothing was tuned on, with 95 % intervals"), title_justify="left")
     for heading in ("", "was", "now", "difference"):

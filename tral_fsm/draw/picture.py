@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from tral_fsm import library
-from tral_fsm.definition import FSMStateSpec, MachineDefinition
+from tral_fsm.definition.machine import FSMStateSpec, MachineDefinition
 from tral_fsm.draw import text
-from tral_fsm.draw.layout import Direction, Layout, Point, layout, turn_places
+from tral_fsm.draw.layered.layout import Direction, Layout, Point, layout, turn_places
+from tral_fsm.formats import library
 
 INK, PALE, INNER = "#22272e", "#f6f8fa", "#eef4ff"
 _TONES = ("#0b5cad", "#b3261e", "#1b7f3b", "#7a3db8", "#a85a00", "#00707a", "#a3195b", "#5a6472", "#5f6b00", "#3f3fbf")

@@ -7,9 +7,9 @@ import textwrap
 from collections.abc import Iterable, Iterator
 from typing import get_args
 
-from tral_fsm.conditions import ConditionSpec
-from tral_fsm.definition import FSMStateSpec, MachineDefinition, StateSpec, TransitionSpec
-from tral_fsm.spec import SonarName, Spec
+from tral_fsm.definition.conditions import ConditionSpec
+from tral_fsm.definition.machine import FSMStateSpec, MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition.validated import SonarName, Spec
 
 SIZE = 11
 """Height of the letters, px."""

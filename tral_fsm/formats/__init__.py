@@ -13,11 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from tral_env.errors import MachineError, nearest
-from tral_fsm.checks import FormatError, Problem
-from tral_fsm.definition import MachineDefinition
-from tral_fsm.formats import diagram, scxml, scxml_writer, tral_json, uxf, xml2json, xml_tree
+from tral_fsm.definition.checks import FormatError, Problem
+from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.formats import diagram, tral_json, xml_tree
 from tral_fsm.formats.plain import EnoughProblemsError, Plain, Problems
 from tral_fsm.formats.reader import definition, told
+from tral_fsm.formats.scxml import reader as scxml
+from tral_fsm.formats.scxml import writer as scxml_writer
+from tral_fsm.formats.umlet import uxf, xml2json
 
 LARGEST = 2 * 1024 * 1024
 """Bytes of a file that is read. The largest reference machine has 13,000. Source: choice."""

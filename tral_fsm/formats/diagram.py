@@ -7,8 +7,8 @@ import re
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from tral_fsm.conditions import ConditionSpec
-from tral_fsm.definition import FSMStateSpec, MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition.conditions import ConditionSpec
+from tral_fsm.definition.machine import FSMStateSpec, MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.formats.tral_json import members
 
 _COMBINED = {"All": " and ", "Any": " or "}

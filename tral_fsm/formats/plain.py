@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from tral_fsm.checks import Problem
+from tral_fsm.definition.checks import Problem
 
 MOST_PROBLEMS = 100
 """So many problems of a file are told. Source: choice; nobody reads more."""

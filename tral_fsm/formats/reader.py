@@ -10,13 +10,13 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from tral_env.errors import nearest
-from tral_fsm import packaged
-from tral_fsm.checks import FormatError, Problem, check_level, unknown_machine
-from tral_fsm.conditions import CONDITIONS, ConditionSpec
-from tral_fsm.definition import STATES, FSMStateSpec, MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition import packaged
+from tral_fsm.definition.checks import FormatError, Problem, check_level, unknown_machine
+from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
+from tral_fsm.definition.machine import STATES, FSMStateSpec, MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition.plugins import load_plugins
+from tral_fsm.definition.validated import Id, Spec
 from tral_fsm.formats.plain import MOST_PROBLEMS, EnoughProblemsError, Plain, Problems, located
-from tral_fsm.plugins import load_plugins
-from tral_fsm.spec import Id, Spec
 
 M = TypeVar("M", bound=Spec)
 

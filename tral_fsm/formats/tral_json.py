@@ -9,12 +9,12 @@ import json
 from collections import Counter
 from typing import Any
 
-from tral_fsm.conditions import ConditionSpec
-from tral_fsm.definition import MachineDefinition, StateSpec
+from tral_fsm.definition.conditions import ConditionSpec
+from tral_fsm.definition.machine import MachineDefinition, StateSpec
+from tral_fsm.definition.validated import Spec
 from tral_fsm.formats import units2016
 from tral_fsm.formats.plain import Plain, Problems
 from tral_fsm.formats.reader import definition
-from tral_fsm.spec import Spec
 
 
 def loads(text: str, source: str = "machine") -> MachineDefinition:

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from tral_env.calibration.solve import Calibration
     from tral_env.config import CameraConfig
-    from tral_env.perception.calibration import Calibration
 
 _SHOWN = ("fx", "fy", "cx", "cy")
 

@@ -1,6 +1,6 @@
 """Tuning: numbers of a machine are searched, on thousands of drives, and checked on courses that are new to them."""
 
-from tral_fsm.tuning.evaluate import Evaluator, Racing, Stage, Task
+from tral_fsm.tuning.evaluator import Evaluator, Racing, Stage, Task
 from tral_fsm.tuning.found import Tuned, save
 from tral_fsm.tuning.objective import Objective, Weights
 from tral_fsm.tuning.parameters import apply, find

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from tral_env.atomic import write_bytes
-from tral_fsm.definition import MachineDefinition
-from tral_fsm.fleet import Drive
+from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.evaluation.batch import Drive
 from tral_fsm.formats import by_suffix, write
-from tral_fsm.tuning.heldout import Comparison
+from tral_fsm.tuning.holdout import Comparison
 from tral_fsm.tuning.parameters import Parameter
-from tral_fsm.tuning.search import Trial, Values
+from tral_fsm.tuning.search.space import Trial, Values
 
 
 @dataclass(kw_only=True)

@@ -10,7 +10,7 @@ from typing import Any
 
 from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
-from tral_fsm.tuning.search import Trial, trial
+from tral_fsm.tuning.search.space import Trial, trial
 
 NAME = "study.jsonl"
 BEFORE = "study.before.jsonl"

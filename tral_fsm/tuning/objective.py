@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.errors import ConfigError, nearest
-from tral_fsm.fleet import Drive
+from tral_fsm.evaluation.batch import Drive
 
 Array = NDArray[np.float64]
 Pooling = Literal["mean", "worst", "cvar"]

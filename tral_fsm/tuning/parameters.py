@@ -15,9 +15,9 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import ValidationError
 
 from tral_env.errors import ConfigError, nearest
-from tral_fsm.checks import check
-from tral_fsm.definition import MachineDefinition
-from tral_fsm.spec import Spec, unit_of
+from tral_fsm.definition.checks import check
+from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.definition.validated import Spec, unit_of
 from tral_fsm.tuning.ranges import Span, limits, span_of
 
 Value = float | int | bool | str

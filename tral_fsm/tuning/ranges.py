@@ -8,7 +8,7 @@ from typing import Any
 
 from annotated_types import Ge, Gt, Le, Lt
 
-from tral_fsm.spec import Spec
+from tral_fsm.definition.validated import Spec
 
 
 @dataclass(frozen=True)

@@ -13,17 +13,16 @@ from typing import Any
 import numpy as np
 
 from tral_env.errors import ConfigError
-from tral_fsm import library
-from tral_fsm.definition import MachineDefinition
-from tral_fsm.formats import write
-from tral_fsm.tuning.evaluate import Course, Evaluator, OnStage, Racing, Scored, Task
+from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.formats import library, write
+from tral_fsm.tuning.evaluator import Course, Evaluator, OnStage, Racing, Scored, Task
 from tral_fsm.tuning.found import Tuned, best_of, save
-from tral_fsm.tuning.heldout import compare
+from tral_fsm.tuning.holdout import compare
 from tral_fsm.tuning.journal import Journal
 from tral_fsm.tuning.objective import Objective, parts
-from tral_fsm.tuning.optuna_search import OBJECTIVES, OptunaSearch, front
 from tral_fsm.tuning.parameters import Parameter, allowed, apply, find
-from tral_fsm.tuning.search import CmaSearch, Search, Trial, Values
+from tral_fsm.tuning.search.optuna import OBJECTIVES, OptunaSearch, front
+from tral_fsm.tuning.search.space import CmaSearch, Search, Trial, Values
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tral_fsm import load_machine, machine_names
-from tral_fsm.conditions import DistanceSpec, SensorLevelSpec, TimerSpec
-from tral_fsm.definition import IdleSpec, MachineDefinition, MotorSpec, TransitionSpec
-from tral_fsm.draw.layout import Layout, Point, Rect, layout
+from tral_fsm.definition.conditions import DistanceSpec, SensorLevelSpec, TimerSpec
+from tral_fsm.definition.machine import IdleSpec, MachineDefinition, MotorSpec, TransitionSpec
+from tral_fsm.draw.layered.layout import Layout, Point, Rect, layout
 
 CONDITIONS = st.sampled_from(
     [TimerSpec(seconds=1.0), DistanceSpec(distance=2.5), SensorLevelSpec(sensor="left", above=1.5, readings=3)]

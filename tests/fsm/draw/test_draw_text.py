@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tral_fsm.conditions import (
+from tral_fsm.definition.conditions import (
     AllSpec,
     AlwaysSpec,
     AnySpec,
@@ -18,9 +18,9 @@ from tral_fsm.conditions import (
     TimerSpec,
     TurnedSpec,
 )
-from tral_fsm.definition import FSMStateSpec, MotorSpec, StopSpec, TransitionSpec
+from tral_fsm.definition.machine import FSMStateSpec, MotorSpec, StopSpec, TransitionSpec
 from tral_fsm.draw import text
-from tral_fsm.draw.layout import drawn_label, drawn_state
+from tral_fsm.draw.layered.layout import drawn_label, drawn_state
 
 FRONT = SensorLevelSpec(sensor="front", below=0.5)
 

@@ -9,10 +9,10 @@ import pytest
 from PIL import Image
 
 from tral_fsm import load_machine, machine_names
-from tral_fsm.conditions import TimerSpec
-from tral_fsm.definition import FSMStateSpec, IdleSpec, MachineDefinition, StopSpec, TransitionSpec
+from tral_fsm.definition.conditions import TimerSpec
+from tral_fsm.definition.machine import FSMStateSpec, IdleSpec, MachineDefinition, StopSpec, TransitionSpec
 from tral_fsm.draw import text
-from tral_fsm.draw.layout import Rect
+from tral_fsm.draw.layered.layout import Rect
 from tral_fsm.draw.picture import Line, Outline, Picture, Words, arrow_head, picture
 from tral_fsm.draw.png import png
 from tral_fsm.draw.svg import svg

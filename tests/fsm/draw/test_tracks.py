@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tral_fsm.draw.tracks import Turn, tracks
+from tral_fsm.draw.layered.tracks import Turn, tracks
 
 
 def crossings(turns: list[Turn], found: list[int | None]) -> int:

@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 from pydantic.fields import FieldInfo
 
 from tral_fsm import check, machine_names
-from tral_fsm.conditions import CONDITIONS, ConditionSpec
-from tral_fsm.definition import STATES, MachineDefinition, StateSpec, TransitionSpec
-from tral_fsm.spec import Spec
+from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
+from tral_fsm.definition.machine import STATES, MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition.validated import Spec
 
 COMBINED = ("All", "Any", "Not")
 words = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)

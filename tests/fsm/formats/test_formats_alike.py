@@ -9,8 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from to_json import xml2json
 
 from tral_fsm import MachineDefinition, load_machine, machine_names
-from tral_fsm.conditions import CONDITIONS
-from tral_fsm.definition import STATES
+from tral_fsm.definition.conditions import CONDITIONS
+from tral_fsm.definition.machine import STATES
 from tral_fsm.formats import FORMATS, read, write
 from tral_fsm.formats.tral_json import as_json
 

@@ -7,10 +7,11 @@ import pytest
 
 import tral_fsm
 from tral_fsm import load_machine, machine_names
-from tral_fsm.conditions import CONDITIONS
-from tral_fsm.definition import STATES, TransitionSpec
-from tral_fsm.formats import members, palette
-from tral_fsm.formats.umlet import sections
+from tral_fsm.definition.conditions import CONDITIONS
+from tral_fsm.definition.machine import STATES, TransitionSpec
+from tral_fsm.formats import members
+from tral_fsm.formats.umlet import palette
+from tral_fsm.formats.umlet.elements import sections
 from tral_fsm.formats.xml_tree import Node, parse
 
 PACKAGE = Path(tral_fsm.__file__).parent

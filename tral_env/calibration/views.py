@@ -1,0 +1,193 @@
+"""Views of a calibration board: which are of use, which are not and why, and what of the image they cover."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.calibration.boards import Board
+from tral_env.errors import CalibrationError
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+GRID = (9, 6)
+"""Cells of the coverage map across and down: three by two in each ninth of the image."""
+MIN_CORNERS = 8
+"""A view with fewer says little about the lens and may not fix its own pose."""
+EDGE_PX = 5.0
+"""Edges that take more pixels than this from black to white are blurred: motion, or out of focus. A sharp edge of a
+rendered or good camera takes 2 to 3. Images wider than 1280 px are allowed more in proportion."""
+SAME_POSE = 0.01
+"""Views whose common corners lie closer than this share of the image's diagonal on average are one view."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Corners of the board in one image."""
+
+    name: str
+    ids: NDArray[np.int64]
+    """(k,) which corners of the board."""
+    pixels: Array
+    """(k, 2) where they are."""
+    edge_px: float
+    """How many pixels an edge takes from black to white, along the direction in which it is most blurred."""
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """An image that is not used."""
+
+    name: str
+    reason: str
+    """One of `REASONS`."""
+    detail: str
+
+
+REASONS = ("unreadable", "no board", "too few corners", "too blurred", "duplicate pose", "outlier error")
+
+
+@dataclass
+class Collection:
+    """Images on their way to a calibration: shown one by one, each used or rejected."""
+
+    board: Board
+    size: tuple[int, int] | None = None
+    """Width and height of the images, px; None before the first."""
+    views: list[View] = field(default_factory=list)
+    rejected: list[Rejected] = field(default_factory=list)
+
+    def add(self, name: str, image: Image | None) -> View | Rejected:
+        """Look at an image.
+
+        Args:
+            name: what to call it in messages.
+            image: (h, w) grey or (h, w, 3) of any order of colours, uint8; None if it could not be read.
+
+        Raises:
+            CalibrationError: it has another size than the images before.
+        """
+        seen = self._look(name, image)
+        if isinstance(seen, View):
+            self.views.append(seen)
+        else:
+            self.rejected.append(seen)
+        return seen
+
+    def _look(self, name: str, image: Image | None) -> View | Rejected:
+        if image is None:
+            return Rejected(name, "unreadable", "damaged, empty or not to be opened")
+        grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+        size = grey.shape[1], grey.shape[0]
+        if self.size is not None and size != self.size:
+            raise CalibrationError(
+                f"{name} is {size[0]} x {size[1]} px, the images before it {self.size[0]} x {self.size[1]}: a "
+                "calibration holds for one size"
+            )
+        self.size = size
+        return self._judge(name, grey)
+
+    def _judge(self, name: str, grey: Image) -> View | Rejected:
+        ids, pixels = self.board.find(grey)
+        if not len(ids):
+            return Rejected(name, "no board", "no corner was found: not in view, too blurred or too small")
+        if len(ids) < MIN_CORNERS or not _spread(self.board, ids):
+            return Rejected(name, "too few corners", f"{len(ids)} of {len(self.board.corners)} corners")
+        edge = edge_width(self.board, grey, ids, pixels)
+        if edge > (limit := EDGE_PX * max(1.0, grey.shape[1] / 1280)):
+            return Rejected(name, "too blurred", f"edges are {edge:.1f} px wide, allowed {limit:.1f}")
+        view = View(name, ids, pixels, edge)
+        for other in self.views:
+            if _apart(view, other) < SAME_POSE * np.hypot(*grey.shape):
+                return Rejected(name, "duplicate pose", f"as in {other.name}")
+        return view
+
+    def coverage(self) -> NDArray[np.int64]:
+        """See `coverage`."""
+        return coverage(self.views, self.size or (1, 1))
+
+    def reasons(self) -> dict[str, int]:
+        """How many images were rejected for each reason."""
+        counts = Counter(one.reason for one in self.rejected)
+        return {reason: counts[reason] for reason in REASONS if counts[reason]}
+
+
+def coverage(views: list[View], size: tuple[int, int]) -> NDArray[np.int64]:
+    """How many corners fell into each cell of the image.
+
+    Args:
+        views: the views.
+        size: width and height of the image, px.
+
+    Returns:
+        (rows, columns) of `GRID`, upper left cell first.
+    """
+    pixels = np.concatenate([np.zeros((0, 2)), *(view.pixels for view in views)])
+    edges = [np.linspace(-0.5, length - 0.5, cells + 1) for length, cells in zip(size, GRID, strict=True)]
+    counts, _, _ = np.histogram2d(pixels[:, 1], pixels[:, 0], bins=(edges[1], edges[0]))
+    return np.asarray(counts, np.int64)
+
+
+def edge_width(board: Board, grey: Image, ids: NDArray[np.int64], pixels: Array) -> float:
+    """Pixels that an edge takes from black to white, median over the corners, the worse of its two edges.
+
+    Contrast of a patch around the corner over the steepest change in it: 2 for the sharpest possible edge, m for motion
+    by m px, about sqrt(4 + 6 s^2) for a Gaussian blur of standard deviation s.
+
+    Args:
+        board: what is seen.
+        grey: (h, w).
+        ids: (k,) corners of the board.
+        pixels: (k, 2) where they are.
+    """
+    image = np.asarray(grey, np.float32)
+    slopes = np.stack(
+        [cv2.Sobel(image, cv2.CV_32F, 1, 0, scale=1 / 8), cv2.Sobel(image, cv2.CV_32F, 0, 1, scale=1 / 8)]
+    )
+    across, down = _edges(board, ids, pixels)
+    widths = []
+    for (x, y), *edges in zip(np.rint(pixels).astype(int), across, down, strict=True):
+        reach = int(np.clip(0.3 * min(np.linalg.norm(edge) for edge in edges), 3, 12))
+        patch = np.s_[max(y - reach, 0) : y + reach + 1, max(x - reach, 0) : x + reach + 1]
+        low, high = np.percentile(image[patch], (2, 98))
+        steepest = [_steepest(slopes[:, *patch], edge) for edge in edges]
+        widths.append((high - low) / max(min(steepest), 1e-6))
+    return float(np.median(widths))
+
+
+def _steepest(slope: NDArray[Any], edge: Array) -> float:
+    """Largest change across an edge of this direction, grey levels a pixel."""
+    normal = np.array([-edge[1], edge[0]]) / np.linalg.norm(edge)
+    return float(np.abs(np.tensordot(normal, slope, 1)).max())
+
+
+def _edges(board: Board, ids: NDArray[np.int64], pixels: Array) -> tuple[Array, Array]:
+    """(k, 2) px: a square's edges to the right and down at each corner."""
+    flat = board.corners[ids][:, :2]
+    turn, _ = cv2.findHomography(flat, pixels)
+
+    def seen(points: Array) -> Array:
+        return np.asarray(cv2.perspectiveTransform(points[None], turn)[0], np.float64)
+
+    right, below = np.array([board.square / 2, 0.0]), np.array([0.0, board.square / 2])
+    return seen(flat + right) - seen(flat - right), seen(flat + below) - seen(flat - below)
+
+
+def _spread(board: Board, ids: NDArray[np.int64]) -> bool:
+    """Whether corners lie in two rows and two columns at least, and three of one of them: a line fixes no plane."""
+    rows, columns = np.unique(ids // (board.columns - 1)), np.unique(ids % (board.columns - 1))
+    return min(len(rows), len(columns)) >= 2 and max(len(rows), len(columns)) >= 3
+
+
+def _apart(one: View, other: View) -> float:
+    """Mean distance of the corners that two views share, px; infinite if they share less than half."""
+    common, mine, theirs = np.intersect1d(one.ids, other.ids, return_indices=True)
+    if 2 * len(common) < max(len(one.ids), len(other.ids)):
+        return float("inf")
+    return float(np.linalg.norm(one.pixels[mine] - other.pixels[theirs], axis=1).mean())

@@ -1,0 +1,1 @@
+"""The MuJoCo cars: the only stepper, and pictures of it."""

@@ -1,0 +1,169 @@
+"""The eyes of n cars: what their cameras see of gates and markers, projected or rendered."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.config import CameraConfig, CarConfig
+from tral_env.course.plan import Plan
+from tral_env.course.scene import Pool
+from tral_env.noise import NoiseTape
+from tral_env.perception.aruco import Detector, marker_poses
+from tral_env.perception.camera import Image, OnboardCamera
+from tral_env.perception.degrade import WebcamLaw, degrade
+from tral_env.perception.gate import Sighting, sight
+from tral_env.perception.projected import NOISE_PLACES, NORMALS, UNIFORMS, Scenery, project
+from tral_env.simulation.render_scene import Stage
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+class Vision(Protocol):
+    """A way to see."""
+
+    def place(self, row: int, plan: Plan, degradation: float, seed: int) -> None:
+        """Put a course around a car.
+
+        Args:
+            row: which car.
+            plan: its course.
+            degradation: level of its images' faults, see `degrade`.
+            seed: of the noise in its images.
+        """
+
+    def see(self, rows: Index, pose: Array, qpos: Array, mounting: Array) -> Sighting:
+        """What the cameras of the rows see now.
+
+        Args:
+            rows: (k,) cars.
+            pose: (k, 3) x, y, yaw.
+            qpos: (k, nq) full state.
+            mounting: (k, 3) roll, pitch, yaw of the cameras' mounting error, rad.
+
+        Returns:
+            Arrays of (k,).
+        """
+        ...
+
+    def close(self) -> None:
+        """Free what OpenGL holds."""
+
+
+class ProjectedVision:
+    """Marker corners projected through the lens; no OpenGL."""
+
+    def __init__(self, n: int, noise: NoiseTape, lens: CameraConfig, car: CarConfig) -> None:
+        """Nothing to see yet."""
+        self._scenery = Scenery(n)
+        self._markers = np.zeros(n, np.int64)
+        self._degradation = np.zeros(n)
+        self._noise, self._lens, self._car = noise, lens, car
+
+    def place(self, row: int, plan: Plan, degradation: float, seed: int) -> None:
+        """See `Vision`."""
+        self._scenery.place(row, plan)
+        self._markers[row], self._degradation[row] = len(plan.marker_id), degradation
+
+    def see(self, rows: Index, pose: Array, qpos: Array, mounting: Array) -> Sighting:
+        """See `Vision`."""
+        sighting = Sighting.nothing(len(rows))
+        # Rows without markers draw no noise, whether they are alone or among others.
+        some = np.flatnonzero(self._markers[rows])
+        if len(some):
+            sighting.put(some, self._see(rows[some], pose[some], mounting[some]))
+        return sighting
+
+    def _see(self, rows: Index, pose: Array, mounting: Array) -> Sighting:
+        normal = self._noise.normal(rows, NOISE_PLACES * NORMALS).reshape(-1, NOISE_PLACES, NORMALS)
+        uniform = self._noise.uniform(rows, NOISE_PLACES * UNIFORMS).reshape(-1, NOISE_PLACES, UNIFORMS)
+        seen = project(
+            self._scenery,
+            rows,
+            pose,
+            self._lens,
+            self._car,
+            mounting=mounting,
+            normal=normal,
+            uniform=uniform,
+            degradation=self._degradation[rows],
+        )
+        return sight(seen.ids, seen.x, seen.y, seen.heading, seen.valid)
+
+    def close(self) -> None:
+        """Nothing to free."""
+
+
+class Webcam:
+    """The images that n cars' cameras take: through the lens, mounted askew, degraded as a webcam does."""
+
+    def __init__(self, n: int, pool: Pool, lens: CameraConfig, law: WebcamLaw | None = None) -> None:
+        """OpenGL is opened with the first image; `law`: how much of each fault a level brings."""
+        self._stage = Stage(pool)
+        self._plans: list[Plan | None] = [None] * n
+        self._rngs = [np.random.default_rng(0) for _ in range(n)]
+        self._degradation = np.zeros(n)
+        self._camera = OnboardCamera(lens)
+        self._law = law
+
+    def place(self, row: int, plan: Plan, degradation: float, seed: int) -> None:
+        """See `Vision`."""
+        self._plans[row] = plan
+        self._degradation[row], self._rngs[row] = degradation, np.random.default_rng(seed)
+
+    def image(self, row: int, qpos: Array, mounting: Array) -> Image:
+        """Image of one car now.
+
+        Args:
+            row: which car.
+            qpos: (nq,) its state.
+            mounting: (3,) roll, pitch, yaw of the mounting error, rad.
+
+        Raises:
+            RenderError: no OpenGL on this machine.
+        """
+        plan = self._plans[row]
+        assert plan is not None, "a car looks around after its course was placed"
+        roll, pitch, yaw = (float(angle) for angle in mounting)
+        image = self._camera.capture(*self._stage.show(plan, qpos), (roll, pitch, yaw))
+        return degrade(image, float(self._degradation[row]), self._rngs[row], self._law)
+
+    def close(self) -> None:
+        """Free the OpenGL context."""
+        self._camera.close()
+
+
+class RenderedVision:
+    """The image of the camera, rendered and searched by OpenCV's detector."""
+
+    def __init__(self, n: int, pool: Pool, lens: CameraConfig, car: CarConfig, law: WebcamLaw | None = None) -> None:
+        """OpenGL is opened with the first image; `law`: how much of each fault a level brings."""
+        self._webcam = Webcam(n, pool, lens, law)
+        self._detector = Detector()
+        self._lens, self._car = lens, car
+
+    def place(self, row: int, plan: Plan, degradation: float, seed: int) -> None:
+        """See `Vision`."""
+        self._webcam.place(row, plan, degradation, seed)
+
+    def see(self, rows: Index, pose: Array, qpos: Array, mounting: Array) -> Sighting:
+        """See `Vision`.
+
+        Raises:
+            RenderError: no OpenGL on this machine.
+        """
+        found = [self._look(int(row), qpos[i], mounting[i]) for i, row in enumerate(rows)]
+        return Sighting(*(np.concatenate([getattr(one, name) for one in found]) for name in Sighting.__annotations__))
+
+    def _look(self, row: int, qpos: Array, mounting: Array) -> Sighting:
+        image = self._webcam.image(row, qpos, mounting)
+        poses = marker_poses(self._detector.detect(image), self._lens, self._car)
+        valid = np.ones((1, len(poses.ids)), bool)
+        return sight(poses.ids[None], poses.x[None], poses.y[None], poses.heading[None], valid)
+
+    def close(self) -> None:
+        """Free the OpenGL context."""
+        self._webcam.close()

@@ -1,0 +1,386 @@
+"""Cars on their courses: simulation and task together, n at once. Both environments are thin shells over this."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env import task
+from tral_env.calibration.camera_info import load_lens
+from tral_env.config import CameraConfig, CarConfig, TaskConfig, as_config
+from tral_env.course.generate import SCENARIOS, generate_plan
+from tral_env.course.geometry import build_plan
+from tral_env.course.layout import Course
+from tral_env.course.plan import Plan
+from tral_env.course.scene import Pool
+from tral_env.errors import ConfigError, nearest
+from tral_env.interface import Layout
+from tral_env.perception.degrade import WebcamLaw
+from tral_env.randomization import Randomization, level
+from tral_env.simulation.culling import WINDOW_BOXES, crowd
+from tral_env.simulation.sim import Simulation
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+Drawn = tuple[Course, Plan, dict[str, float]]
+"""What is drawn for an episode: the course, its plan, the car's parameters."""
+
+CAMERAS = ("projected", "rendered")
+RESET_OPTIONS = ("course", "car")
+"""What ``reset(options=...)`` understands."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CorridorConfig:
+    """What to drive, with which car and which eyes."""
+
+    scenario: str = "office"
+    """Family of courses that are generated, one of `SCENARIOS`."""
+    course: Course | str | Path | None = None
+    """A course, or the path of its JSON file, driven instead of generated ones."""
+    courses: int | None = None
+    """Draw each episode's course among this many, which are built once and kept: course k is that of
+    ``reset(seed=k)`` without this. None: a new course each time."""
+    camera: str = "projected"
+    """"projected": markers are projected, no OpenGL; "rendered": an image is rendered and searched by OpenCV."""
+    randomization: str | Randomization | Mapping[str, Any] = "default"
+    """How much the cars differ: "none", "default", "hard" or ranges of your own."""
+    groups: tuple[str, ...] = ()
+    """Optional groups of readings behind the core ones."""
+    car: CarConfig = field(default_factory=CarConfig)
+    """Only its full lock can be other than that of `assets/car.xml`."""
+    lens: CameraConfig = field(default_factory=CameraConfig)
+    task: TaskConfig = field(default_factory=TaskConfig)
+    image_faults: WebcamLaw = field(default_factory=WebcamLaw)
+    """How much of each fault a level of `image_degradation` brings to a rendered image: streaks and covered patches
+    are off until they are asked for here."""
+    pixels: bool = False
+    """The observation has an image of its own, which is rendered wherever the readings come from.
+    `TralCorridorPixels-v0` sets it."""
+
+    def __post_init__(self) -> None:
+        if self.scenario not in tuple(SCENARIOS):  # a tuple, so that a list is told as any other wrong name
+            raise ConfigError(f"unknown scenario '{self.scenario}': {nearest(self.scenario, SCENARIOS)}")
+        if self.camera not in CAMERAS:
+            raise ConfigError(f"unknown camera '{self.camera}': {nearest(self.camera, CAMERAS)}")
+        if self.courses is not None and not is_count(self.courses):
+            raise ConfigError(f"courses = {self.courses!r}: expected a whole number, 1 or more, or None")
+        if self.courses is not None and self.course is not None:
+            raise ConfigError(f"courses = {self.courses!r} with a course of your own: expected one of them")
+        if self.camera == "projected" and not self.pixels and self.image_faults != WebcamLaw():
+            raise ConfigError(
+                f"image_faults = {self.image_faults!r} with camera='projected', which takes no image: expected "
+                "camera='rendered', or TralCorridorPixels-v0, whose observation has an image"
+            )
+        level(self.randomization)
+        Layout.of(self.groups)
+        for place in fields(CarConfig):
+            got, has = getattr(self.car, place.name), getattr(CarConfig(), place.name)
+            if place.name != "full_lock_deg" and got != has:
+                raise ConfigError(f"CarConfig.{place.name} = {got!r}: the car of assets/car.xml has {has!r}")
+
+    @classmethod
+    def of(
+        cls,
+        *,
+        groups: Sequence[str] = (),
+        car: CarConfig | Mapping[str, Any] | None = None,
+        lens: CameraConfig | str | Path | Mapping[str, Any] | None = None,
+        task: TaskConfig | Mapping[str, Any] | None = None,
+        image_faults: WebcamLaw | Mapping[str, Any] | None = None,
+        **others: Any,
+    ) -> CorridorConfig:
+        """A configuration from the arguments of an environment: None for defaults, mappings for what JSON was.
+
+        Raises:
+            ConfigError: one of them is unknown or cannot be.
+        """
+        if isinstance(groups, str) or not isinstance(groups, Iterable):
+            raise ConfigError(f"groups = {groups!r}: expected names in a tuple, such as ('imu',)")
+        return cls(
+            groups=tuple(groups),
+            car=as_config(CarConfig, car),
+            lens=load_lens(lens),
+            task=as_config(TaskConfig, task),
+            image_faults=as_config(WebcamLaw, image_faults),
+            **others,
+        )
+
+    def fixed_course(self) -> Course | None:
+        """The course that every episode drives, if there is one."""
+        return as_course(self.course)
+
+
+def is_count(value: object) -> bool:
+    """Whether it is a whole number, 1 or more, that can be counted to. True is none."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    return whole and 1 <= int(value) <= np.iinfo(np.int64).max  # type: ignore[call-overload]
+
+
+def as_course(course: Course | str | Path | None) -> Course | None:
+    """A course, read from its file if a path was given.
+
+    Raises:
+        ConfigError: none of these.
+        CourseError: the file is no course.
+        OSError: the file cannot be opened.
+    """
+    if isinstance(course, str | Path):
+        return Course.load(course)
+    if course is not None and not isinstance(course, Course):
+        raise ConfigError(f"course = {course!r}: expected a Course or the path of a course file")
+    return course
+
+
+def _checked(options: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The options of a reset, if they are any of `RESET_OPTIONS`."""
+    if not isinstance(options, Mapping):
+        raise ConfigError(f"options = {options!r}: expected a mapping with {', '.join(RESET_OPTIONS)}")
+    for name in options:
+        if name not in RESET_OPTIONS:
+            raise ConfigError(f"unknown reset option '{name}': {nearest(name, RESET_OPTIONS)}")
+    return options
+
+
+@dataclass(frozen=True)
+class Step:
+    """What a tick brought, arrays of (n, ...)."""
+
+    observation: NDArray[np.float32]
+    reward: Array
+    terminated: Flags
+    truncated: Flags
+    info: dict[str, Array | Flags | Index]
+
+
+class Corridor:
+    """n cars on n courses."""
+
+    def __init__(self, n: int, config: CorridorConfig, *, nthread: int = 1, pool: Pool | None = None) -> None:
+        """Build the simulation; `reset` must come first.
+
+        Args:
+            n: number of cars.
+            config: what they drive.
+            nthread: threads that step them.
+            pool: room for courses of more than one family; None: for those of `config`.
+        """
+        self.n, self.config, self._nthread = n, config, nthread
+        self.layout = Layout.of(config.groups)
+        self._randomization = level(config.randomization)
+        fixed = config.fixed_course()
+        self._fixed = None if fixed is None else (fixed, build_plan(fixed))
+        self._near = 0 if self._fixed is None else crowd(self._fixed[1])
+        own = Pool.for_scenario(config.scenario) if self._fixed is None else Pool.of(self._fixed[1])
+        self.sim = self._simulation(own if pool is None else own.union(pool))
+        self.track = task.empty_track(n)
+        self._started = False
+        self.kept: dict[int, tuple[Course, Plan]] = {}
+        """Courses that were built so far, of those that `CorridorConfig.courses` keeps."""
+        self.courses: list[Course | None] = [None] * n
+        self.plans: list[Plan | None] = [None] * n
+        self.wanted_clearance = np.full((n, 2), np.nan)
+        """(n, 2) side and metres that the policies' active states want, for ``clearance_error_m`` alone."""
+        self._segment = np.zeros(n, np.int64)
+        self._s = np.zeros(n)
+        self._lateral = np.zeros(n)
+        self._passed = np.zeros(n, np.int64)
+        self._steering = np.zeros(n)
+
+    def _simulation(self, pool: Pool) -> Simulation:
+        config = self.config
+        return Simulation(
+            self.n,
+            pool,
+            camera=config.camera,
+            layout=self.layout,
+            car=config.car,
+            lens=config.lens,
+            nthread=self._nthread,
+            near=self._near,
+            image_faults=config.image_faults,
+        )
+
+    def reset(
+        self, rows: Index, rngs: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None
+    ) -> dict[str, Array]:
+        """Put the cars of the rows at the start of new courses.
+
+        Args:
+            rows: (k,) which cars.
+            rngs: generator of each of all n rows; only those of the rows are used.
+            options: ``course``: a `Course` or the path of one, for these rows; ``car``: parameters of the car that are
+                not to be drawn, name -> value, or name -> (n,) values: what an earlier reset returned drives again.
+
+        Returns:
+            The parameters of all cars, name -> (n,).
+
+        Raises:
+            ConfigError: unknown option or parameter; the course does not fit beside the other rows; the first reset
+                leaves out a car.
+            CourseError: the course cannot be built, or its file is no course.
+            OSError: its file cannot be opened.
+        """
+        if not self._started and len(rows) != self.n:
+            raise ConfigError(f"the first reset starts {len(rows)} of {self.n} cars: expected all")
+        options = _checked(options or {})
+        cars = self._cars(options.get("car"))
+        given = as_course(options.get("course"))
+        fixed = self._fixed if given is None else (given, build_plan(given))
+        if not len(rows):
+            return self._parameters()
+        drawn = [self._draw(rngs[row], fixed, cars(int(row))) for row in rows]
+        if given is not None:
+            self._fit([drawn[0][1]], rows, crowd(drawn[0][1]))
+        self.begin(rows, drawn, rngs)
+        return self._parameters()
+
+    def begin(self, rows: Index, drawn: Sequence[Drawn], rngs: Sequence[np.random.Generator]) -> None:
+        """Put cars at the start of courses that were drawn already; the first time all cars.
+
+        Args:
+            rows: (k,) which cars.
+            drawn: k courses, their plans and the parameters of the cars.
+            rngs: generator of each of all n rows, for the noise; only those of the rows are used.
+
+        Raises:
+            ConfigError: a course does not fit beside the other rows.
+        """
+        self._fit([plan for _, plan, _ in drawn], rows)
+        for row, (course, plan, _) in zip(rows, drawn, strict=True):
+            self.courses[row], self.plans[row] = course, plan
+            task.lay(self.track, int(row), plan)
+        self.sim.reset(rows, [plan for _, plan, _ in drawn], [car for _, _, car in drawn], rngs)
+        self._line_up(rows)
+        self._started = True
+
+    def _line_up(self, rows: Index) -> None:
+        """Begin the task of the rows anew."""
+        position, first = self.sim.pose[rows, :2], np.zeros(len(rows), np.int64)
+        self._s[rows], self._lateral[rows], self._segment[rows] = task.locate(self.track, rows, position, first)
+        self._passed[rows] = 0
+        self._steering[rows] = 0.0
+        self.wanted_clearance[rows] = np.nan
+
+    def _parameters(self) -> dict[str, Array]:
+        return {name: values.copy() for name, values in self.sim.parameters.items()}
+
+    def _cars(self, given: Mapping[str, Any] | None) -> Callable[[int], Randomization]:
+        """Randomization of each row, where some parameters are given: for all cars, or one value each."""
+        if given is None:
+            return lambda row: self._randomization
+        wrong = f"options['car'] = {given!r}: expected name -> number or {self.n} numbers"
+        if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
+            raise ConfigError(wrong)
+        # A vector environment tells its parameters with masks, `_name`.
+        given = {name: value for name, value in given.items() if not name.startswith("_")}
+        try:
+            values = {name: np.broadcast_to(np.asarray(value, float), self.n) for name, value in given.items()}
+        except (TypeError, ValueError, OverflowError):
+            raise ConfigError(wrong) from None
+        return lambda row: self._randomization.fixed(**{name: float(value[row]) for name, value in values.items()})
+
+    def _draw(self, rng: np.random.Generator, fixed: tuple[Course, Plan] | None, randomization: Randomization) -> Drawn:
+        course, plan = self._generate(rng) if fixed is None else fixed
+        return course, plan, randomization.draw(rng)
+
+    def _generate(self, rng: np.random.Generator) -> tuple[Course, Plan]:
+        """A new course, or one of those that are kept."""
+        scenario, hard, count = self.config.scenario, self.config.randomization == "hard", self.config.courses
+        if count is None:
+            return generate_plan(scenario, rng, hard=hard)
+        k = int(rng.integers(count))
+        if k not in self.kept:
+            self.kept[k] = generate_plan(scenario, np.random.default_rng(k), hard=hard)
+        return self.kept[k]
+
+    def _fit(self, plans: Sequence[Plan], rows: Index, near: int = 0) -> None:
+        """Rebuild the simulation if a plan needs more walls or markers than it has, or more of them near the car."""
+        needed = self.sim.pool
+        for plan in plans:
+            needed = needed.union(Pool.of(plan))
+        if needed == self.sim.pool and near <= max(self._near, WINDOW_BOXES):
+            return
+        if len(rows) != self.n:
+            told = f", {near} boxes near the car" if near > WINDOW_BOXES else ""
+            raise ConfigError(
+                f"this course needs {needed}{told}, but the cars were built for {self.sim.pool}: "
+                "give the course to make_vec(course=...), or reset all cars at once"
+            )
+        self.sim.close()
+        self._near = max(self._near, near)
+        self.sim = self._simulation(needed)
+
+    def observation(self) -> NDArray[np.float32]:
+        """What the policies are told now, (n, d)."""
+        return self.sim.observation()
+
+    def step(self, command: NDArray[np.floating], rows: Index | None = None) -> Step:
+        """Drive all cars, or those of the rows, for one tick. `command` is (n, 2).
+
+        Raises:
+            ConfigError: the cars have no courses yet.
+        """
+        if not self._started:
+            raise ConfigError("step() before the first reset()")
+        sim, config = self.sim, self.config.task
+        before = sim.pose[:, :2].copy()
+        sim.step(np.asarray(command, np.float64), rows)
+        everyone = np.arange(self.n)
+        s, self._lateral, self._segment = task.locate(self.track, everyone, sim.pose[:, :2], self._segment)
+        through, missed = task.cross_gates(self.track, before, sim.pose[:, :2], s, self._passed)
+        self._passed = self._passed + through
+        arrived = s >= self.track.length - 1e-6
+        missed |= arrived & (self._passed < self.track.gates)
+        failure = sim.collision | missed
+        success = arrived & ~failure
+        outcome = task.Outcome(
+            advance=s - self._s,
+            gate=through,
+            success=success,
+            failure=failure,
+            steering_change=sim.command[:, 0] - self._steering,
+        )
+        self._s, self._steering = s, sim.command[:, 0].copy()
+        terminated = success | failure
+        truncated = (sim.time_s >= task.time_limit(self.track.length, config)) & ~terminated
+        info = self.info(success, missed)
+        return Step(sim.observation(), task.reward(outcome, config), terminated, truncated, info)
+
+    def info(self, success: Flags | None = None, missed: Flags | None = None) -> dict[str, Array | Flags | Index]:
+        """The ground truth of all cars, which no policy sees."""
+        sim = self.sim
+        no = np.zeros(self.n, bool)
+        length = np.maximum(self.track.length, 1e-9)
+        crash = sim.collision & (sim.closing_speed >= self.config.task.touch_speed)
+        return {
+            "success": no if success is None else success,
+            "collision": sim.collision.copy(),
+            "crash": crash,
+            "missed_gate": no if missed is None else missed,
+            "progress": np.minimum(np.maximum(self._s / length, 0.0), 1.0),
+            "gates_passed": self._passed.copy(),
+            "gates_total": self.track.gates.copy(),
+            "clearance_error_m": self._clearance_error(),
+            "lateral_offset_m": self._lateral.copy(),
+            "pose": sim.pose.copy(),
+            "speed_mps": sim.speed.copy(),
+            "time_s": sim.time_s.copy(),
+        }
+
+    def _clearance_error(self) -> Array:
+        if np.isnan(self.wanted_clearance[:, 0]).all():
+            return np.full(self.n, np.nan)
+        left, right = task.wall_clearance(self.track, self.sim.pose, self.config.car)
+        return task.clearance_error(left, right, self.wanted_clearance)
+
+    def close(self) -> None:
+        """Free the OpenGL context, if there is one."""
+        self.sim.close()

@@ -1,0 +1,1 @@
+"""When transitions fire."""

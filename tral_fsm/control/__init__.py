@@ -1,0 +1,1 @@
+"""The laws that steer and drive: plain functions of plain numbers."""

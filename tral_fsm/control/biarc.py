@@ -1,0 +1,122 @@
+"""Arcs: the way to a pose on two of them, and where a car is beside one.
+
+Plain floats. Poses are x, y [m], heading [rad], seen from where the arc begins: x forward, y left; curvature + = left.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from tral_fsm.control.laws import clip, wrap
+
+_MOST_TURN = 0.75 * math.pi
+"""Neither arc turns by more: whoever needs that drives past and comes again."""
+_EXACT = 1e-6
+"""Two arcs that miss their end by more are none, m."""
+_ASKEW = math.radians(15.0)
+"""A pose that is passed within this angle is reached."""
+
+Pose = tuple[float, float, float]
+
+
+class TwoArcs(NamedTuple):
+    """An S of two arcs of equal radius."""
+
+    curvature: float
+    """Of the first, 1/m; the second has its negative."""
+    first: float
+    """Length of the first, m."""
+    second: float
+    """Length of the second, m."""
+
+
+def relative(frame: Pose, pose: Pose) -> Pose:
+    """A pose as seen from another one; heading wrapped."""
+    dx, dy = pose[0] - frame[0], pose[1] - frame[1]
+    cos, sin = math.cos(frame[2]), math.sin(frame[2])
+    return cos * dx + sin * dy, cos * dy - sin * dx, wrap(pose[2] - frame[2])
+
+
+def along(frame: Pose, distance: float, curvature: float = 0.0) -> Pose:
+    """The pose after a distance [m] on an arc that begins at a pose."""
+    turn = curvature * distance
+    half = turn / 2.0
+    chord = distance * (math.sin(half) / half if half else 1.0)
+    x, y, heading = frame
+    return x + chord * math.cos(heading + half), y + chord * math.sin(heading + half), heading + turn
+
+
+def beside(x: float, y: float, curvature: float) -> Pose:
+    """Where a point is beside an arc: distance along it [m], offset to its left [m], direction of the arc there."""
+    if abs(curvature) < 1e-9:
+        return x, y, 0.0
+    turn = math.atan2(curvature * x, 1.0 - curvature * y)
+    return turn / curvature, (1.0 - math.hypot(curvature * x, 1.0 - curvature * y)) / curvature, turn
+
+
+def two_arcs(x: float, y: float, heading: float) -> TwoArcs | None:
+    """The shortest S of two arcs of equal radius from here to a pose; None if one would turn by more than 135 degrees.
+
+    The circles touch: with d the way to the pose, n0 and n1 the left normals of both ends and k the curvature,
+    |d - (n0 + n1) / k| = 2 / |k|, so d^2 k^2 - 2 d (n0 + n1) k - 2 (1 - cos(heading)) = 0.
+    """
+    cos, sin = math.cos(heading), math.sin(heading)
+    square = x * x + y * y
+    if square < 1e-12:
+        return None
+    b = y * (1.0 + cos) - x * sin
+    root = math.sqrt(b * b + 2.0 * (1.0 - cos) * square)
+    best = None
+    for curvature in ((b + root) / square, (b - root) / square):
+        found = _through(curvature, (x, y, heading), sin, cos)
+        if found is not None and (best is None or found.first + found.second < best.first + best.second):
+            best = found
+    return best
+
+
+def _through(curvature: float, end: Pose, sin: float, cos: float) -> TwoArcs | None:
+    """The two arcs of a curvature, if they end where they should. They touch in the middle between their centres."""
+    if abs(curvature) < 1e-9:
+        middle = (end[0] / 2.0, end[1] / 2.0)
+    else:
+        middle = ((end[0] + sin / curvature) / 2.0, (end[1] + (1.0 - cos) / curvature) / 2.0)
+    first = beside(*middle, curvature)[0]
+    turning = along((0.0, 0.0, 0.0), first, curvature)
+    second = beside(*relative(turning, end)[:2], -curvature)[0]
+    if min(first, second) < -_EXACT or max(first, second) * abs(curvature) > _MOST_TURN:
+        return None
+    x, y, _ = along(turning, second, -curvature)
+    if math.hypot(x - end[0], y - end[1]) > _EXACT:
+        return None
+    return TwoArcs(curvature, max(first, 0.0), max(second, 0.0))
+
+
+def out_of_reach(pose: Pose, radius: float, aside: float) -> str:
+    """Why a car cannot come to a pose; empty if it can.
+
+    It can if the way straight on passes within `aside` and 15 degrees of it, or if two arcs lead to within `aside`.
+
+    Args:
+        pose: seen from the car.
+        radius: smallest that the car can drive, m.
+        aside: how far beside the pose is near enough, m.
+    """
+    x, y, heading = pose
+    cos, sin = math.cos(heading), math.sin(heading)
+    ahead = cos * x + sin * y
+    offset = sin * x - cos * y
+    if ahead < -aside:
+        return f"the target is {-ahead:.2f} m behind"
+    if abs(heading) <= _ASKEW and abs(offset - ahead * math.tan(heading)) <= aside:
+        return ""
+    bend = math.inf
+    for near in (clip(offset, aside), 0.0, aside, -aside):
+        arcs = two_arcs(x - sin * near, y + cos * near, heading)
+        if arcs is not None:
+            bend = min(bend, abs(arcs.curvature))
+            if bend * radius <= 1.0:
+                return ""
+    if bend == math.inf:
+        return f"no way leads to {x:.2f}, {y:+.2f} m, {math.degrees(heading):+.0f} deg"
+    return f"an arc of {1.0 / bend:.2f} m is needed, {radius:.2f} m the least"

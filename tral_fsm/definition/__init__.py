@@ -1,0 +1,1 @@
+"""What a machine file may say."""

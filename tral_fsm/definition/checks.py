@@ -1,0 +1,315 @@
+"""What can be wrong with a machine although each of its parts is right. Found before driving, all at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from typing import cast
+
+from tral_env.errors import MachineError, nearest
+from tral_fsm.definition.conditions import (
+    AllSpec,
+    AlwaysSpec,
+    AnySpec,
+    ArucoGateFoundSpec,
+    ConditionSpec,
+    DistanceSpec,
+    FinishedSpec,
+    NotSpec,
+    TimerSpec,
+    UnreachableSpec,
+)
+from tral_fsm.definition.machine import STATES, FSMStateSpec, MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition.validated import Id
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One fault of a machine file."""
+
+    pointer: str
+    """JSON pointer to the place; empty: the whole file."""
+    message: str
+    """What was got and what is allowed."""
+    place: str = ""
+    """Where that is in a file that is no plain JSON, in words: an element of a diagram, a line."""
+
+    def __str__(self) -> str:
+        return f"{self.place or self.pointer or '/'}: {self.message}"
+
+
+class FormatError(MachineError):
+    """A machine file cannot be used. All that is wrong with it stands in `problems`."""
+
+    def __init__(self, source: str, problems: Iterable[Problem]) -> None:
+        self.source = source
+        self.problems = tuple(problems)
+        lines = "".join(f"\n  {problem}" for problem in self.problems)
+        super().__init__(f"{source}: {len(self.problems)} problem{'s' * (len(self.problems) != 1)}{lines}")
+
+    def __reduce__(self) -> tuple[type[FormatError], tuple[str, tuple[Problem, ...]]]:
+        """Come whole out of a process of its own."""
+        return FormatError, (self.source, self.problems)
+
+
+def check(machine: MachineDefinition) -> list[Problem]:
+    """All faults in how the parts of a machine hang together, those of inline machines inside it too.
+
+    Args:
+        machine: the definition.
+
+    Returns:
+        The problems, with JSON pointers into the definition; empty if it can be driven.
+    """
+    problems = list(check_level(machine.root, machine.states, machine.transitions))
+    for index, state in enumerate(machine.states):
+        if isinstance(state, FSMStateSpec) and isinstance(state.machine, MachineDefinition):
+            problems += [replace(p, pointer=f"/states/{index}/machine{p.pointer}") for p in check(state.machine)]
+    return problems
+
+
+def check_level(
+    root: Id | None, states: Sequence[StateSpec | None], transitions: Sequence[TransitionSpec | None]
+) -> Iterator[Problem]:
+    """As `check`, without the machines inside, and of what could be read: None stands for what could not.
+
+    Args:
+        root: id of the root, or None.
+        states: a state of which the id alone could be read is a `StateSpec` with an empty type.
+        transitions: one of which the ends alone could be read has a `ConditionSpec` with an empty type.
+    """
+    level = _Level(root, states, transitions)
+    broken = False
+    for problem in chain(_ids(level), _ends(level)):
+        broken = True
+        yield problem
+    yield from _conditions(level)
+    yield from _shadowed(level)
+    if level.whole and not broken:
+        yield from _reachable(level)
+        yield from _ways_out(level)
+        yield from _cycles(level)
+
+
+class _Level:
+    """The parts of one machine, as far as they are known."""
+
+    def __init__(
+        self, root: Id | None, states: Sequence[StateSpec | None], transitions: Sequence[TransitionSpec | None]
+    ) -> None:
+        self.root = root
+        self.states = [(index, state) for index, state in enumerate(states) if state is not None]
+        self.transitions = [(index, way) for index, way in enumerate(transitions) if way is not None]
+        self.by_id: dict[Id, StateSpec] = {}
+        for _, state in self.states:
+            self.by_id.setdefault(state.id, state)
+        self.all_states = None not in states
+        known = all(state.type for _, state in self.states) and all(way.when.type for _, way in self.transitions)
+        self.whole = root is not None and self.all_states and None not in transitions and known
+
+
+def _ids(level: _Level) -> Iterator[Problem]:
+    """Each id once. 1 and "1" are the same id, since diagrams cannot tell them apart."""
+    if not level.states and level.all_states:
+        yield Problem("/states", "got no state: a machine needs at least one")
+    lists: dict[str, Sequence[tuple[int, StateSpec | TransitionSpec]]]
+    lists = {"states": level.states, "transitions": level.transitions}
+    for name, parts in lists.items():
+        first: dict[str, int] = {}
+        for index, part in parts:
+            before = first.setdefault(str(part.id), index)
+            if before != index:
+                yield Problem(f"/{name}/{index}/id", f"got id {part.id!r}, which /{name}/{before} has already")
+
+
+def _ends(level: _Level) -> Iterator[Problem]:
+    """Root and both ends of every transition are states."""
+    if not level.all_states or not level.states:
+        return  # an end may be a state whose id could not be read
+    if level.root is not None and level.root not in level.by_id:
+        yield Problem("/root", f"got {level.root!r}, which is no state: {nearest(level.root, level.by_id)}")
+    for index, way in level.transitions:
+        for name, end in (("from", way.source), ("to", way.target)):
+            if end not in level.by_id:
+                yield Problem(
+                    f"/transitions/{index}/{name}", f"got {end!r}, which is no state: {nearest(end, level.by_id)}"
+                )
+
+
+def _reachable(level: _Level) -> Iterator[Problem]:
+    """Every state can be come to from the root."""
+    ways: dict[Id, list[Id]] = {}
+    for _, way in level.transitions:
+        if not never(way.when):
+            ways.setdefault(way.source, []).append(way.target)
+    seen, front = {level.root}, [level.root]
+    while front:
+        for target in ways.get(cast(Id, front.pop()), ()):
+            if target not in seen:
+                seen.add(target)
+                front.append(target)
+    for index, state in level.states:
+        if state.id not in seen:
+            yield Problem(f"/states/{index}", f"state {state.id!r} ({state.type}) cannot be reached from the root")
+
+
+def _ways_out(level: _Level) -> Iterator[Problem]:
+    """Every state can be left for another one, but for those that may end the machine."""
+    left = {way.source for _, way in level.transitions if way.target != way.source and not never(way.when)}
+    for index, state in level.states:
+        if state.id not in left and not state.may_end:
+            yield Problem(
+                f"/states/{index}",
+                f"state {state.id!r} ({state.type}) can never be left: give it a transition to another state, or "
+                '"final": true if the machine may end there',
+            )
+
+
+def always(when: ConditionSpec) -> bool:
+    """Whether a condition holds in every tick."""
+    if isinstance(when, DistanceSpec):
+        return when.distance == 0.0
+    if isinstance(when, TimerSpec):
+        return when.seconds == 0.0
+    if isinstance(when, AllSpec):
+        return all(always(part) for part in when.of)
+    if isinstance(when, AnySpec):
+        return any(always(part) for part in when.of)
+    return isinstance(when, AlwaysSpec) or (isinstance(when, NotSpec) and never(when.of[0]))
+
+
+def never(when: ConditionSpec) -> bool:
+    """Whether a condition holds in no tick."""
+    if isinstance(when, AllSpec):
+        return any(never(part) for part in when.of)
+    if isinstance(when, AnySpec):
+        return all(never(part) for part in when.of)
+    return isinstance(when, NotSpec) and always(when.of[0])
+
+
+def parts(condition: ConditionSpec, pointer: str, hands: bool = True) -> Iterator[tuple[ConditionSpec, str, bool]]:
+    """A condition and all that it is combined of, each with its JSON pointer, and whether it may hand things over."""
+    yield condition, pointer, hands
+    if isinstance(condition, AllSpec | AnySpec | NotSpec):
+        hands = hands and not isinstance(condition, NotSpec)
+        for index, part in enumerate(condition.of):
+            yield from parts(part, f"{pointer}/of/{index}", hands)
+
+
+def _conditions(level: _Level) -> Iterator[Problem]:
+    """Finished leaves finishable states, Unreachable targetable ones, gates are handed to targetable ones."""
+    for index, way in level.transitions:
+        owner, target = level.by_id.get(way.source), level.by_id.get(way.target)
+        for condition, pointer, hands in parts(way.when, f"/transitions/{index}"):
+            if owner is not None and owner.type:
+                yield from _of_owner(condition, owner, f"{pointer}/type")
+            hands_over = hands and isinstance(condition, ArucoGateFoundSpec) and condition.hand_over
+            if hands_over and target is not None and target.type and not target.takes_target:
+                yield Problem(
+                    f"{pointer}/type",
+                    f"hands the gate to state {target.id!r} ({target.type}), which takes no target. "
+                    f'{_targetable()}; or "hand_over": false',
+                )
+
+
+def _of_owner(condition: ConditionSpec, owner: StateSpec, pointer: str) -> Iterator[Problem]:
+    """What a condition asks its owner the owner can answer."""
+    who = f"leaves state {owner.id!r} ({owner.type}), which"
+    if isinstance(condition, FinishedSpec) and not owner.finishable:
+        hint = ": a Motor needs a distance for that" if owner.type == "Motor" else ""
+        if isinstance(owner, FSMStateSpec):
+            hint = ": its machine has no state in which it may end"
+        yield Problem(pointer, f"Finished {who} never says that it is finished{hint}")
+    if isinstance(condition, UnreachableSpec) and not owner.takes_target:
+        yield Problem(pointer, f"Unreachable {who} takes no target. {_targetable()}")
+
+
+def _targetable() -> str:
+    names = ", ".join(name for name, spec in STATES.items() if spec.targetable)
+    return f"Allowed: {names}, an FSMState whose root is one of them"
+
+
+def _shadowed(level: _Level) -> Iterator[Problem]:
+    """Every transition can fire, and none stands behind one that is always taken before it."""
+    always_before: dict[Id, Id] = {}
+    same_before: dict[tuple[Id, str], Id] = {}
+    for index, way in level.transitions:
+        if not way.when.type:
+            continue
+        who = f"transition {way.id!r} can never fire"
+        if never(way.when):
+            yield Problem(f"/transitions/{index}", f"{who}: its condition holds in no tick")
+        same = (way.source, repr(way.when))  # text, since a condition of somebody's own may hold what has no hash
+        if way.source in always_before:
+            other = always_before[way.source]
+            yield Problem(f"/transitions/{index}", f"{who}: {other!r}, checked before it, fires always")
+        elif same in same_before:
+            other = same_before[same]
+            yield Problem(f"/transitions/{index}", f"{who}: {other!r}, checked before it, has the same condition")
+        same_before.setdefault(same, way.id)
+        if always(way.when):
+            always_before.setdefault(way.source, way.id)
+
+
+def _cycles(level: _Level) -> Iterator[Problem]:
+    """No cycle of transitions that all fire at once: the machine would go round in it, a state a tick, for ever."""
+    at_once: dict[Id, tuple[int, TransitionSpec]] = {}
+    for index, way in level.transitions:
+        if always(way.when):
+            at_once.setdefault(way.source, (index, way))
+    done: set[Id] = set()
+    for start in at_once:
+        path: list[Id] = []
+        here = start
+        while here in at_once and here not in done:
+            done.add(here)
+            path.append(here)
+            here = at_once[here][1].target
+        if here in path:
+            round_trip = [*path[path.index(here) :], here]
+            yield Problem(
+                f"/transitions/{at_once[here][0]}",
+                f"goes round in no time: {' > '.join(str(name) for name in round_trip)}, each left at once",
+            )
+
+
+def check_inner(
+    machine: MachineDefinition, names: Iterable[str], load: Callable[[str], MachineDefinition], around: tuple[str, ...]
+) -> list[Problem]:
+    """All faults of machines that are named inside a machine: unknown, holding itself; what is asked of them in vain.
+
+    Args:
+        machine: the outer one.
+        names: of the packaged machines.
+        load: gives the packaged machine of a name, without looking into it.
+        around: names of the machines around, the outermost first.
+    """
+    problems: list[Problem] = []
+    known: list[StateSpec] = []
+    for index, state in enumerate(machine.states):
+        known.append(state)
+        if not isinstance(state, FSMStateSpec):
+            continue
+        at, inner = f"/states/{index}/machine", state.machine
+        if isinstance(inner, MachineDefinition):
+            found = check_inner(inner, names, load, around)
+            problems += [replace(p, pointer=at + p.pointer) for p in found]
+        elif inner not in names:
+            problems.append(Problem(at, unknown_machine(inner, names)))
+        elif inner in around:
+            problems.append(Problem(at, f"holds itself: {' > '.join((*around, inner))}"))
+        else:
+            held = load(inner)
+            found = check_inner(held, names, load, (*around, inner))
+            problems += [Problem(at, f"in {inner!r}, {problem}") for problem in found]
+            known[index] = state.model_copy(update={"machine": held})
+    # Whether a named machine ends, or its root takes a target, is known only now.
+    told = {str(problem) for problem in _conditions(_Level(machine.root, machine.states, machine.transitions))}
+    found = list(_conditions(_Level(machine.root, known, machine.transitions)))
+    return problems + [problem for problem in found if str(problem) not in told]
+
+
+def unknown_machine(name: object, names: Iterable[str]) -> str:
+    """What to say of a name that is none of a packaged machine. What stands in a folder is none."""
+    return f"got {str(name)[:60]!r}, which is no packaged machine: {nearest(name, names)}"

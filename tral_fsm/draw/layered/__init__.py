@@ -1,0 +1,1 @@
+"""Where the states and arrows of a picture stand."""

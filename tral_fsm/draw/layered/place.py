@@ -1,0 +1,177 @@
+"""Where the slots of a layer stand across, so that arrows run straight."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+from tral_fsm.draw.layered.graph import GRID, Graph
+
+_SWEEPS = 40
+_STRAIGHTENING = 16
+_MANY = 1000
+"""With more slots there are fewer sweeps, so that the time stays bearable. Source: choice."""
+_PASSING, _ENDING = 4.0, 1.0
+"""How much a bend counts between two passing pieces of an arrow, and at a box. Source: choice."""
+_PLACED = 1.3
+
+Wish = tuple[float, float]
+"""A place and how much it counts."""
+
+
+def places(graph: Graph, layers: Sequence[Sequence[int]]) -> list[float]:
+    """Positions across of each slot's middle or line, multiples of the grid.
+
+    Args:
+        graph: the slots.
+        layers: slots of each layer in order.
+    """
+    position = [0.0] * len(graph.slots)
+    for layer in layers:
+        for one, two in itertools.pairwise(layer):
+            position[two] = position[one] + gap(graph, one, two)
+    finding, straightening = (max(2, min(n, n * _MANY // len(graph.slots))) for n in (_SWEEPS, _STRAIGHTENING))
+    for sweep in range(finding + straightening):
+        ends = link_ends(graph, position)
+        straighten = sweep >= finding
+        forth = sweep % 2 == 1
+        for layer in layers if forth else reversed(layers):
+            wishes = [_wishes(graph, slot, position, ends, forth) for slot in layer]
+            gaps = [gap(graph, one, two) for one, two in itertools.pairwise(layer)]
+            for slot, now in zip(layer, settled(wishes, gaps, straighten), strict=True):
+                position[slot] = now
+    # Gaps are multiples of the grid, so rounding all alike keeps them.
+    exact = [float(GRID * int(p // GRID + (p % GRID >= GRID / 2))) for p in position]
+    _align(graph, layers, exact)
+    return exact
+
+
+def _align(graph: Graph, layers: Sequence[Sequence[int]], position: list[float]) -> None:
+    """Take bends out of arrows where there is room: pieces that run straight move as one onto the next ones."""
+    chains: dict[int, list[int]] = {}
+    for index, slot in enumerate(graph.slots):
+        if slot.edge is not None:
+            chains.setdefault(slot.edge, []).append(index)
+    room = _Room(graph, layers, position)
+    for _ in range(3):
+        for chain in chains.values():
+            cut = 0
+            for index in range(1, len(chain)):
+                if position[chain[index]] == position[chain[index - 1]]:
+                    continue
+                end = index
+                while end < len(chain) and position[chain[end]] == position[chain[index]]:
+                    end += 1
+                if not room.move(chain[cut:index], position[chain[index]]) and not room.move(
+                    chain[index:end], position[chain[index - 1]]
+                ):
+                    cut = index
+
+
+class _Room:
+    """Moves slots between their neighbours of the same layer."""
+
+    def __init__(self, graph: Graph, layers: Sequence[Sequence[int]], position: list[float]) -> None:
+        self.graph, self.position = graph, position
+        self.before = {two: one for layer in layers for one, two in itertools.pairwise(layer)}
+        self.after = {one: two for two, one in self.before.items()}
+
+    def move(self, slots: Sequence[int], to: float) -> bool:
+        """Put slots of different layers there if they all have room; whether they had."""
+        if not all(self._fits(slot, to) for slot in slots):
+            return False
+        for slot in slots:
+            self.position[slot] = to
+        return True
+
+    def _fits(self, slot: int, to: float) -> bool:
+        one, two = self.before.get(slot), self.after.get(slot)
+        return (one is None or self.position[one] + gap(self.graph, one, slot) <= to) and (
+            two is None or to + gap(self.graph, slot, two) <= self.position[two]
+        )
+
+
+def gap(graph: Graph, one: int, two: int) -> int:
+    """Least distance of two slots of a layer that stand side by side."""
+    a, b = graph.slots[one], graph.slots[two]
+    boxes = (a.state is not None) + (b.state is not None)
+    return -(-(a.after + b.before + GRID * boxes) // GRID) * GRID
+
+
+def _wishes(
+    graph: Graph, slot: int, position: Sequence[float], ends: dict[tuple[int, int], float], forth: bool
+) -> tuple[list[Wish], float]:
+    """Where each link of a slot would have it, and where it is now.
+
+    What was just placed (the nearer slots on the way forth) counts a little more, so that a straight line grows.
+    """
+    wishes = []
+    for link, other, placed in [
+        *((link, graph.links[link].near, forth) for link in graph.nearer[slot]),
+        *((link, graph.links[link].far, not forth) for link in graph.farther[slot]),
+    ]:
+        passing = graph.slots[slot].state is None and graph.slots[other].state is None
+        # A side's only arrow best ends in its middle.
+        alone = len(graph.nearer[slot] if link in graph.nearer[slot] else graph.farther[slot]) == 1
+        own = 0.0 if alone else ends[link, slot] - position[slot]
+        weight = (_PASSING if passing else _ENDING) * (_PLACED if placed else 1.0)
+        wishes.append((ends[link, other] - own, weight))
+    return wishes, position[slot]
+
+
+def settled(wishes: Sequence[tuple[list[Wish], float]], gaps: Sequence[float], medians: bool) -> list[float]:
+    """Places in order, at least `gaps` apart, as near as can be to what is wished: isotonic regression.
+
+    Args:
+        wishes: for each, places with weights, and the place to stay at if there are none.
+        gaps: least distance of each to the next.
+        medians: the sum of distances counts instead of that of their squares: most wishes come true exactly.
+    """
+    shift = 0.0
+    blocks: list[tuple[int, list[Wish], float]] = []
+    shifts = []
+    for index, (wished, stay) in enumerate(wishes):
+        shifts.append(shift)
+        own = [(place - shift, weight) for place, weight in wished] or [(stay - shift, 1e-3)]
+        count, value = 1, _middle(own, medians)
+        while blocks and blocks[-1][2] >= value:
+            before, theirs, _ = blocks.pop()
+            count, own = count + before, theirs + own
+            value = _middle(own, medians)
+        blocks.append((count, own, value))
+        shift += gaps[index] if index < len(gaps) else 0.0
+    values = [value for count, _, value in blocks for _ in range(count)]
+    return [value + shift for value, shift in zip(values, shifts, strict=True)]
+
+
+def _middle(wishes: list[Wish], median: bool) -> float:
+    total = sum(weight for _, weight in wishes)
+    if not median:
+        return sum(place * weight for place, weight in wishes) / total
+    half = 0.0
+    for place, weight in sorted(wishes):
+        half += weight
+        if half >= total / 2.0:
+            return place
+    raise AssertionError("no wishes")
+
+
+def link_ends(graph: Graph, position: Sequence[float]) -> dict[tuple[int, int], float]:
+    """(link, slot) -> its end there: on an arrow's line; along a box's side, in order, near its other end."""
+    ends = {}
+    for slot, what in enumerate(graph.slots):
+        for side, links in (("near", graph.nearer[slot]), ("far", graph.farther[slot])):
+            if what.state is None:
+                ends.update({(link, slot): position[slot] for link in links})
+                continue
+            others = {link: getattr(graph.links[link], side) for link in links}
+            ordered = sorted(links, key=lambda link, others=others: (position[others[link]], link))  # type: ignore[misc]
+            low = position[slot] - what.reach
+            step = min(2 * GRID, GRID * (2 * what.reach // max(1, len(links) - 1) // GRID))
+            high = position[slot] + what.reach - step * (len(links) - 1)
+            wishes = [([(float(position[others[link]]), 1.0)], 0.0) for link in ordered]
+            for index, (link, at) in enumerate(
+                zip(ordered, settled(wishes, [step] * (len(links) - 1), medians=True), strict=True)
+            ):
+                ends[link, slot] = min(max(at - index * step, low), high) + index * step
+    return ends

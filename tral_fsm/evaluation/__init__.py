@@ -1,0 +1,1 @@
+"""Drives in batches, and what is measured of them."""

@@ -1,0 +1,1 @@
+"""State charts of the W3C."""

@@ -1,0 +1,74 @@
+"""UMLet files (.uxf): XML <-> machine."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+
+from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.formats.plain import Plain, Problems
+from tral_fsm.formats.umlet import writer as uxf_writer
+from tral_fsm.formats.umlet.elements import GRID, Diagram, Element
+from tral_fsm.formats.umlet.elements import plain as understand
+from tral_fsm.formats.xml_tree import Node
+
+_LONGEST_POINTS = 10_000
+"""Characters; an arrow with more corners has no place."""
+ROOTS = ("diagram", "umlet_diagram")
+"""Tags of a whole file, new and legacy."""
+
+
+def plain(root: Node, problems: Problems) -> Plain:
+    """The machine that a UMLet file shows.
+
+    Args:
+        root: the file.
+        problems: takes what cannot be understood.
+    """
+    zoom = number(root.child_text("zoom_level") or "10")
+    if zoom is None or zoom <= 0.0:
+        problems.complain("", f"got zoom_level {root.child_text('zoom_level')[:30]!r}, expected a number above 0")
+        zoom = GRID
+    elements = [_element(node) for node in _elements(root)]
+    return understand(Diagram(elements, zoom, root.child_text("help_text")), problems)
+
+
+def dumps(machine: MachineDefinition) -> str:
+    """Write a machine as a UMLet file: states in layers below the root, arrows from outline to outline."""
+    return uxf_writer.dumps(machine)
+
+
+def _elements(node: Node) -> Iterator[Node]:
+    """All elements, those of groups too."""
+    for child in node.children:
+        if child.tag == "element":
+            yield child
+        elif child.tag == "group":
+            yield from _elements(child)
+
+
+def _element(node: Node) -> Element:
+    legacy = next(node.all("id"), None) is None
+    kind = node.child_text("type" if legacy else "id").strip().rpartition(".")[2]
+    coordinates = next(node.all("coordinates"), Node("", {}, 0))
+    sides = [number(coordinates.child_text(side)) for side in "xywh"]
+    return element(kind, legacy, sides, node.child_text("panel_attributes"), node.child_text("additional_attributes"))
+
+
+def element(kind: str, legacy: bool, sides: list[float | None], text: str, points: str) -> Element:
+    """An element from its parts: x, y, width, height as numbers, points as text `x;y;x;y`."""
+    x, y, width, height = sides
+    known = x is not None and y is not None and width is not None and height is not None
+    known_points = kind == "Relation" and len(points) < _LONGEST_POINTS
+    values = [number(part) for part in points.split(";")] if known_points else []
+    pairs = tuple((a, b) for a, b in zip(values[::2], values[1::2], strict=False) if a is not None and b is not None)
+    whole = len(pairs) * 2 == len(values) and len(pairs) > 1
+    box = (x, y, width, height) if known else None
+    return Element(kind, text, box, pairs if whole else (), legacy)  # type: ignore[arg-type]
+
+
+def number(text: object) -> float | None:
+    """A finite number of a reasonable size from text; None if it is none."""
+    found = re.fullmatch(r"\s*(-?\d{1,9}(?:\.\d{0,20})?)\s*", str(text), re.ASCII)
+    return float(found[1]) if found and math.isfinite(float(found[1])) else None

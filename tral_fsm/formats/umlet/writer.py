@@ -1,0 +1,182 @@
+"""A machine as a UMLet file."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+from xml.sax.saxutils import escape
+
+from tral_fsm.definition.machine import MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.draw.layered.layout import Layout, Route, layout
+from tral_fsm.formats.tral_json import members, state_json
+from tral_fsm.formats.xml_tree import json_text, legal
+
+_LINE, _LETTER = 18, 7.5
+"""Height of a line and width of a letter in UMLet at 100 %, px."""
+_NODE = 20
+"""Size of an initial node, px."""
+_MARGIN = 10
+"""Points of an arrow begin so far inside its box, px. Source: UMLet."""
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle in pixels; y points down."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+
+def dumps(machine: MachineDefinition) -> str:
+    """Write a machine.
+
+    Args:
+        machine: the definition.
+
+    Returns:
+        XML text, laid out: an arrow for each transition, its ends on the outlines of its states.
+    """
+    drawn = layout(machine, direction="right", bundled=False, state_size=_state_size, label_size=_label_size)
+    boxes = [Box(box.x, box.y, box.w, box.h) for box in drawn.boxes]
+    found = [element("UMLState", box, _state_text(state)) for box, state in zip(boxes, machine.states, strict=True)]
+    found += _root(drawn)
+    order: Counter[int | str] = Counter()
+    leaving = Counter(transition.source for transition in machine.transitions)
+    for transition, route in zip(machine.transitions, drawn.routes, strict=True):
+        order[transition.source] += 1
+        number = order[transition.source] if leaving[transition.source] > 1 else None
+        found.append(_arrow(_transition_text(transition, number), route))
+    return diagram(found, _head(machine))
+
+
+def _root(drawn: Layout) -> list[str]:
+    """The initial node and its arrow."""
+    x, y = drawn.root[0]
+    node = Box(x - _NODE, y - _NODE / 2, _NODE, _NODE)
+    return [element("UMLSpecialState", node, "type=initial"), relation("lt=->", drawn.root)]
+
+
+def _arrow(text: str, route: Route) -> str:
+    """An arrow whose text stands where the layout has room for it.
+
+    UMLet centres the text on the middle one of the arrow's lines. So that line runs along the room, and as many empty
+    lines as the text has push it above the line, or below for an arrow from a state to itself.
+    """
+    label, points = route.label, [(float(x), float(y)) for x, y in route.points]
+    line, _, rest = text.partition("\n")
+    empty = "\n" * (text.count("\n") + 1)
+    for index, ((x, y), (u, v)) in enumerate(pairwise(points)):
+        begin, end = label.x, label.x + label.w
+        if y == v and 0 <= y - label.y - label.h <= 4 and min(x, u) <= begin and end <= max(x, u):
+            first, last = ((begin, y), (end, y)) if x < u else ((end, y), (begin, y))
+            before, after = _parted([*points[: index + 1], first]), _parted([*reversed(points[index + 1 :]), last])
+            most = max(len(before), len(after))
+            return relation(text + empty, [*_longer(before, most), *reversed(_longer(after, most))])
+    return relation(f"{line}\n{empty}{rest}", points)
+
+
+def _parted(points: list[Point]) -> list[Point]:
+    """Without points that repeat the one before."""
+    return [point for index, point in enumerate(points) if index == 0 or point != points[index - 1]]
+
+
+def _longer(points: list[Point], count: int) -> list[Point]:
+    """The same way with so many points: its first line is halved."""
+    while len(points) < count:
+        (x, y), (u, v) = points[:2] if len(points) > 1 else points * 2
+        points = [points[0], ((x + u) / 2.0, (y + v) / 2.0), *points[1:]]
+    return points
+
+
+def diagram(elements: list[str], text: str = "") -> str:
+    """A whole file of elements; `text` is what the diagram says of itself."""
+    head = f"  <help_text>{escape(text)}</help_text>\n" if text else ""
+    return (
+        '<?xml version="1.0" encoding="UTF-8" standalone="no"?>\n<diagram program="umlet" version="15.1">\n'
+        f"{head}  <zoom_level>10</zoom_level>\n{''.join(elements)}</diagram>\n"
+    )
+
+
+def element(kind: str, box: Box, text: str, points: str = "") -> str:
+    """One element."""
+    sides = "".join(
+        f"      <{side}>{round(length)}</{side}>\n"
+        for side, length in zip("xywh", (box.x, box.y, box.width, box.height), strict=True)
+    )
+    return (
+        f"  <element>\n    <id>{kind}</id>\n    <coordinates>\n{sides}    </coordinates>\n"
+        f"    <panel_attributes>{escape(text)}</panel_attributes>\n"
+        f"    <additional_attributes>{points}</additional_attributes>\n  </element>\n"
+    )
+
+
+def relation(text: str, points: Sequence[Point]) -> str:
+    """An arrow through points in pixels."""
+    left, top = (int(min(point[axis] for point in points)) - _MARGIN for axis in (0, 1))
+    width, height = (max(point[axis] for point in points) - low + _MARGIN for axis, low in ((0, left), (1, top)))
+    inside = ";".join(f"{x - left:.1f};{y - top:.1f}" for x, y in points)
+    return element("Relation", Box(left, top, width, height), text, inside)
+
+
+def parameters(values: dict[str, Any]) -> str:
+    """JSON members, one a line."""
+    lines = [f"{json.dumps(name, ensure_ascii=False)}: {_broken(value)}" for name, value in values.items()]
+    return json_text(",\n".join(lines))
+
+
+def _broken(value: Any) -> str:
+    """JSON in which each object of an array has a line of its own."""
+    if isinstance(value, dict):
+        return (
+            "{"
+            + ", ".join(f"{json.dumps(key, ensure_ascii=False)}: {_broken(item)}" for key, item in value.items())
+            + "}"
+        )
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        return "[\n" + ",\n".join(_broken(item) for item in value) + "]"
+    return json.dumps(value, ensure_ascii=False)
+
+
+def state_text(title: str, values: dict[str, Any]) -> str:
+    """Title, rule, parameters, rule."""
+    line = " ".join(legal(title).split())
+    return f"{'' if line == '--' else line}\n--\n{parameters(values)}\n--\nhalign=left"
+
+
+def _head(machine: MachineDefinition) -> str:
+    said = {name: getattr(machine, name) for name in ("name", "description") if getattr(machine, name)}
+    return "".join(f"// {json_text(json.dumps({k: v}, ensure_ascii=False)[1:-1])}\n" for k, v in said.items())
+
+
+def _state_text(state: StateSpec) -> str:
+    return state_text(state.label or str(state.id), state_json(state))
+
+
+def _transition_text(transition: TransitionSpec, order: int | None) -> str:
+    when = transition.when
+    ends = {"from": transition.source, "to": transition.target}
+    place = {} if order is None else {"order": order}
+    return "lt=->\n" + parameters({"id": transition.id, "type": when.type, **ends, **place, **members(when)})
+
+
+def _state_size(state: StateSpec) -> tuple[int, int]:
+    return size(_state_text(state))
+
+
+def _label_size(transitions: Sequence[TransitionSpec], places: Sequence[str]) -> tuple[int, int]:
+    return size("\n".join(_transition_text(transition, 1) for transition in transitions))  # "lt=->" is not drawn
+
+
+def size(text: str) -> tuple[int, int]:
+    """Width and height of a box that shows a text but for its last line, px, in steps of 10."""
+    lines = [line for line in text.split("\n")[:-1] if not line.startswith("//")]
+    width = max((len(line) for line in lines), default=0) * _LETTER + 20
+    return int(max(100.0, min(width, 600.0))) // 10 * 10, (len(lines) * _LINE + 10) // 10 * 10 + 10

@@ -1,0 +1,71 @@
+"""A UMLet file put through `xml2json`: one element is an object, several an array, an empty tag null, all else text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from tral_fsm.formats.plain import Plain, Problems
+from tral_fsm.formats.umlet.elements import GRID, Diagram, Element
+from tral_fsm.formats.umlet.elements import plain as understand
+from tral_fsm.formats.umlet.uxf import ROOTS, element, number
+
+
+def is_one(value: Any) -> bool:
+    """Plain JSON values that come from a UMLet file."""
+    return isinstance(value, dict) and any(root in value for root in ROOTS)
+
+
+def plain(value: Any, problems: Problems) -> Plain:
+    """The machine that a UMLet file in its JSON form shows.
+
+    Args:
+        value: plain JSON values for which `is_one` holds.
+        problems: takes what cannot be understood.
+    """
+    root = next(value[name] for name in ROOTS if name in value)
+    if not isinstance(root, dict):
+        if root is not None:
+            problems.complain("/diagram", f"got {type(root).__name__}, expected an object")
+        root = {}
+    zoom = number(_text(root.get("zoom_level")) or "10")
+    if zoom is None or zoom <= 0.0:
+        problems.complain("/diagram/zoom_level", "expected a number above 0")
+        zoom = GRID
+    elements = [_element(item) for item in _elements(root, problems)]
+    return understand(Diagram(elements, zoom, _text(root.get("help_text"))), problems)
+
+
+def _list(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else [] if value is None else [value]
+
+
+def _elements(root: dict[str, Any], problems: Problems, depth: int = 0) -> Iterator[dict[str, Any]]:
+    """All elements, those of groups too."""
+    for item in _list(root.get("element")):
+        if isinstance(item, dict):
+            yield item
+        else:
+            problems.complain("/diagram/element", f"got {type(item).__name__}, expected an object")
+    for group in _list(root.get("group")):
+        if isinstance(group, dict) and depth < 20:
+            yield from _elements(group, problems, depth + 1)
+
+
+def _text(value: Any) -> str:
+    """Text of a tag: as such, beside attributes in "#text", in pieces around comments; null: empty."""
+    if isinstance(value, dict):
+        return _text(value.get("#text"))
+    if isinstance(value, list):
+        return "".join(part for part in value if isinstance(part, str))
+    return str(value) if isinstance(value, str | int | float) else ""
+
+
+def _element(item: dict[str, Any]) -> Element:
+    legacy = "id" not in item
+    kind = _text(item.get("type" if legacy else "id")).strip().rpartition(".")[2]
+    coordinates = item.get("coordinates")
+    where = coordinates if isinstance(coordinates, dict) else {}
+    sides = [number(_text(where.get(side))) for side in "xywh"]
+    texts = (_text(item.get("panel_attributes")), _text(item.get("additional_attributes")))
+    return element(kind, legacy, sides, *texts)

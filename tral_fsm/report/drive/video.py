@@ -1,0 +1,231 @@
+"""drive.mp4: the car from behind, what it sees inset, its ranges and its active state drawn over."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Generator
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Protocol
+
+import cv2
+import imageio_ffmpeg
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.errors import RenderError
+from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, MAX_AGE_S, NO_ECHO_M, STEERING, THROTTLE
+from tral_fsm.evaluation.rollout import Tick
+from tral_fsm.report.drive.palette import Palette
+
+Image = NDArray[np.uint8]
+
+WIDTH, HEIGHT = 960, 540
+INSET_WIDTH, INSET_HEIGHT = 288, 216
+FPS = 20
+"""Frames per second; the video runs in real time."""
+INSET_EVERY = 2
+"""The inset is renewed every second frame: ten times a second, about as often as the camera exposes."""
+
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+_WHITE = (255, 255, 255)
+_GREY = (170, 170, 170)
+_GREEN = (90, 220, 90)
+_RED = (240, 60, 50)
+_SIDES = {"left": (-1, 0), "front": (0, -1), "right": (1, 0)}
+"""Direction of each ultrasonic in the drawing of the car, px right and down."""
+
+
+class Views(Protocol):
+    """What can be looked at: the unwrapped env."""
+
+    def render_view(self, view: str, width: int, height: int) -> Image:
+        """RGB image (height, width, 3) of a view: chase, top or onboard."""
+        ...
+
+
+class DriveVideo:
+    """Writes a video while the car drives: hand it to `drive` as `on_step`.
+
+    Example:
+        with DriveVideo(path, env.unwrapped) as video:
+            drive(env, policy, seed, on_step=video)
+    """
+
+    def __init__(self, path: Path, views: Views) -> None:
+        """Write to the file at `path`, mp4; an existing one is replaced once the video is whole.
+
+        Raises:
+            RenderError: there is no encoder.
+        """
+        self._views = views
+        self._path, self._part = path, path.with_suffix(f".part{path.suffix}")
+        self._palette = Palette()
+        self._last: Tick | None = None
+        self._frames = 0
+        self._onboard = np.zeros((INSET_HEIGHT, INSET_WIDTH, 3), np.uint8)
+        self._every = round(CONTROL_RATE_HZ / FPS)
+        self._writer: Generator[None, Any, None] = imageio_ffmpeg.write_frames(
+            str(self._part),
+            (WIDTH, HEIGHT),
+            fps=FPS,
+            codec="libx264",
+            macro_block_size=2,
+            ffmpeg_log_level="error",
+            output_params=["-crf", "24", "-preset", "veryfast"],
+        )
+        try:
+            self._writer.send(None)
+        except (OSError, RuntimeError) as error:
+            raise RenderError(
+                f"no encoder for the video ({error}): install ffmpeg and set IMAGEIO_FFMPEG_EXE to it, "
+                "or do without: tral drive --no-video"
+            ) from error
+
+    def __call__(self, tick: Tick) -> None:
+        """Add a frame if it is time for one."""
+        self._palette.rgb(tick.state)
+        self._last = tick
+        if tick.index % self._every == 0:
+            self._writer.send(self.frame(tick))
+
+    def frame(self, tick: Tick, over: bool = False) -> Image:
+        """The picture of a tick, (HEIGHT, WIDTH, 3) RGB; `over`: the drive has ended with it."""
+        chase = self._views.render_view("chase", WIDTH, HEIGHT)
+        if self._frames % INSET_EVERY == 0:
+            self._onboard = self._views.render_view("onboard", INSET_WIDTH, INSET_HEIGHT)
+        self._frames += 1
+        return compose(chase, self._onboard, tick, self._palette.rgb(tick.state), over)
+
+    def close(self) -> None:
+        """Finish the file. Without a frame, or if the encoder broke off, there is none."""
+        whole = self._frames > 0 and inspect.getgeneratorstate(self._writer) == inspect.GEN_SUSPENDED
+        self._writer.close()
+        if whole:
+            self._part.replace(self._path)
+        else:
+            self._part.unlink(missing_ok=True)
+
+    def hold(self, seconds: float = 1.0) -> None:
+        """Show the last tick for a while, so that the end can be read."""
+        if self._last is not None:
+            image = self.frame(self._last, over=True)
+            for _ in range(round(seconds * FPS)):
+                self._writer.send(image)
+
+    def __enter__(self) -> DriveVideo:
+        """Nothing more than the video itself."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, tb: TracebackType | None) -> None:
+        """Hold the last picture, if the drive came to its end, and finish the file."""
+        try:
+            if kind is None:
+                self.hold()
+        finally:
+            self.close()
+
+
+def compose(chase: Image, onboard: Image, tick: Tick, colour: tuple[int, int, int], over: bool = False) -> Image:
+    """Draw inset, state and readings over a chase view.
+
+    Args:
+        chase: (HEIGHT, WIDTH, 3) RGB; drawn upon.
+        onboard: (h, w, 3) RGB.
+        tick: what is shown.
+        colour: of the active state.
+        over: the drive has ended with this tick; without an outcome its time was up.
+
+    Returns:
+        `chase`.
+    """
+    _draw_inset(chase, onboard)
+    _draw_state(chase, tick, colour)
+    _draw_outcome(chase, tick, over)
+    readings = dict(zip(CORE_LAYOUT.names, tick.observation, strict=False))
+    _draw_ranges(chase, readings)
+    _draw_gauges(chase, tick, readings)
+    return chase
+
+
+def _shade(image: Image, left: int, top: int, right: int, bottom: int) -> None:
+    part = image[top:bottom, left:right]
+    part[:] = (part * 0.45).astype(np.uint8)
+
+
+def _text(
+    image: Image,
+    text: str,
+    at: tuple[int, int],
+    size: float = 0.5,
+    colour: tuple[int, int, int] = _WHITE,
+    weight: int = 1,
+) -> None:
+    cv2.putText(image, text, at, _FONT, size, colour, weight, cv2.LINE_AA)
+
+
+def _draw_inset(image: Image, onboard: Image) -> None:
+    height, width = onboard.shape[:2]
+    left, top = WIDTH - width - 12, 12
+    image[top - 2 : top + height + 2, left - 2 : left + width + 2] = 255
+    image[top : top + height, left : left + width] = onboard
+
+
+def _draw_state(image: Image, tick: Tick, colour: tuple[int, int, int]) -> None:
+    info = tick.info
+    _shade(image, 12, 12, 360, 86)
+    cv2.rectangle(image, (12, 12), (22, 86), colour, cv2.FILLED)
+    _text(image, tick.state or "no states", (32, 40), 0.75, weight=2)
+    line = f"{info['time_s']:5.1f} s   {100 * info['progress']:3.0f} %   {info['speed_mps']:.2f} m/s"
+    if info["gates_total"]:
+        line += f"   gates {info['gates_passed']}/{info['gates_total']}"
+    _text(image, line, (32, 70))
+
+
+def _draw_outcome(image: Image, tick: Tick, over: bool) -> None:
+    ended = [word for word in ("success", "collision", "missed_gate") if tick.info[word]]
+    if ended or over:
+        word = ended[0] if ended else "timeout"
+        colour = _GREEN if word == "success" else _RED
+        _text(image, word.replace("_", " ").upper(), (WIDTH // 2 - 110, HEIGHT // 2), 1.4, colour, 3)
+
+
+def _draw_ranges(image: Image, readings: dict[str, float]) -> None:
+    """The car from above, its three ranges to scale (40 px a metre, 2.5 m at most) and in figures."""
+    _shade(image, 12, HEIGHT - 182, 262, HEIGHT - 12)
+    x, y = 137, HEIGHT - 48
+    cv2.rectangle(image, (x - 6, y - 12), (x + 6, y + 12), _WHITE, cv2.FILLED)
+    for side, (right, down) in _SIDES.items():
+        metres = readings[f"ultrasonic_{side}"]
+        echo = metres < NO_ECHO_M
+        reach = int(40 * min(metres, 2.5))
+        ends = (x + right * (8 + reach), y + down * (14 + reach))
+        cv2.line(image, (x + right * 8, y + down * 14), ends, _GREEN if echo else _GREY, 2, cv2.LINE_AA)
+        label = f"{metres:.2f}" if echo else "no echo"
+        at = {"left": (20, y - 12), "front": (x + 10, y - 90), "right": (212, y - 12)}[side]
+        _text(image, label, at, 0.45, _GREEN if echo else _GREY)
+    _text(image, "ultrasonics [m]", (20, HEIGHT - 164), 0.42, _GREY)
+
+
+def _draw_gauges(image: Image, tick: Tick, readings: dict[str, float]) -> None:
+    """Steering and throttle as bars from their middle, and the gate as the camera last saw it."""
+    left, top = WIDTH - 272, HEIGHT - 102
+    _shade(image, left, top, WIDTH - 12, HEIGHT - 12)
+    for row, (name, value, sign) in enumerate(
+        (("steering", tick.action[STEERING], -1), ("throttle", tick.action[THROTTLE], 1))
+    ):
+        y = top + 24 + 26 * row
+        _text(image, name, (left + 10, y), 0.45)
+        middle = left + 170
+        cv2.line(image, (middle, y - 12), (middle, y + 4), _GREY, 1)
+        cv2.rectangle(image, (middle, y - 9), (middle + int(70 * sign * value), y + 1), _GREEN, cv2.FILLED)
+    seen = readings["gate_age"] < MAX_AGE_S
+    _text(image, _gate_line(readings), (left + 10, top + 78), 0.42, _WHITE if seen else _GREY)
+
+
+def _gate_line(readings: dict[str, float]) -> str:
+    """The gate as the camera last saw it, and how long ago."""
+    if readings["gate_age"] >= MAX_AGE_S:
+        return "no gate in sight"
+    gate, x, y, age = (readings[f"gate_{name}"] for name in ("id", "x", "y", "age"))
+    return f"gate {gate:.0f}: {x:.2f} m ahead, {y:+.2f}; {age:.1f} s ago"

@@ -1,0 +1,1 @@
+"""The engine: a machine at work, and a machine as a policy."""

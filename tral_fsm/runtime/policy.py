@@ -1,0 +1,156 @@
+"""A machine as a policy: observations in, commands out, any number of cars."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.errors import MachineError
+from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.estimation.estimator import COLUMNS, MachineState
+from tral_fsm.formats import library
+from tral_fsm.runtime.machine import Machine, Trace
+
+_SEEN = len(COLUMNS)
+
+
+class MachinePolicy:
+    """Drives cars with a state machine, each with its own."""
+
+    def __init__(self, definition: MachineDefinition, trace: Trace | None = None) -> None:
+        """Make a policy for one car; `reset(n)` for more.
+
+        Args:
+            definition: the machine.
+            trace: called for each transition that fires in the first car.
+
+        Raises:
+            FormatError: the definition cannot run.
+        """
+        self.definition = definition
+        self._trace = trace
+        self._machines: list[Machine] = []
+        self._states: list[MachineState] = []
+        self.reset()
+
+    def reset(self, n: int = 1) -> None:
+        """Start anew with n cars."""
+        if n != len(self._machines):
+            self._machines = [
+                Machine(self.definition, self._trace if row == 0 else None, checked=row > 0) for row in range(n)
+            ]
+        self._states = [MachineState() for _ in range(n)]
+        for machine in self._machines:
+            machine.restart()
+
+    def reset_rows(self, rows: NDArray[np.bool_]) -> None:
+        """Start anew where `rows` (n,) says so.
+
+        Raises:
+            MachineError: it is not one truth value for each car.
+        """
+        if np.shape(rows) != (len(self._machines),) or np.asarray(rows).dtype != np.bool_:
+            raise MachineError(
+                f"rows to reset: got {np.asarray(rows).dtype} of shape {np.shape(rows)}, "
+                f"expected bool of shape ({len(self._machines)},)"
+            )
+        for row in np.flatnonzero(rows):
+            self._states[row] = MachineState()
+            self._machines[row].restart()
+
+    def act(self, observation: NDArray[np.floating]) -> NDArray[np.float32]:
+        """One tick of every machine.
+
+        Args:
+            observation: (d,) or (n, d), the columns of `tral_env.interface.Layout`.
+
+        Returns:
+            (2,) or (n, 2) float32: steering, throttle.
+
+        Raises:
+            MachineError: the observation's rows or columns do not fit.
+        """
+        single = observation.ndim == 1
+        rows = observation[None] if single else observation
+        if rows.ndim != 2 or len(rows) != len(self._machines) or rows.shape[1] < _SEEN:
+            raise MachineError(
+                f"observation has shape {observation.shape}, expected ({len(self._machines)}, {_SEEN} or more): "
+                "call reset(n) with the number of cars first"
+            )
+        commands = []
+        for row, machine, m in zip(rows[:, :_SEEN].tolist(), self._machines, self._states, strict=True):
+            m.update(row)
+            machine.tick(m)
+            commands.append((m.steering, m.throttle))
+        action = np.array(commands, np.float32)
+        return action[0] if single else action
+
+    def predict(
+        self,
+        observation: NDArray[np.floating],
+        state: Any = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Any]:
+        """The signature of Stable-Baselines3's policies.
+
+        Args:
+            observation: (d,) or (n, d).
+            state: handed back as it came: each machine keeps its own.
+            episode_start: (n,) cars whose episode begins now.
+            deterministic: a machine always is.
+
+        Returns:
+            Action (2,) or (n, 2), and the state.
+        """
+        n = 1 if observation.ndim == 1 else len(observation)
+        if n != len(self._machines):
+            self.reset(n)
+        elif episode_start is not None:
+            self.reset_rows(np.atleast_1d(episode_start))
+        return self.act(observation), state
+
+    @property
+    def trace(self) -> Trace | None:
+        """Called for each transition that fires in the first car."""
+        return self._trace
+
+    @trace.setter
+    def trace(self, trace: Trace | None) -> None:
+        self._trace = trace
+        for machine in self._machines[:1]:
+            machine.watch(trace)
+
+    @property
+    def active_states(self) -> list[str]:
+        """Name of the active state of each car."""
+        return [machine.active_path for machine in self._machines]
+
+    @property
+    def wanted_clearance(self) -> NDArray[np.float64]:
+        """(n, 2) per car: wall to which a clearance is kept, +1 left, -1 right, NaN none; that clearance [m]."""
+        return np.array([(m.wanted_side, m.wanted_clearance) for m in self._states])
+
+    @property
+    def speed_target(self) -> NDArray[np.float64]:
+        """(n,) speed that the active state regulates [m/s]; NaN: open loop."""
+        return np.array([m.speed_target for m in self._states])
+
+
+def load_policy(name_or_path: str | Path, trace: Trace | None = None) -> MachinePolicy:
+    """The policy of a machine.
+
+    Args:
+        name_or_path: name of a packaged machine, or path of a file.
+        trace: called for each transition that fires in the first car.
+
+    Returns:
+        A policy for one car; `reset(n)` for more.
+
+    Raises:
+        MachineError: no such machine, or it cannot run.
+    """
+    return MachinePolicy(library.load(name_or_path), trace)

@@ -1,0 +1,5 @@
+"""What states do."""
+
+from tral_fsm.states.base import State, runs
+
+__all__ = ["State", "runs"]

@@ -1,0 +1,145 @@
+"""The two-arc approach to a gate or point. 2016 gave it up, because hall values and steering did not repeat; here the
+way is followed under control, and planned anew from each sighting of the gate.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from tral_fsm.control.biarc import Pose, TwoArcs, along, beside, out_of_reach, relative, two_arcs
+from tral_fsm.control.laws import bend_onto, steering_for
+from tral_fsm.definition.machine import DrivingSpec
+from tral_fsm.definition.validated import quantity
+from tral_fsm.estimation.estimator import MachineState
+from tral_fsm.estimation.sonar import Sighting
+from tral_fsm.states import base as states
+from tral_fsm.states.base import NO_GATE, DrivingState
+
+_LEAD_S = 0.1
+"""The curvature is ordered so long before it is needed: servo and command are late. Source: choice."""
+_LAST_PLAN = 0.5
+"""Nearer to the end of the arcs than this the plan moves with the gate instead of being made anew, m: small errors
+would give tight arcs. Source: choice."""
+
+_MARGIN_M = 0.05
+"""Kept free on either side of the car in a gate that is within reach, m. Source: choice."""
+
+
+class SCurveSpec(DrivingSpec):
+    """Drives to a point, or before a gate that is handed over, on two arcs of equal radius that end on its axis."""
+
+    targetable: ClassVar[bool] = True
+
+    type: Literal["SCurve"] = "SCurve"
+    x: float = quantity(2.0, "m", "point ahead of the car at entry, unless one is handed over", ge=-20.0, le=20.0)
+    y: float = quantity(0.0, "m", "point left of the car at entry", ge=-20.0, le=20.0)
+    heading_deg: float = quantity(0.0, "deg", "direction in which the point is passed, + = left", ge=-180.0, le=180.0)
+    before: float = quantity(
+        0.5, "m", "ends this far before a gate that is handed over; negative: behind it", ge=-5.0, le=5.0
+    )
+    straight: float = quantity(0.2, "m", "the last part of the way is straight, along the axis", ge=0.0, le=10.0)
+    radius: float = quantity(0.75, "m", "an arc of a smaller radius is not driven: out of reach", gt=0.0, le=100.0)
+    tolerance: float = quantity(0.05, "m", "arrived within this distance along the way", gt=0.0, le=2.0)
+    aside: float = quantity(
+        0.1, "m", "out of reach if missed by more, unless a gate's opening is known", gt=0.0, le=2.0
+    )
+    length: float = quantity(0.35, "m", "an offset from the way dies away by e in it", gt=0.0, le=5.0)
+    max_angle_deg: float = quantity(25.0, "deg", "the way is approached no steeper", gt=0.0, le=90.0)
+    track: bool = Field(True, description="plan anew from each new sighting of the gate that was handed over")
+
+    @property
+    def finishable(self) -> bool:
+        """On arrival."""
+        return True
+
+
+@states.runs(SCurveSpec)
+class SCurve(DrivingState[SCurveSpec]):
+    """Two arcs and a straight end: curvature ahead of time, and `control.bend_onto` for what is off.
+
+    The plan is kept in the frame of the target, so that it moves with it. Where no two arcs lead to the target the
+    axis itself is the way.
+    """
+
+    def on_enter(self, m: MachineState) -> None:
+        """Plan the way to the spec's point, seen from the car now."""
+        spec = self.spec
+        self.finished = False
+        self.gate = NO_GATE
+        self.aim(m, m.to_reckoning(spec.x, spec.y, math.radians(spec.heading_deg)), 0.0)
+
+    def set_target(self, m: MachineState, x: float, y: float, heading: float, gate: int = NO_GATE) -> None:
+        """Plan the way to the point `before` the one that is handed over, on its axis."""
+        self.gate = gate
+        self.aim(m, m.to_reckoning(x, y, heading), self.spec.before)
+
+    def aim(self, m: MachineState, pose: Pose, before: float) -> None:
+        """Plan the way to a pose of dead reckoning."""
+        self.target = along(pose, -before - self.spec.straight)
+        """Where the arcs end."""
+        self.plan(m)
+
+    def plan(self, m: MachineState) -> None:
+        """Lay two arcs from the car to the target."""
+        arcs = two_arcs(*m.from_here(*self.target))
+        self.arcs = arcs if arcs is not None and abs(arcs.curvature) * self.spec.radius <= 1.0 else None
+        if self.arcs is not None:
+            self.begin = relative(self.target, (m.x, m.y, m.yaw))
+            self.turning = along(self.begin, self.arcs.first, self.arcs.curvature)
+
+    def take(self, m: MachineState, gate: Sighting) -> None:
+        """Take a new sighting of the gate: plan anew, or, near the end, move the plan."""
+        old = self.arcs
+        self.target = along((gate.x, gate.y, gate.heading), -self.spec.before - self.spec.straight)
+        if old is None or m.from_here(*self.target)[0] > _LAST_PLAN:
+            self.plan(m)
+            self.arcs = self.arcs or old
+
+    def tick(self, m: MachineState) -> None:
+        """Follow the way."""
+        spec = self.spec
+        for gate in (m.gate, m.guessed_gate):
+            if gate.new and spec.track and gate.id == self.gate and (gate is m.gate or not m.gates.was_seen(gate.id)):
+                self.take(m, gate)
+        here = relative(self.target, (m.x, m.y, m.yaw))
+        self.finished = here[0] >= spec.straight - spec.tolerance
+        ahead, offset, heading = self.beside_way(here, _LEAD_S * m.speed)
+        bend = bend_onto(offset, heading, spec.length, math.radians(spec.max_angle_deg))
+        self.steer(m, steering_for(ahead + bend))
+        self.drive(m)
+
+    def beside_way(self, here: Pose, lead: float) -> Pose:
+        """Curvature of the way `lead` metres on, and where the car is beside it: offset [m], heading [rad]."""
+        arcs = self.arcs
+        if arcs is None:
+            return 0.0, here[1], here[2]
+        x, y, heading = relative(self.begin, here)
+        s, offset, direction = beside(x, y, arcs.curvature)
+        if s < arcs.first:
+            return self.bend(arcs, s + lead), offset, heading - direction
+        x, y, heading = relative(self.turning, here)
+        s, offset, direction = beside(x, y, -arcs.curvature)
+        if s < arcs.second:
+            return self.bend(arcs, arcs.first + s + lead), offset, heading - direction
+        return 0.0, here[1], here[2]
+
+    @staticmethod
+    def bend(arcs: TwoArcs, s: float) -> float:
+        """Curvature of the way at a distance from its beginning."""
+        if s < arcs.first:
+            return arcs.curvature
+        return -arcs.curvature if s < arcs.first + arcs.second else 0.0
+
+    def unreachable(self, m: MachineState) -> str:
+        """Why the end of the arcs cannot be reached; empty: it can."""
+        passed = min(max(relative(self.target, (m.x, m.y, m.yaw))[0], 0.0), self.spec.straight)
+        return out_of_reach(m.from_here(*along(self.target, passed)), self.spec.radius, self.aside(m))
+
+    def aside(self, m: MachineState) -> float:
+        """How far beside the way is near enough, m: what a gate of a known width leaves beside the car."""
+        gate = m.gates.target
+        room = gate.room(_MARGIN_M) if gate.id == self.gate else math.nan
+        return room if room == room else self.spec.aside

@@ -1,0 +1,201 @@
+"""Experiments in the simulation that a linear model can be held against: a step in wanted clearance, and a relay."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.course.layout import Course, Segment, Start
+from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ, CORE_LAYOUT
+from tral_env.vector_env import TralCorridorVectorEnv
+from tral_fsm.control.laws import damping, speed_control
+from tral_fsm.definition.conditions import DistanceSpec
+from tral_fsm.definition.machine import BasicFollowWallSpec, MachineDefinition, TransitionSpec, WallSpec
+from tral_fsm.runtime.policy import MachinePolicy
+from tral_fsm.tuning.classical.design import Gains, Swing
+
+Array = NDArray[np.float64]
+
+_BEFORE_M = 2.0
+"""Driven before the step, until start-up has died away."""
+_WIDTH, _CLEARANCE = 2.4, 0.8
+_SIDE = 0.10
+"""Side ultrasonics beside the car's middle line, m."""
+_MIDDLE = 0.129
+"""Side ultrasonics ahead of the rear axle, m."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Response:
+    """A step in the wanted clearance, driven."""
+
+    time: Array
+    """(k,) s, 0 at the step."""
+    clearance: Array
+    """(n, k) true clearance of n cars as a share of the step: 0 before, 1 wanted after."""
+
+    @property
+    def mean(self) -> Array:
+        """(k,) mean over the cars; the ultrasonic's jitter averages out."""
+        mean: Array = np.nanmean(self.clearance, axis=0)
+        return mean
+
+
+def corridor(length: float, clearance: float = _CLEARANCE) -> Course:
+    """A straight corridor in which the car begins at a clearance to its right wall."""
+    offset = clearance + _SIDE - _WIDTH / 2.0
+    return Course(name="step", segments=(Segment(length=length, width=_WIDTH),), start=Start(at=1.0, offset=offset))
+
+
+def stepper(gains: Gains, speed: float, step: float) -> MachineDefinition:
+    """Follows the right wall with these gains alone, without clips; after 2 m the clearance grows by the step."""
+
+    follow = {"side": "right", "p": gains.p, "d": gains.d, "speed": speed, "reach": 5.0, "final": True}
+    no_clips = {"max_error": None, "max_angle_deg": None, "max_rate": 1000.0}
+    clearances = (_CLEARANCE, _CLEARANCE + step)
+    return MachineDefinition(
+        root=0,
+        states=tuple(
+            BasicFollowWallSpec.model_validate({"id": number, "clearance": clearance, **follow, **no_clips})
+            for number, clearance in enumerate(clearances)
+        ),
+        transitions=(
+            TransitionSpec.model_validate({"id": 0, "from": 0, "to": 1, "when": DistanceSpec(distance=_BEFORE_M)}),
+        ),
+    )
+
+
+def step(
+    gains: Gains,
+    speed: float,
+    *,
+    size: float = 0.15,
+    seconds: float = 6.0,
+    cars: int = 8,
+    randomization: str = "none",
+    seed: int = 0,
+) -> Response:
+    """Drive a step in wanted clearance.
+
+    Args:
+        gains: of the wall following.
+        speed: m/s.
+        size: of the step, m.
+        seconds: after it.
+        cars: so many, with seeds of their own.
+        randomization: how much they differ.
+        seed: of the first.
+    """
+    machine = stepper(gains, speed, size)
+    course = corridor(_BEFORE_M + 4.0 + 1.2 * speed * seconds)
+    policy = MachinePolicy(machine)
+    policy.reset(cars)
+    keep = math.ceil(seconds * CONTROL_RATE_HZ)
+    clearance, count = np.full((cars, keep), np.nan), np.zeros(cars, int)
+    with contextlib.closing(
+        TralCorridorVectorEnv(cars, autoreset_mode="Disabled", course=course, randomization=randomization)
+    ) as env:
+        seen, _ = env.reset(seed=seed)
+        ended = np.zeros(cars, bool)
+        while not (ended | (count >= keep)).all():
+            seen, _, terminated, truncated, info = env.step(policy.act(seen))
+            ended |= terminated | truncated
+            stepped = np.array(policy.active_states) == "1"
+            now = (true_clearance(info["pose"]) - _CLEARANCE) / size
+            for row in np.flatnonzero(stepped & ~ended & (count < keep)):
+                clearance[row, count[row]] = now[row]
+                count[row] += 1
+    return Response(time=CONTROL_PERIOD_S * np.arange(keep, dtype=np.float64), clearance=clearance)
+
+
+def true_clearance(pose: Array) -> Array:
+    """(n,) from the right ultrasonic to the right wall of `corridor`, m; pose is (n, 3) in the course's frame."""
+    y, yaw = pose[:, 1], pose[:, 2]
+    clearance: Array = y + _MIDDLE * np.sin(yaw) - _SIDE * np.cos(yaw) + _WIDTH / 2.0
+    return clearance
+
+
+def relay(speed: float, *, height: float = 0.6, seconds: float = 24.0, cars: int = 8, seed: int = 0) -> Swing | None:
+    """Swing the car along the wall by full steering one way or the other, and see how wide and how fast it swings.
+
+    The steering is `height` towards the wall when the range is above the wanted clearance, else away from it. The swing
+    settles where the loop's phase is -180 degrees; with amplitude a the relay is there a gain of 4 height / (pi a).
+
+    Args:
+        speed: m/s.
+        height: steering, share of full lock; small ones drown in the ultrasonic's jitter.
+        seconds: the last two thirds count.
+        cars: so many are averaged.
+        seed: of the first.
+
+    Returns:
+        None if there is no steady swing: it grows until a wall gives no echo or is hit.
+
+    Source: Astrom and Hagglund 1984, Automatic tuning of simple regulators.
+    """
+    course = corridor(4.0 + 1.3 * speed * seconds, _WIDTH / 2.0 - _SIDE)
+    wanted = _WIDTH / 2.0 - _SIDE
+    column = CORE_LAYOUT.column
+    track = []
+    with contextlib.closing(
+        TralCorridorVectorEnv(cars, autoreset_mode="Disabled", course=course, randomization="none")
+    ) as env:
+        seen, _ = env.reset(seed=seed)
+        integral = [0.0] * cars
+        for _ in range(math.ceil(seconds * CONTROL_RATE_HZ)):
+            command = np.zeros((cars, 2), np.float32)
+            command[:, 0] = np.where(seen[:, column("ultrasonic_right")] > wanted, -height, height)
+            for row, now in enumerate(seen[:, column("speed")].tolist()):
+                command[row, 1], integral[row] = speed_control(speed, now, integral[row])
+            seen, _, terminated, truncated, info = env.step(command)
+            if (terminated | truncated).any():
+                return None
+            track.append(true_clearance(info["pose"]) - wanted)
+    return _swing(np.array(track[len(track) // 3 :]).T, speed, height)
+
+
+def _swing(track: Array, speed: float, height: float) -> Swing | None:
+    """Amplitude and period of swings, (n, k); None: they grow, or there are none."""
+    centred = track - track.mean(axis=1, keepdims=True)
+    half = centred.shape[1] // 2
+    growth = np.median(centred[:, half:].std(axis=1) / centred[:, :half].std(axis=1))
+    ups = [np.flatnonzero((row[:-1] < 0.0) & (row[1:] >= 0.0)) for row in centred]
+    if growth > 1.5 or min(len(up) for up in ups) < 3:
+        return None
+    period = float(np.median([np.mean(np.diff(up)) for up in ups])) * CONTROL_PERIOD_S
+    amplitude = math.sqrt(2.0) * float(np.median(centred.std(axis=1)))
+    return Swing(
+        speed=speed,
+        ultimate_gain=4.0 * height / (math.pi * amplitude),
+        period_s=period,
+        amplitude_m=amplitude,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class WallState:
+    """Gains and speed of a state that follows a wall."""
+
+    name: str
+    gains: Gains
+    speed: float
+    place: tuple[str | int, ...] = ()
+    """In the definition, as `parameters.Site` has it."""
+
+
+def wall_states(machine: MachineDefinition) -> list[WallState]:
+    """The states of a machine that follow a wall by p and d at a regulated speed; machines within it aside."""
+    return [
+        WallState(
+            name=state.label or str(state.id),
+            gains=Gains(p=state.p, d=damping(state.p, state.speed) if state.d is None else state.d),
+            speed=state.speed,
+            place=("states", k),
+        )
+        for k, state in enumerate(machine.states)
+        if isinstance(state, WallSpec) and state.speed
+    ]

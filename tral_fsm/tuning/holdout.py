@@ -1,0 +1,185 @@
+"""Old against new on courses that nothing was tuned on, course by course, with intervals and a plain verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_fsm.evaluation.batch import Drive
+from tral_fsm.evaluation.summary import wilson
+from tral_fsm.tuning.objective import Objective
+
+Array = NDArray[np.float64]
+RESAMPLES = 2000
+"""Of the bootstrap. Source: choice; enough for two digits of a 95 % interval."""
+FEWEST = 6
+"""Courses for a verdict: 2 / 2^5 is more than 5 %, 2 / 2^6 is less."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """A figure with its 95 % interval."""
+
+    value: float | None
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figures:
+    """How a machine did."""
+
+    drives: int
+    successes: int
+    success: Estimate
+    """Wilson's interval."""
+    collisions: int
+    clearance_rmse_m: Estimate
+    """Over all ticks of all drives; bootstrap over drives."""
+    settled_rmse_m: Estimate
+    """The same once the cars had arrived at their clearance, see `tral_fsm.evaluation.settling`."""
+    time_per_m: Estimate
+    """Of those that arrived, s/m; bootstrap over drives."""
+    steering_per_m: Estimate
+    cost: Estimate
+
+    def record(self) -> dict[str, Any]:
+        """As plain values."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """New minus old on the same courses, cars and noise."""
+
+    old: Figures
+    new: Figures
+    only_old: int
+    """Courses on which only the old machine arrived."""
+    only_new: int
+    sign_p: float
+    """Chance that as uneven a split of those comes from luck alone (exact sign test, McNemar 1947)."""
+    cost: Estimate
+    """Mean difference; below 0 is better."""
+    clearance_m: Estimate
+    """Mean difference of the RMSE of drives where both arrived."""
+    settled_m: Estimate
+    """The same of the settled RMSE."""
+    time_per_m: Estimate
+    """Mean difference of drives where both arrived, s/m."""
+
+    @property
+    def within_noise(self) -> bool:
+        """The interval of the cost difference holds 0: nobody can say that the new machine is better.
+
+        Nor on fewer courses than `FEWEST`, where all of them get better by luck alone more often than one time in 20.
+        """
+        return (
+            self.old.drives < FEWEST
+            or self.cost.low is None
+            or self.cost.high is None
+            or self.cost.low <= 0.0 <= self.cost.high
+        )
+
+    @property
+    def verdict(self) -> str:
+        """In words."""
+        if self.within_noise:
+            return "The gain is within noise: on other courses the old machine may well be the better one."
+        if (self.cost.value or 0.0) > 0.0:
+            return "The tuned machine is worse than the old one on courses that it was not tuned on."
+        return "The tuned machine is better than the old one on courses that it was not tuned on."
+
+    def record(self) -> dict[str, Any]:
+        """As plain values."""
+        return asdict(self) | {"within_noise": self.within_noise, "verdict": self.verdict}
+
+
+def bootstrap(statistic: Callable[[NDArray[np.int64]], Array], n: int, seed: int = 0) -> Estimate:
+    """Percentile interval of a figure over n drives.
+
+    Args:
+        statistic: (b, n) indices of drives -> (b,) the figure of each resample.
+        n: how many drives.
+        seed: of the resampling.
+
+    Source: Efron 1979, Bootstrap methods: another look at the jackknife.
+    """
+    if n == 0:
+        return Estimate(value=None, low=None, high=None)
+    value = float(statistic(np.arange(n)[None])[0])
+    if n == 1:
+        return Estimate(value=value, low=None, high=None)
+    resamples = np.random.default_rng(seed).integers(n, size=(RESAMPLES, n))
+    low, high = np.percentile(statistic(resamples), (2.5, 97.5))
+    return Estimate(value=value, low=float(low), high=float(high))
+
+
+def mean_of(values: Sequence[float]) -> Estimate:
+    """Mean with its bootstrap interval."""
+    array = np.array(values, float)
+    return bootstrap(lambda index: array[index].mean(axis=1), len(array))
+
+
+def figures(drives: Sequence[Drive], objective: Objective) -> Figures:
+    """How a machine did."""
+    successes = sum(drive.success for drive in drives)
+    low, high = wilson(successes, len(drives))
+    return Figures(
+        drives=len(drives),
+        successes=successes,
+        success=Estimate(value=successes / len(drives), low=low, high=high),
+        collisions=sum(drive.outcome == "collision" for drive in drives),
+        clearance_rmse_m=_pooled([(drive.clearance_rmse, drive.clearance_samples) for drive in drives]),
+        settled_rmse_m=_pooled([(drive.settled_rmse, drive.settled_samples) for drive in drives]),
+        time_per_m=mean_of([drive.time_s / drive.route_m for drive in drives if drive.success]),
+        steering_per_m=mean_of([drive.steering_travel / drive.route_m for drive in drives if drive.success]),
+        cost=mean_of(objective.costs(drives).tolist()),
+    )
+
+
+def _pooled(drives: Sequence[tuple[float, int]]) -> Estimate:
+    """RMSE over all samples of drives, from the RMSE and number of samples of each."""
+    measured = [each for each in drives if each[1]]
+    samples = np.array([count for _, count in measured], float)
+    squares = samples * np.array([rmse for rmse, _ in measured]) ** 2
+    return bootstrap(lambda index: np.sqrt(squares[index].sum(axis=1) / samples[index].sum(axis=1)), len(measured))
+
+
+def compare(old: Sequence[Drive], new: Sequence[Drive], objective: Objective) -> Comparison:
+    """Old against new.
+
+    Args:
+        old: drives of the old machine.
+        new: those of the new one on the same courses, in the same order.
+        objective: its weights are used; drives are pooled by their mean, whatever it says.
+    """
+    pairs = list(zip(old, new, strict=True))
+    only_old = sum(a.success and not b.success for a, b in pairs)
+    only_new = sum(b.success and not a.success for a, b in pairs)
+    both = [(a, b) for a, b in pairs if a.success and b.success]
+    measured = [(a, b) for a, b in both if a.clearance_samples and b.clearance_samples]
+    settled = [(a, b) for a, b in both if a.settled_samples and b.settled_samples]
+    return Comparison(
+        old=figures(old, objective),
+        new=figures(new, objective),
+        only_old=only_old,
+        only_new=only_new,
+        sign_p=sign_test(only_old, only_new),
+        cost=mean_of((objective.costs(new) - objective.costs(old)).tolist()),
+        clearance_m=mean_of([b.clearance_rmse - a.clearance_rmse for a, b in measured]),
+        settled_m=mean_of([b.settled_rmse - a.settled_rmse for a, b in settled]),
+        time_per_m=mean_of([(b.time_s - a.time_s) / a.route_m for a, b in both]),
+    )
+
+
+def sign_test(a: int, b: int) -> float:
+    """Chance that a fair coin splits a + b throws as unevenly as a to b, or more so; both sides."""
+    n, few = a + b, min(a, b)
+    tail: float = sum(math.comb(n, k) for k in range(few + 1)) / 2**n
+    return min(1.0, 2.0 * tail)
