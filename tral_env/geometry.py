@@ -1,0 +1,53 @@
+"""The car's measures and its markers' sizes, once: plain numbers that anyone may import.
+
+Frame: ground below the middle of the rear axle, x forward, y left, z up. Sources: "ucboard" and "PSES" are the data sheet
+and the URDF that the Project Seminar Real-Time Systems at TU Darmstadt published for the same cars; "choice" is ours.
+"""
+
+from __future__ import annotations
+
+import math
+
+WHEELBASE_M = 0.258
+"""Distance of the axles. Source: ucboard."""
+TRACK_M = 0.155
+"""Distance of the wheels of an axle. Source: ucboard."""
+WHEEL_RADIUS_M = 0.032
+"""Source: PSES."""
+FULL_LOCK_DEG = 22.0
+"""Steering angle of the bicycle model at command 1: a turning radius of 0.64 m. Source: echtzeitsysteme."""
+FULL_LOCK = math.radians(FULL_LOCK_DEG)
+"""The same in rad."""
+LENGTH_M = 0.40
+"""Outline. Source: PSES."""
+WIDTH_M = 0.20
+"""Outline. Source: PSES."""
+HEIGHT_M = 0.18
+"""Outline. Source: PSES."""
+
+SONAR_SIDE_M = 0.10
+"""Side ultrasonics stand this far from the middle line, midway between the axles. Source: ucboard."""
+SONAR_FRONT_M = 0.175
+"""The front ultrasonic stands this far ahead of midway between the axles. Source: ucboard."""
+SIDE_SONAR_X_M = WHEELBASE_M / 2
+"""Side ultrasonics ahead of the rear axle."""
+FRONT_SONAR_X_M = SIDE_SONAR_X_M + SONAR_FRONT_M
+"""Front ultrasonic ahead of the rear axle."""
+
+MARKER_SIZE_M = 0.18
+"""Edge of an ArUco marker's black square. Source: era."""
+MARKER_BOARD_WIDTH_M = 0.24
+"""Edge of its board: a quiet zone of one module (0.03 m) on each side of the marker."""
+
+HALL_METRES_PER_TICK = 0.02513
+"""Way of a tick of the hall sensor: 8 magnets on the rear left wheel. Source: ucboard."""
+
+
+def curvature(steering: float) -> float:
+    """Curvature [1/m], + = left, of the rear axle's path at a steering command: tan(lock s) / wheelbase."""
+    return math.tan(FULL_LOCK * steering) / WHEELBASE_M
+
+
+def steering_for(path_curvature: float) -> float:
+    """Steering command for a curvature [1/m], not clipped: the inverse of `curvature`."""
+    return math.atan(WHEELBASE_M * path_curvature) / FULL_LOCK

@@ -1,0 +1,66 @@
+"""Poses in the plane: compose, invert, transform, wrap. Each law for one car in floats, and for arrays of them.
+
+A pose is x [m], y [m], yaw [rad, counter-clockwise] of a frame in another one. Functions on floats serve what is ticked
+for one car at a time; their twins that end in `_n` take arrays of poses (..., 3) and points (..., 2).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Pose = tuple[float, float, float]
+"""x [m], y [m], yaw [rad]."""
+
+
+def wrap(angle: float) -> float:
+    """Bring an angle [rad] into [-pi, pi)."""
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+
+
+def wrap_n(angle: Array) -> Array:
+    """Bring angles [rad] of any shape into [-pi, pi)."""
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def to_outer(frame: Pose, x: float, y: float) -> tuple[float, float]:
+    """A point that is given in a frame, in the frame around it: p' = R p + t."""
+    cos, sin = math.cos(frame[2]), math.sin(frame[2])
+    return frame[0] + cos * x - sin * y, frame[1] + sin * x + cos * y
+
+
+def to_inner(frame: Pose, x: float, y: float) -> tuple[float, float]:
+    """A point as seen from a frame: p = R^T (p' - t)."""
+    dx, dy = x - frame[0], y - frame[1]
+    cos, sin = math.cos(frame[2]), math.sin(frame[2])
+    return cos * dx + sin * dy, cos * dy - sin * dx
+
+
+def compose(frame: Pose, pose: Pose) -> Pose:
+    """A pose that is given in a frame, in the frame around it; its yaw is not wrapped."""
+    return (*to_outer(frame, pose[0], pose[1]), frame[2] + pose[2])
+
+
+def relative(frame: Pose, pose: Pose) -> Pose:
+    """A pose as seen from a frame, its yaw wrapped: the inverse of `compose`."""
+    return (*to_inner(frame, pose[0], pose[1]), wrap(pose[2] - frame[2]))
+
+
+def rotate_n(yaw: Array, vector: Array) -> Array:
+    """Vectors (..., 2) turned by angles (...) [rad]."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    x, y = vector[..., 0], vector[..., 1]
+    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+
+
+def to_outer_n(frame: Array, point: Array) -> Array:
+    """Points (..., 2) that are given in frames (..., 3), in the frame around them."""
+    return frame[..., :2] + rotate_n(frame[..., 2], point)
+
+
+def to_inner_n(frame: Array, point: Array) -> Array:
+    """Points (..., 2) as seen from frames (..., 3)."""
+    return rotate_n(-frame[..., 2], point - frame[..., :2])
