@@ -20,10 +20,10 @@ from tral_env.course.scene import Pool
 from tral_env.randomization import level
 from tral_env.world import Corridor, CorridorConfig, Drawn, Step
 from tral_fsm.definition.machine import MachineDefinition
-from tral_fsm.estimation.estimator import COLUMNS, MachineState
+from tral_fsm.estimation.readings import Readings
 from tral_fsm.evaluation.rollout import Result, outcome
 from tral_fsm.evaluation.settling import Settling
-from tral_fsm.runtime.machine import Machine
+from tral_fsm.runtime.driver import Driver
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ STUCK_M = 0.25
 """Who gains less along the route than this, in the time a stuck car is given, is stuck. Source: choice."""
 ERROR_BINS = np.linspace(-0.5, 0.5, 101)
 """Edges of the histogram of clearance errors, m; what is beyond is counted in the outermost bins."""
-_SEEN = len(COLUMNS)
+_SEEN = len(Readings._fields)
 _SUMS = ("squares", "samples", "settled_squares", "settled_samples", "lateral", "speed", "steering", "ticks")
 
 
@@ -175,9 +175,8 @@ class _Run:
         self.ended = 0
         self._next = 0
         self._job = np.full(n, -1)
-        self._machines: list[Machine | None] = [None] * n
-        self._states = [MachineState()] * n
-        self._idle: dict[int, list[Machine]] = {}
+        self._drivers: list[Driver | None] = [None] * n
+        self._idle: dict[int, list[Driver]] = {}
         self._command = np.zeros((n, 2), np.float32)
         self._steering, self._best, self._since = np.zeros(n), np.zeros(n), np.zeros(n)
         self._sums = {name: np.zeros(n) for name in _SUMS}
@@ -193,8 +192,7 @@ class _Run:
             self.fleet.begin(rows, [self.jobs[k] for k in numbers])
             for row, k in zip(rows, numbers, strict=True):
                 self._job[row] = k
-                self._machines[row] = self._machine(self.jobs[k].machine)
-                self._states[row] = MachineState()
+                self._drivers[row] = self._driver(self.jobs[k].machine)
             for values in (*self._sums.values(), self._steering, self._best, self._since):
                 values[rows] = 0.0
             self._errors[rows] = 0
@@ -202,12 +200,12 @@ class _Run:
         self.active = np.flatnonzero(self._job >= 0)
         self._observation = self.fleet.corridor.observation()
 
-    def _machine(self, index: int) -> Machine:
-        """A machine that begins anew."""
+    def _driver(self, index: int) -> Driver:
+        """A driver that begins anew."""
         idle = self._idle.setdefault(index, [])
-        machine = idle.pop() if idle else Machine(self.definitions[index])
-        machine.restart()
-        return machine
+        driver = idle.pop() if idle else Driver(self.definitions[index])
+        driver.reset()
+        return driver
 
     def tick(self) -> None:
         """Drive all rows for one tick."""
@@ -227,12 +225,10 @@ class _Run:
         """Let the machines decide."""
         commands, wanted = [], []
         for row, readings in zip(self.active, self._observation[self.active, :_SEEN].tolist(), strict=True):
-            m, machine = self._states[row], self._machines[row]
-            assert machine is not None
-            m.update(readings)
-            machine.tick(m)
-            commands.append((m.steering, m.throttle))
-            wanted.append((m.wanted_side, m.wanted_clearance))
+            driver = self._drivers[row]
+            assert driver is not None
+            commands.append(driver.act(readings))
+            wanted.append(driver.wanted_clearance)
         self._command[self.active] = commands
         self.fleet.corridor.wanted_clearance[self.active] = wanted
 
@@ -283,9 +279,9 @@ class _Run:
             gates_total=int(info["gates_total"]),
             errors=self._errors[row].copy(),
         )
-        machine = self._machines[row]
-        assert machine is not None
-        self._idle[job.machine].append(machine)
+        driver = self._drivers[row]
+        assert driver is not None
+        self._idle[job.machine].append(driver)
         self._job[row] = -1
         self.ended += 1
 
