@@ -30,6 +30,14 @@ class Detection(NamedTuple):
     opening: float = math.nan
     """Of a gate, between its boards, m; NaN: not known yet."""
 
+    def aged(self, age: float) -> Detection:
+        """The same in a tick that brought no new image, at an age [s]."""
+        return Detection(self.id, self.x, self.y, self.heading, age, False, self.opening)
+
+    def placed(self, x: float, y: float, heading: float, opening: float = math.nan) -> Detection:
+        """The same at another place."""
+        return Detection(self.id, x, y, heading, self.age, self.new, opening)
+
     def room(self, margin: float) -> float:
         """How far beside the middle of the gate a car may pass with a margin [m] on either side, m; NaN: not known."""
         half = self.opening / 2.0

@@ -86,11 +86,10 @@ class CarEstimate(NamedTuple):
     def clearance(self, is_left: bool, ahead: float = 0.0) -> float:
         """What the side ultrasonic should read now, or so far `ahead` on the way straight on, m; NaN: no wall known."""
         wall = self.left_wall if is_left else self.right_wall
-        if not wall.known:
+        if math.isnan(wall.range):
             return math.nan
-        reach = SIDE_SONAR_X_M + ahead
-        x, y = self.x + reach * math.cos(self.yaw), self.y + reach * math.sin(self.yaw)
-        return wall.range_from(x, y, self.yaw - self.heading)
+        yaw, reach = self.yaw, SIDE_SONAR_X_M + ahead
+        return wall.range_from(self.x + reach * math.cos(yaw), self.y + reach * math.sin(yaw), yaw - self.heading)
 
     def from_here(self, pose: Pose) -> Pose:
         """A pose of dead reckoning as seen from the car: x forward, y left, heading wrapped."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from tral_env.geometry import MARKER_BOARD_WIDTH_M, curvature
+from tral_env.geometry import MARKER_BOARD_WIDTH_M
 from tral_env.interface import CONTROL_PERIOD_S
 from tral_fsm.control.command import IDLE, Command
 from tral_fsm.control.laws import clip
@@ -59,7 +59,7 @@ class Estimator:
         self._front_obstacle = FrontObstacleTracker()
         self._gate_age = self._marker_age = NOTHING.age
         self._marker = NOTHING
-        self._walls_now = self.walls.left.estimate, self.walls.right.estimate
+        self._walls_now = self.walls.left.estimate, self.walls.right.estimate, self.walls.sure
 
     def update(self, row: Sequence[float], command: Command = IDLE) -> CarEstimate:
         """Take the readings of a tick.
@@ -76,7 +76,8 @@ class Estimator:
         time = self.tick * CONTROL_PERIOD_S
         if command.target is not None:
             self.gates.target = command.target
-        self._reckon(readings)
+        offset = self.steering_offset, self._offset_error, self._given_trim
+        self.odometry.update(readings, offset, self.steering_gain + self._gain_error)
         left = self._left.update(readings.ultrasonic_left, readings.ultrasonic_left_age, time)
         front = self._front.update(readings.ultrasonic_front, readings.ultrasonic_front_age, time)
         right = self._right.update(readings.ultrasonic_right, readings.ultrasonic_right_age, time)
@@ -107,7 +108,6 @@ class Estimator:
             odometry.arc_length,
             odometry.direction,
             *self._walls_now,
-            self.walls.sure,
             self._front_obstacle.obstacle,
             gates.nearest,
             gates.guess,
@@ -118,15 +118,6 @@ class Estimator:
             self.steering_gain,
         )
 
-    def _reckon(self, readings: Readings) -> None:
-        """Move the pose by what the hall sensor counted, on the circle that the steering gives."""
-        odometry = self.odometry
-        step, lag = odometry.update(readings.distance, readings.speed, readings.steering, readings.throttle)
-        if step > 0.0:  # also false for NaN, at the first tick
-            steering = odometry.wheel - self.steering_offset - self._offset_error - self._given_trim
-            odometry.advance(step, lag, (self.steering_gain + self._gain_error) * curvature(steering))
-        odometry.remember()
-
     def _find_walls(self, left: SonarReading, right: SonarReading) -> None:
         """Correct the corridor's direction and walls by the side ranges that came in this tick."""
         walls = self.walls
@@ -134,7 +125,7 @@ class Estimator:
             self._find_wall(walls.left, left.range, self._left.age)
         if right.new:
             self._find_wall(walls.right, right.range, self._right.age)
-        self._walls_now = walls.left.estimate, walls.right.estimate
+        self._walls_now = walls.left.estimate, walls.right.estimate, walls.sure
 
     def _find_wall(self, wall: Wall, range_m: float, age: float) -> None:
         odometry, walls = self.odometry, self.walls
@@ -155,21 +146,21 @@ class Estimator:
     def _see(self, readings: Readings) -> None:
         """Bring what the camera has seen into the frame of dead reckoning."""
         gates = self.gates
-        age = readings.gate_age
-        new_gate = readings.gate_id >= 0.0 and is_new(age, self._gate_age)
+        age, before = readings.gate_age, self._gate_age
         self._gate_age = age
+        new_gate = readings.gate_id >= 0.0 and is_new(age, before)
         if new_gate:
             self._see_gate(readings)
         elif gates.nearest.id >= 0:
-            gates.nearest = gates.nearest._replace(age=age, new=False)
-        age = readings.marker_age
-        new_marker = readings.marker_id >= 0.0 and is_new(age, self._marker_age)
+            gates.nearest = gates.nearest.aged(age)
+        age, before = readings.marker_age, self._marker_age
         self._marker_age = age
+        new_marker = readings.marker_id >= 0.0 and is_new(age, before)
         if new_marker:
             seen = readings.marker_x, readings.marker_y, readings.marker_heading
             self._marker = self._placed(int(readings.marker_id), seen, age)
         elif self._marker.id >= 0:
-            self._marker = self._marker._replace(age=age, new=False)
+            self._marker = self._marker.aged(age)
         if new_gate and new_marker and self._marker.id // 2 == gates.nearest.id:
             half = math.hypot(readings.gate_x - readings.marker_x, readings.gate_y - readings.marker_y)
             gates.measure_opening(2.0 * half - MARKER_BOARD_WIDTH_M)
@@ -203,7 +194,7 @@ class Estimator:
             self._corridor_yaw = gate.heading
             self.walls.forget()
             self.walls.doubt_direction()
-            self._walls_now = self.walls.left.estimate, self.walls.right.estimate
+            self._walls_now = self.walls.left.estimate, self.walls.right.estimate, self.walls.sure
 
     def learn(self, command: Command) -> None:
         """Take over what the state has learnt of the trim."""

@@ -41,7 +41,7 @@ class GateMemory:
         target = self.target
         if target.id < 0:
             return
-        self.target = target._replace(age=min(target.age + CONTROL_PERIOD_S, MAX_AGE_S), new=False)
+        self.target = target.aged(min(target.age + CONTROL_PERIOD_S, MAX_AGE_S))
         for seen in (self.nearest, self.guess):
             if seen.new and seen.id == target.id:
                 self.target = seen
@@ -91,8 +91,7 @@ class GateMemory:
         )
         if not is_post:
             if self.guess.id >= 0:
-                age = min(self.guess.age + CONTROL_PERIOD_S, MAX_AGE_S)
-                self.guess = self.guess._replace(age=age, new=False)
+                self.guess = self.guess.aged(min(self.guess.age + CONTROL_PERIOD_S, MAX_AGE_S))
             return False
         gate, is_right = divmod(marker.id, 2)
         guess = Detection(gate, age=marker.age, new=True)
@@ -103,10 +102,10 @@ class GateMemory:
         left = _HALF_GATE_M if is_right else -_HALF_GATE_M
         x = marker.x - left * math.sin(marker.heading)
         y = marker.y + left * math.cos(marker.heading)
-        self.guess = guess._replace(x=x, y=y, heading=marker.heading)
+        self.guess = guess.placed(x, y, marker.heading)
         return True
 
 
 def _recalled(seen: Detection, tracker: GateTracker) -> Detection:
     """A detection at the place where its gate is known to be."""
-    return seen._replace(x=tracker.x, y=tracker.y, heading=tracker.heading, opening=tracker.opening)
+    return seen.placed(tracker.x, tracker.y, tracker.heading, tracker.opening)

@@ -13,11 +13,12 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from tral_env.geometry import FULL_LOCK, TRACK_M, WHEELBASE_M
+from tral_env.geometry import FULL_LOCK, TRACK_M, WHEELBASE_M, curvature
 from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.se2 import Pose
 from tral_fsm.control.laws import clip, steering_play
 from tral_fsm.control.speed import STANDING_MPS
+from tral_fsm.estimation.readings import Readings
 
 CURVATURE_PER_STEERING = FULL_LOCK / WHEELBASE_M
 """Curvature that a unit of steering gives around straight ahead, 1/m."""
@@ -31,6 +32,8 @@ _HISTORY_TICKS = 128
 """Poses kept for late camera images: 1.6 s."""
 _SERVO_LAG_S = 0.06
 """Time constant of the servo. Source: choice."""
+_LAG_PER_TICK = CONTROL_PERIOD_S / _SERVO_LAG_S
+"""Share of their lag that the wheels make up for in a tick."""
 _TRIM_WALK = 0.01
 """Standard deviation by which the trim wanders in a metre."""
 _HEADING_WALK = 0.01
@@ -110,39 +113,40 @@ class Odometry:
         self._distance = math.nan
         self._history: deque[Pose] = deque(maxlen=_HISTORY_TICKS)
 
-    def update(self, distance: float, speed: float, steering: float, throttle: float) -> tuple[float, float]:
-        """Take the hall sensor's way [m] and speed [m/s], and the command as applied.
+    def update(self, readings: Readings, offset: tuple[float, float, float], gain: float) -> None:
+        """Move the pose by the way of a tick.
 
-        Returns:
-            The way of this tick by the hall sensor, m, NaN at the first; and how far the wheels lag behind the command.
+        Args:
+            readings: the hall sensor's way and speed, the command as applied.
+            offset: steering at which the car drives straight.
+            gain: curvature that the car drives over the one that its steering should give.
         """
-        lag = steering - self.wheel
-        lag -= clip(lag, steering_play(speed))
-        moved = lag * (CONTROL_PERIOD_S / _SERVO_LAG_S)
+        lag = readings.steering - self.wheel
+        lag -= clip(lag, steering_play(readings.speed))
+        moved = lag * _LAG_PER_TICK
         self.wheel += moved
         self.steering_travel += abs(moved)
-        step = distance - self._distance
-        self._distance = distance
-        if speed < STANDING_MPS and throttle != 0.0:
-            self.direction = -1.0 if throttle < 0.0 else 1.0
-        return step, lag
+        step = readings.distance - self._distance
+        self._distance = readings.distance
+        if readings.speed < STANDING_MPS and readings.throttle != 0.0:
+            self.direction = -1.0 if readings.throttle < 0.0 else 1.0
+        if step > 0.0:  # also false for NaN, at the first tick
+            self._advance(step, lag, gain * curvature(self.wheel - offset[0] - offset[1] - offset[2]))
+        self._history.append((self.x, self.y, self.yaw))
 
-    def advance(self, step: float, lag: float, path_curvature: float) -> None:
+    def _advance(self, step: float, lag: float, path_curvature: float) -> None:
         """Move the pose by a way [m] of the hall sensor on a circle of a curvature [1/m]."""
         # The magnets sit on the rear left wheel, which runs on the inner circle of a left turn.
         step = self.direction * step / (1.0 - path_curvature * TRACK_M / 2.0)
+        turn = step * path_curvature
         self.arc_length += step
         self.lag_heading_change += CURVATURE_PER_STEERING * abs(lag * step)
-        middle = self.yaw + step * path_curvature / 2.0
+        middle = self.yaw + turn / 2.0
         self.x += step * math.cos(middle)
         self.y += step * math.sin(middle)
-        self.yaw += step * path_curvature
-        self.heading_change += step * path_curvature
+        self.yaw += turn
+        self.heading_change += turn
         self.curvature_sq_integral += abs(step) * path_curvature * path_curvature
-
-    def remember(self) -> None:
-        """Keep the pose of this tick for late readings."""
-        self._history.append((self.x, self.y, self.yaw))
 
     def pose_before(self, age: float) -> Pose:
         """Pose some seconds ago."""

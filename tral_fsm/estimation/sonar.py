@@ -54,13 +54,14 @@ class Sonar:
             age: s.
             time: s since reset.
         """
-        new, self.age = is_new(age, self.age), age
+        before, self.age = self.age, age
         reading = self.reading
-        if new:
-            fired = time - age
-            interval = 0.0 if math.isnan(self._fired) else fired - self._fired
-            self._fired = fired
-            self.reading = SonarReading(range_m, True, reading.range, interval)
-        elif reading.new:
-            self.reading = SonarReading(reading.range, False, reading.previous, reading.interval)
+        if age >= MAX_AGE_S or age >= before + _HALF_PERIOD:  # not `is_new`: a call would cost more than all of this
+            if reading.new:
+                self.reading = SonarReading(reading.range, False, reading.previous, reading.interval)
+            return self.reading
+        fired = time - age
+        interval = 0.0 if math.isnan(self._fired) else fired - self._fired
+        self._fired = fired
+        self.reading = SonarReading(range_m, True, reading.range, interval)
         return self.reading

@@ -6,6 +6,7 @@ with `register`.
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar, Generic, Protocol, TypeVar, get_args, runtime_checkable
 
 from tral_env.se2 import Pose
@@ -18,6 +19,8 @@ from tral_fsm.estimation.estimate import CarEstimate
 S = TypeVar("S", bound=StateSpec)
 D = TypeVar("D", bound=DrivingSpec)
 
+NO_CLEARANCE = (math.nan, math.nan)
+"""No clearance is kept."""
 NO_GATE = -1
 """Id of a target that is no gate."""
 
@@ -105,9 +108,28 @@ def register(state: R) -> R:
 class DrivingState(State[D]):
     """A state that moves the car, with the speed or the throttle of its spec."""
 
-    def drive(self, steering: float, speed: float | None = None) -> Command:
-        """A command with the spec's throttle, or with the speed given [m/s], or with the spec's."""
+    def drive(
+        self,
+        steering: float,
+        speed: float | None = None,
+        *,
+        wanted: tuple[float, float] = NO_CLEARANCE,
+        adopt_trim: bool = False,
+        trim_step: float = 0.0,
+    ) -> Command:
+        """A command with the spec's throttle, or with the speed given [m/s], or with the spec's.
+
+        Args:
+            steering: in [-1, 1], + = left.
+            speed: m/s; None: that of the spec.
+            wanted: wall that a clearance is kept to, +1 left, -1 right, and that clearance, m.
+            adopt_trim: see `Command`.
+            trim_step: see `Command`.
+        """
         spec = self.spec
-        if spec.throttle is not None:
-            return Command(steering, None, spec.throttle, spec.steering_trim)
-        return Command(steering, spec.speed if speed is None else speed, None, spec.steering_trim)
+        throttle = spec.throttle
+        if throttle is not None:
+            speed = None
+        elif speed is None:
+            speed = spec.speed
+        return Command(steering, speed, throttle, spec.steering_trim, *wanted, adopt_trim, trim_step)

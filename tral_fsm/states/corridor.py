@@ -18,7 +18,7 @@ from tral_fsm.control.laws import clip, slowed, steering_for
 from tral_fsm.definition.machine import DrivingSpec
 from tral_fsm.definition.validated import Side, quantity
 from tral_fsm.estimation.estimate import CarEstimate
-from tral_fsm.states.base import DrivingState
+from tral_fsm.states.base import NO_CLEARANCE, DrivingState
 
 _QUARTER = math.pi / 2.0
 _SURE_LOCK = 0.9
@@ -88,11 +88,9 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
         slope = self.shift(estimate)
         approach = clip(self.offset / (2.0 * spec.length) + slope, self.steepest)
         path_curvature = 2.0 / spec.length * (approach - math.sin(estimate.heading))
-        command = self.drive(clip(steering_for(path_curvature), _SURE_LOCK), self.speed_now(estimate))
-        command = command._replace(adopt_trim=spec.learn_trim)
-        if not self.reference:
-            return command
-        return command._replace(wanted_side=self.reference, wanted_clearance=self.clearance)
+        wanted = (self.reference, self.clearance) if self.reference else NO_CLEARANCE
+        steering, speed = clip(steering_for(path_curvature), _SURE_LOCK), self.speed_now(estimate)
+        return self.drive(steering, speed, wanted=wanted, adopt_trim=spec.learn_trim)
 
     def shift(self, estimate: CarEstimate) -> float:
         """Find the line anew; gives the slope with which it moves to the left."""

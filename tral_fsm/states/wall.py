@@ -75,8 +75,7 @@ class WallState(DrivingState[W]):
             self.error_old = error
             if spec.learn_trim and abs(error) < _TRIM_ERROR and abs(estimate.heading) < _TRIM_HEADING:
                 trim_step = spec.learn_trim * (self.sign * error) * CONTROL_PERIOD_S
-        command = self.drive(self.sign * y, self.speed_now(estimate))
-        return command._replace(wanted_side=self.sign, wanted_clearance=wanted, trim_step=trim_step)
+        return self.drive(self.sign * y, self.speed_now(estimate), wanted=(self.sign, wanted), trim_step=trim_step)
 
     def largest(self, d: float, speed: float) -> float:
         """The e that counts at most, m."""
