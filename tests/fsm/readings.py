@@ -4,8 +4,11 @@ import json
 from typing import Any
 
 from tral_env.interface import CORE_LAYOUT
-from tral_fsm.estimation.estimator import MachineState
+from tral_fsm.control.command import Command
+from tral_fsm.estimation.estimate import CarEstimate
+from tral_fsm.estimation.estimator import Estimator
 from tral_fsm.formats.tral_json import loads
+from tral_fsm.runtime.driver import Driver
 from tral_fsm.runtime.machine import Machine, Transit
 
 TICK = 0.0125
@@ -36,18 +39,38 @@ class Bench:
 
     def __init__(self, definition: dict[str, Any]) -> None:
         self.fired: list[Transit] = []
-        self.machine = Machine(loads(json.dumps(definition)), self.fired.append)
-        self.m = MachineState()
+        self.driver = Driver(loads(json.dumps(definition)), self.fired.append)
         self.feed = Feed()
 
     def tick(self, **readings: float) -> tuple[float, float]:
-        self.m.update(self.feed.row(**readings))
-        self.machine.tick(self.m)
-        return self.m.steering, self.m.throttle
+        return self.driver.act(self.feed.row(**readings))
+
+    def reset(self) -> None:
+        """Begin another drive at another place."""
+        self.driver.reset()
+        self.feed = Feed()
+
+    @property
+    def machine(self) -> Machine:
+        return self.driver.machine
+
+    @property
+    def estimator(self) -> Estimator:
+        return self.driver.estimator
+
+    @property
+    def estimate(self) -> CarEstimate:
+        """What the machine was given in the last tick."""
+        return self.driver.estimate
+
+    @property
+    def command(self) -> Command:
+        """What the machine answered in the last tick."""
+        return self.driver.command
 
     @property
     def active(self) -> str:
-        return self.machine.active_path
+        return self.driver.active_path
 
 
 def one_state(**state: Any) -> Bench:

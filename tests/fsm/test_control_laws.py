@@ -7,8 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tral_env.config import CarConfig
+from tral_env.geometry import FULL_LOCK, TRACK_M, WHEELBASE_M, curvature
 from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ
+from tral_env.se2 import wrap
 from tral_fsm.control import laws as control
+from tral_fsm.control import speed as speed_loop
 
 angles = st.floats(-100, 100)
 steerings = st.floats(-1, 1)
@@ -38,17 +41,17 @@ def test_the_ramp_is_linear_and_stays_at_its_end() -> None:
 
 def test_geometry_is_that_of_the_car() -> None:
     car = CarConfig()
-    assert (car.wheelbase, car.track) == (control.WHEELBASE, control.TRACK)
-    assert pytest.approx(car.full_lock) == control.FULL_LOCK
+    assert (car.wheelbase, car.track) == (WHEELBASE_M, TRACK_M)
+    assert pytest.approx(car.full_lock) == FULL_LOCK
 
 
 def test_full_lock_turns_on_a_radius_of_64_cm() -> None:
-    assert 1 / control.curvature(1.0) == pytest.approx(0.6386, abs=1e-4)
+    assert 1 / curvature(1.0) == pytest.approx(0.6386, abs=1e-4)
 
 
 @given(steerings)
 def test_steering_and_curvature_are_inverse(steering: float) -> None:
-    assert control.steering_for(control.curvature(steering)) == pytest.approx(steering, abs=1e-12)
+    assert control.steering_for(curvature(steering)) == pytest.approx(steering, abs=1e-12)
 
 
 @given(st.floats(-10, 10), st.floats(0.1, 10))
@@ -60,7 +63,7 @@ def test_clip_keeps_within_its_limit(value: float, limit: float) -> None:
 
 @given(angles)
 def test_wrapped_angles_point_the_same_way(angle: float) -> None:
-    wrapped = control.wrap(angle)
+    wrapped = wrap(angle)
     assert -math.pi <= wrapped <= math.pi
     assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-9)
     assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-9)
@@ -72,13 +75,13 @@ def test_pursuit_of_a_point_straight_ahead_goes_straight() -> None:
 
 def test_pursuit_drives_the_circle_through_the_point() -> None:
     # a quarter circle of radius 1 m ends at (1, 1)
-    assert control.curvature(control.pursuit(1.0, 1.0)) == pytest.approx(1.0)
+    assert curvature(control.pursuit(1.0, 1.0)) == pytest.approx(1.0)
 
 
 def test_line_steers_back_to_the_line_and_not_at_all_on_it() -> None:
     assert control.line(0.0, 0.0, 0.5) == 0.0
-    assert control.curvature(control.line(0.1, 0.0, 0.5)) == pytest.approx(-0.1 / 0.25)
-    assert control.curvature(control.line(0.0, 0.1, 0.5)) == pytest.approx(-4 * math.sin(0.1))
+    assert curvature(control.line(0.1, 0.0, 0.5)) == pytest.approx(-0.1 / 0.25)
+    assert curvature(control.line(0.0, 0.1, 0.5)) == pytest.approx(-4 * math.sin(0.1))
 
 
 def test_line_is_approached_at_45_degrees_at_most() -> None:
@@ -86,29 +89,29 @@ def test_line_is_approached_at_45_degrees_at_most() -> None:
 
 
 def test_feed_forward_is_the_line_through_the_level_table() -> None:
-    assert [control.feed_forward(v) for v in (0.0, 0.264, 1.056)] == pytest.approx([0.0, 0.2, 0.5])
+    assert [speed_loop.feed_forward(v) for v in (0.0, 0.264, 1.056)] == pytest.approx([0.0, 0.2, 0.5])
 
 
 def test_speed_control_at_its_speed_is_feed_forward_alone() -> None:
-    assert control.speed_control(0.528, 0.528, 0.0) == pytest.approx((0.3, 0.0))
+    assert speed_loop.speed_control(0.528, 0.528, 0.0) == pytest.approx((0.3, 0.0))
 
 
 def test_speed_control_adds_p_and_i() -> None:
-    throttle, integral = control.speed_control(0.528, 0.328, 0.01)
+    throttle, integral = speed_loop.speed_control(0.528, 0.328, 0.01)
     assert integral == pytest.approx(0.01 + 0.25 * 0.2 * 0.0125)
     assert throttle == pytest.approx(0.3 + 0.15 * 0.2 + integral)
 
 
 @given(st.floats(0, 5), st.floats(0, 0.149), st.floats(-1, 1))
 def test_a_standing_car_is_never_put_in_reverse(wanted: float, speed: float, integral: float) -> None:
-    assert control.speed_control(wanted, speed, integral)[0] >= 0.0
+    assert speed_loop.speed_control(wanted, speed, integral)[0] >= 0.0
 
 
 @given(st.floats(0, 5), st.floats(0, 5), st.floats(-1, 1))
 def test_speed_control_stays_within_the_command(wanted: float, speed: float, integral: float) -> None:
-    throttle, summed = control.speed_control(wanted, speed, integral)
+    throttle, summed = speed_loop.speed_control(wanted, speed, integral)
     assert -1 <= throttle <= 1
-    assert abs(summed) <= control.SPEED_I_LIMIT
+    assert abs(summed) <= speed_loop.SPEED_I_LIMIT
 
 
 def test_a_car_slows_linearly_before_something_ahead() -> None:

@@ -9,123 +9,128 @@ from hypothesis import given
 from hypothesis import strategies as st
 from readings import one_state, two_states
 
+from tral_env.geometry import SIDE_SONAR_X_M
 from tral_env.interface import NO_ECHO_M
-from tral_fsm import load_policy
-from tral_fsm.estimation.estimator import MachineState
-from tral_fsm.estimation.front_obstacle import Ahead
-from tral_fsm.estimation.odometry import BEND_PER_STEERING, Stand
-from tral_fsm.estimation.wall_filter import NO_FAULT, Wall, Walls
+from tral_fsm import load_machine
+from tral_fsm.conditions.walls import MoreRoom, MoreRoomSpec
+from tral_fsm.definition.machine import IdleSpec
+from tral_fsm.estimation.estimate import CarEstimate
+from tral_fsm.estimation.front_obstacle import FrontObstacle, FrontObstacleTracker
+from tral_fsm.estimation.odometry import CURVATURE_PER_STEERING, OdometrySample
+from tral_fsm.estimation.wall_filter import NO_CORRECTION, Wall, WallEstimate, WallFilter
+from tral_fsm.runtime.driver import Driver
+from tral_fsm.states.basic import Idle
 
 CRUISE = {"type": "FollowCorridor", "throttle": 0.2}
 
 
-def drive(walls: Walls, metres: float) -> None:
+def drive(walls: WallFilter, metres: float) -> None:
     """Drive straight ahead between walls at 0.8 m on the left and 1.0 m on the right, 4 cm a reading."""
     for k in range(round(metres / 0.04)):
-        walls.take(walls.left, 0.8, at(0.04 * k), 0.0)
-        walls.take(walls.right, 1.0, at(0.04 * k), 0.0)
+        walls.update(walls.left, 0.8, at(0.04 * k), 0.0)
+        walls.update(walls.right, 1.0, at(0.04 * k), 0.0)
 
 
-def settled(metres: float = 1.0) -> Walls:
+def settled(metres: float = 1.0) -> WallFilter:
     """Walls after driving between them."""
-    walls = Walls()
+    walls = WallFilter()
     drive(walls, metres)
     return walls
 
 
-def at(x: float, y: float = 0.0, yaw: float = 0.0) -> Stand:
+def at(x: float, y: float = 0.0, yaw: float = 0.0) -> OdometrySample:
     """The car was here, after as many metres."""
-    return Stand(x, y, yaw, path=x)
+    return OdometrySample(x, y, yaw, arc_length=x)
 
 
 class TestWalls:
     def test_a_wall_is_known_after_three_readings_that_agree(self) -> None:
         wall = Wall(1.0)
         for reading in (0.80, 0.81):
-            wall.fits(reading, 0.0)
-            assert not wall.known
-        wall.fits(0.82, 0.0)
-        assert wall.known
+            wall.accept(reading, 0.0)
+            assert not wall.estimate.known
+        wall.accept(0.82, 0.0)
+        assert wall.estimate.known
         assert wall.range == pytest.approx(0.81)
 
     def test_a_wrong_reading_moves_nothing(self) -> None:
         walls = settled()
-        assert walls.take(walls.left, 0.5, at(1.04), 0.0) == NO_FAULT
+        assert walls.update(walls.left, 0.5, at(1.04), 0.0) == NO_CORRECTION
         assert walls.left.range == pytest.approx(0.8)
 
     def test_a_cupboard_becomes_the_wall(self) -> None:
         walls = settled()
         moved = walls.left.moved
         for k in range(3):
-            walls.take(walls.left, 0.4, at(1.04 + 0.04 * k), 0.0)
+            walls.update(walls.left, 0.4, at(1.04 + 0.04 * k), 0.0)
         assert walls.left.range == pytest.approx(0.4)
         assert walls.left.moved == moved + 1
 
     def test_driving_to_the_left_is_foretold(self) -> None:
         walls = settled()
-        fault = walls.take(walls.left, 0.7, at(1.04, 0.1), 0.0)
+        fault = walls.update(walls.left, 0.7, at(1.04, 0.1), 0.0)
         assert fault == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
         assert walls.left.range == pytest.approx(0.7)
 
     def test_after_two_readings_without_a_wall_none_is_known(self) -> None:
         walls = settled()
-        walls.take(walls.right, 6.0, at(1.04), 0.0)
-        assert walls.right.known
-        walls.take(walls.right, 6.0, at(1.08), 0.0)
+        walls.update(walls.right, 6.0, at(1.04), 0.0)
+        assert walls.right.estimate.known
+        walls.update(walls.right, 6.0, at(1.08), 0.0)
         assert walls.right.lost == 2
-        assert not walls.right.known
+        assert not walls.right.estimate.known
 
     def test_at_an_angle_no_echo_is_no_opening(self) -> None:
         walls = settled()
         for k in range(5):
-            walls.take(walls.right, 6.0, at(1.04 + 0.04 * k, yaw=math.radians(25.0)), 0.0)
+            walls.update(walls.right, 6.0, at(1.04 + 0.04 * k, yaw=math.radians(25.0)), 0.0)
         assert walls.right.lost == 0
-        assert walls.right.known
+        assert walls.right.estimate.known
 
     def test_turning_out_of_the_corridor_forgets_its_walls(self) -> None:
         walls = settled()
-        walls.take(walls.right, 6.0, at(1.04, yaw=math.radians(40.0)), 0.0)
-        assert not walls.left.known
-        assert not walls.right.known
+        walls.update(walls.right, 6.0, at(1.04, yaw=math.radians(40.0)), 0.0)
+        assert not walls.left.estimate.known
+        assert not walls.right.estimate.known
 
     @given(degrees=st.floats(-8.0, 8.0))
     def test_a_wrong_direction_is_put_right_within_a_metre(self, degrees: float) -> None:
-        walls, along = Walls(), 0.0
+        walls, along = WallFilter(), 0.0
         slope = math.tan(math.radians(degrees))
         for k in range(25):
             s = 0.04 * k
             for wall, start in ((walls.left, 0.8), (walls.right, 1.0)):
-                along -= walls.take(wall, start - wall.sign * slope * s, at(s), along).heading
+                along -= walls.update(wall, start - wall.sign * slope * s, at(s), along).heading
         assert math.degrees(-along) == pytest.approx(degrees, abs=0.7)
         assert walls.direction_known
 
     @given(degrees=st.floats(-8.0, 8.0))
     def test_so_it_is_in_reverse(self, degrees: float) -> None:
-        walls, along = Walls(), 0.0
+        walls, along = WallFilter(), 0.0
         slope = math.tan(math.radians(degrees))
         for k in range(25):
             s = -0.04 * k
             for wall, start in ((walls.left, 0.8), (walls.right, 1.0)):
-                along -= walls.take(wall, start - wall.sign * slope * s, at(s), along).heading
+                along -= walls.update(wall, start - wall.sign * slope * s, at(s), along).heading
         assert math.degrees(-along) == pytest.approx(degrees, abs=0.7)
 
     @given(fault=st.floats(-0.12, 0.12))
     def test_a_wrong_trim_is_learnt_within_three_metres(self, fault: float) -> None:
-        walls, along, yaw, y, trim = Walls(), 0.0, 0.0, 0.0, 0.0
+        walls, along, yaw, y, trim = WallFilter(), 0.0, 0.0, 0.0, 0.0
         for k in range(75):
             s = 0.04 * k
             for wall, start in ((walls.left, 0.8), (walls.right, 1.0)):
-                found = walls.take(wall, start - wall.sign * y, at(s), along)
+                found = walls.update(wall, start - wall.sign * y, at(s), along)
                 along -= found.heading
                 trim += found.trim
             # the car holds its wheels where it takes straight ahead to be, and truly turns by what is left
-            yaw -= BEND_PER_STEERING * (fault - trim) * 0.04
+            yaw -= CURVATURE_PER_STEERING * (fault - trim) * 0.04
             y += yaw * 0.04
         assert trim == pytest.approx(fault, abs=0.03)
         assert walls.sure
 
     def test_nothing_is_sure_at_the_start(self) -> None:
-        walls = Walls()
+        walls = WallFilter()
         assert not walls.direction_known
         assert not walls.sure
         drive(walls, 3.0)
@@ -133,7 +138,7 @@ class TestWalls:
 
     def test_a_turn_makes_the_direction_doubtful(self) -> None:
         walls = settled(3.0)
-        walls.take(walls.left, 6.0, Stand(3.04, 0.0, 1.5, path=3.04, turned=1.5), 0.0)
+        walls.update(walls.left, 6.0, OdometrySample(3.04, 0.0, 1.5, arc_length=3.04, heading_change=1.5), 0.0)
         assert not walls.direction_known
 
     def test_an_edge_on_one_side_does_not_turn_the_corridor(self) -> None:
@@ -141,139 +146,148 @@ class TestWalls:
         turned = 0.0
         for k in range(10):
             s = 4.0 + 0.04 * k
-            turned += walls.take(walls.left, 0.8, at(s), 0.0).heading
-            turned += walls.take(walls.right, math.hypot(1.0, 0.04 * k), at(s), 0.0).heading
+            turned += walls.update(walls.left, 0.8, at(s), 0.0).heading
+            turned += walls.update(walls.right, math.hypot(1.0, 0.04 * k), at(s), 0.0).heading
         assert abs(turned) < math.radians(1.5)
 
     @given(readings=st.lists(st.tuples(st.floats(0.03, 6.0), st.floats(0.03, 6.0)), min_size=1, max_size=60))
     def test_whatever_is_heard_the_filter_stays_sound(self, readings: list[tuple[float, float]]) -> None:
-        walls = Walls()
+        walls = WallFilter()
         for k, (left, right) in enumerate(readings):
-            stand = Stand(0.04 * k, 0.0, 0.02 * k % 0.3, path=0.04 * k, turned=0.02 * k, late=0.001 * k, swept=0.1 * k)
+            sample = OdometrySample(
+                *(0.04 * k, 0.0, 0.02 * k % 0.3),
+                arc_length=0.04 * k,
+                heading_change=0.02 * k,
+                lag_heading_change=0.001 * k,
+                steering_travel=0.1 * k,
+            )
             for wall, reading in ((walls.left, left), (walls.right, right)):
-                assert all(math.isfinite(x) for x in walls.take(wall, reading, stand, 0.0))
-        covariance = np.array(walls._covariance)
+                assert all(math.isfinite(x) for x in walls.update(wall, reading, sample, 0.0))
+        covariance = np.array(walls.covariance)
         assert np.allclose(covariance, covariance.T)
         assert np.linalg.eigvalsh(covariance).min() > -1e-12
 
 
-class TestAhead:
+class TestFrontObstacle:
     @pytest.mark.parametrize("aside", [0.0, 0.2, 0.5])
     def test_how_the_range_falls_tells_how_far_aside(self, aside: float) -> None:
-        ahead = Ahead()
+        ahead = FrontObstacleTracker()
         for k in range(20):
-            ahead.take(math.hypot(2.0 - 0.04 * k, aside), 0.04 * k, 0.04 * k)
-        assert ahead.aside == pytest.approx(aside, abs=1e-6)
-        assert ahead.heard_from == pytest.approx(math.hypot(2.0, aside))
+            ahead.update(math.hypot(2.0 - 0.04 * k, aside), 0.04 * k, 0.04 * k)
+        assert ahead.obstacle.lateral_offset == pytest.approx(aside, abs=1e-6)
+        assert ahead.obstacle.first_range == pytest.approx(math.hypot(2.0, aside))
 
     def test_one_wrong_reading_is_passed_over(self) -> None:
-        ahead = Ahead()
+        ahead = FrontObstacleTracker()
         for k, reading in enumerate((3.0, 2.96, 0.4, 2.88)):
-            ahead.take(reading, 0.04 * k, 0.04 * k)
-        assert (ahead.range, ahead.heard_from) == (2.88, 3.0)
+            ahead.update(reading, 0.04 * k, 0.04 * k)
+        assert (ahead.obstacle.range, ahead.obstacle.first_range) == (2.88, 3.0)
 
     def test_something_else_is_heard_anew(self) -> None:
-        ahead = Ahead()
+        ahead = FrontObstacleTracker()
         for k, reading in enumerate((3.0, 2.96, 1.5, 1.46, 1.42, 1.38, 1.34)):
-            ahead.take(reading, 0.04 * k, 0.04 * k)
-        assert ahead.heard_from == 1.38
-        assert ahead.range == 1.34
+            ahead.update(reading, 0.04 * k, 0.04 * k)
+        assert ahead.obstacle.first_range == 1.38
+        assert ahead.obstacle.range == 1.34
 
     @pytest.mark.parametrize(
         ("off", "heard_from"), [(0.0, 3.0), (0.24, 3.0), (-0.24, 3.0), (0.26, 2.86), (-0.26, 2.34)]
     )
     def test_what_was_lost_is_the_same_where_it_was(self, off: float, heard_from: float) -> None:
         ahead = heard_and_lost(lost_m=0.4)
-        ahead.take(3.0 - 0.4 + off, 0.4, 0.4)
-        assert ahead.heard_from == pytest.approx(heard_from)
+        ahead.update(3.0 - 0.4 + off, 0.4, 0.4)
+        assert ahead.obstacle.first_range == pytest.approx(heard_from)
 
     def test_what_was_heard_too_few_times_is_not_remembered(self) -> None:
-        ahead = Ahead()
+        ahead = FrontObstacleTracker()
         for k, reading in enumerate((3.0, 2.96, *[NO_ECHO_M] * 8)):
-            ahead.take(reading, 0.04 * k, 0.04 * k)
-        ahead.take(2.6, 0.4, 0.4)
-        assert ahead.heard_from == 2.6
+            ahead.update(reading, 0.04 * k, 0.04 * k)
+        ahead.update(2.6, 0.4, 0.4)
+        assert ahead.obstacle.first_range == 2.6
 
     @pytest.mark.parametrize(("lost_m", "heard_from"), [(1.0, 3.0), (1.2, 1.8)])
     def test_what_was_lost_long_ago_is_something_else(self, lost_m: float, heard_from: float) -> None:
         ahead = heard_and_lost(lost_m)
-        ahead.take(3.0 - lost_m, lost_m, lost_m)
-        assert ahead.heard_from == pytest.approx(heard_from)
+        ahead.update(3.0 - lost_m, lost_m, lost_m)
+        assert ahead.obstacle.first_range == pytest.approx(heard_from)
 
     def test_a_car_that_backed_off_knows_it_again(self) -> None:
         ahead = heard_and_lost(lost_m=0.4)
-        ahead.take(3.0, 0.8, 0.0)
-        assert ahead.heard_from == 3.0
+        ahead.update(3.0, 0.8, 0.0)
+        assert ahead.obstacle.first_range == 3.0
         ahead = heard_and_lost(lost_m=0.4)
-        ahead.take(2.8, 0.6, 0.2)
-        assert ahead.heard_from == 3.0
+        ahead.update(2.8, 0.6, 0.2)
+        assert ahead.obstacle.first_range == 3.0
 
     def test_it_was_heard_from_no_nearer_than_now(self) -> None:
         ahead = heard_and_lost(lost_m=0.4)
-        ahead.take(3.2, 1.0, -0.2)
-        assert ahead.heard_from == 3.2
+        ahead.update(3.2, 1.0, -0.2)
+        assert ahead.obstacle.first_range == 3.2
 
     def test_no_echo_is_nothing(self) -> None:
-        ahead = Ahead()
+        ahead = FrontObstacleTracker()
         for k, reading in enumerate((5.98, NO_ECHO_M, NO_ECHO_M, NO_ECHO_M, NO_ECHO_M, NO_ECHO_M)):
-            ahead.take(reading, 0.01 * k, 0.01 * k)
-        assert (ahead.near, ahead.range, ahead.heard_from) == (math.inf, math.inf, math.inf)
+            ahead.update(reading, 0.01 * k, 0.01 * k)
+        assert (ahead.obstacle.nearest, ahead.obstacle.range, ahead.obstacle.first_range) == (
+            math.inf,
+            math.inf,
+            math.inf,
+        )
 
     def test_near_is_what_has_just_come_up(self) -> None:
-        ahead = Ahead()
+        ahead = FrontObstacleTracker()
         for k, reading in enumerate((3.0, 2.96, 2.92)):
-            ahead.take(reading, 0.04 * k, 0.04 * k)
-        assert ahead.near == 2.92
-        ahead.take(0.9, 0.16, 0.16)
-        assert ahead.near == 0.9
+            ahead.update(reading, 0.04 * k, 0.04 * k)
+        assert ahead.obstacle.nearest == 2.92
+        ahead.update(0.9, 0.16, 0.16)
+        assert ahead.obstacle.nearest == 0.9
 
 
-def heard_and_lost(lost_m: float) -> Ahead:
+def heard_and_lost(lost_m: float) -> FrontObstacleTracker:
     """Something 3 m ahead of the start was heard for 0.12 m of way, then not until the way is `lost_m`."""
-    ahead = Ahead()
+    ahead = FrontObstacleTracker()
     for k in range(4):
-        ahead.take(3.0 - 0.04 * k, 0.04 * k, 0.04 * k)
+        ahead.update(3.0 - 0.04 * k, 0.04 * k, 0.04 * k)
     for k in range(8):
         way = 0.12 + (lost_m - 0.12) * (k + 1) / 8
-        ahead.take(NO_ECHO_M, way, way)
+        ahead.update(NO_ECHO_M, way, way)
     return ahead
 
 
-def blackboard(**ranges: float) -> MachineState:
-    """Known ranges to the walls beside a car at the origin."""
-    m = MachineState()
-    for name, reading in ranges.items():
-        wall = getattr(m.walls, name)
-        wall.foretell(0.129, 0.0, 0.0)
-        wall.range = reading
-    return m
+def beside(left: float = math.nan, right: float = math.nan, yaw: float = 0.0, **ahead: float) -> CarEstimate:
+    """A car at the origin of a corridor along x: known ranges to its walls, and what is ahead."""
+    return CarEstimate(
+        yaw=yaw,
+        heading=yaw,
+        left_wall=WallEstimate(1.0, left, SIDE_SONAR_X_M, 0.0),
+        right_wall=WallEstimate(-1.0, right, SIDE_SONAR_X_M, 0.0),
+        obstacle=FrontObstacle(**ahead),
+    )
+
+
+def more_room_on_the_left() -> MoreRoom:
+    return MoreRoom(MoreRoomSpec(side="left"), Idle(IdleSpec(id=0)))
 
 
 class TestConditions:
     def test_more_room_compares_the_walls(self) -> None:
-        bench = two_states({"type": "MoreRoom", "side": "left"})
-        condition = bench.machine._ways[0][0].condition
-        assert condition.triggered(blackboard(left=1.0, right=0.8))
-        assert not condition.triggered(blackboard(left=0.8, right=1.0))
-        assert condition.triggered(blackboard(right=0.8))
+        condition = more_room_on_the_left()
+        assert condition.triggered(beside(left=1.0, right=0.8))
+        assert not condition.triggered(beside(left=0.8, right=1.0))
+        assert condition.triggered(beside(right=0.8))
 
     @pytest.mark.parametrize(("heading", "fires"), [(-0.3, True), (0.0, False), (0.3, False)])
     def test_a_car_that_drives_aslant_compares_the_walls_beside_what_is_ahead(
         self, heading: float, fires: bool
     ) -> None:
-        m = blackboard(left=0.8, right=1.0)
-        m.ahead.range, m.yaw = 1.0, heading
-        bench = two_states({"type": "MoreRoom", "side": "left"})
-        condition = bench.machine._ways[0][0].condition
-        assert condition.triggered(m) == fires
-        left, right = (float(part.split()[1]) for part in condition.why(m).split(", ")[:2])
+        estimate, condition = beside(left=0.8, right=1.0, yaw=heading, range=1.0), more_room_on_the_left()
+        assert condition.triggered(estimate) == fires
+        left, right = (float(part.split()[1]) for part in condition.why(estimate).split(", ")[:2])
         assert right - left == pytest.approx(0.2 + 2.0 * 1.304 * math.sin(heading), abs=0.01)
 
     def test_what_has_just_come_up_counts_before_the_wall_far_behind_it(self) -> None:
-        m = blackboard(left=1.0, right=0.8)
-        m.ahead.range, m.ahead.last, m.yaw = 4.0, 0.5, 0.08
-        condition = two_states({"type": "MoreRoom", "side": "left"}).machine._ways[0][0].condition
-        assert condition.triggered(m)
+        estimate = beside(left=1.0, right=0.8, yaw=0.08, range=4.0, last_range=0.5)
+        assert more_room_on_the_left().triggered(estimate)
 
     def test_something_ahead_asks_from_where_it_has_been_heard(self) -> None:
         wall = two_states({"type": "ObstacleAhead", "below": 1.0, "heard_above": 1.8})
@@ -333,24 +347,24 @@ class TestStates:
         bench = one_state(**CRUISE, clearance=0.5)
         for _ in range(3):
             bench.tick(right=0.8)
-        assert bench.m.wanted_clearance == pytest.approx(0.8)
-        assert bench.m.wanted_side == -1.0
+        assert bench.command.wanted_clearance == pytest.approx(0.8)
+        assert bench.command.wanted_side == -1.0
 
     def test_the_line_shifts_by_its_slope(self) -> None:
         bench = one_state(**CRUISE, clearance=0.5, slope=0.1)
         for _ in range(4):
             bench.tick(right=0.8)
-        before = bench.m.wanted_clearance
+        before = bench.command.wanted_clearance
         bench.tick(distance=0.05, speed=0.5)
         bench.tick(distance=0.10, speed=0.5)
-        assert before - bench.m.wanted_clearance == pytest.approx(0.01)
+        assert before - bench.command.wanted_clearance == pytest.approx(0.01)
 
     def test_it_drives_slowly_until_it_knows_the_corridor(self) -> None:
         bench = one_state(type="FollowCorridor", speed=1.0, unsure_speed=0.4)
         targets = []
         for k in range(80):
             bench.tick(left=0.8, right=0.8, distance=0.04 * k, speed=0.5)
-            targets.append(bench.m.speed_target)
+            targets.append(bench.driver.speed_target)
         assert targets[0] == 0.4
         assert targets[-1] == 1.0
         assert targets == sorted(targets)  # once it knows it stays so
@@ -358,7 +372,7 @@ class TestStates:
     def test_what_is_slower_anyway_is_not_made_faster(self) -> None:
         bench = one_state(type="FollowCorridor", speed=0.3, unsure_speed=0.45)
         bench.tick(left=0.8, right=0.8)
-        assert bench.m.speed_target == 0.3
+        assert bench.driver.speed_target == 0.3
 
     def test_a_trim_that_is_not_to_be_learnt_is_known_to_dead_reckoning_alone(self) -> None:
         taken, left = one_state(**CRUISE), one_state(**CRUISE, learn_trim=False)
@@ -366,15 +380,15 @@ class TestStates:
             for k in range(60):  # it drifts to the left of straight ahead
                 y = 0.5 * 0.1 * (0.04 * k) ** 2
                 bench.tick(left=0.8 - y, right=0.8 + y, distance=0.04 * k, speed=0.5)
-        assert taken.m.trim < -0.03
-        assert taken.m.trim_fault == 0.0
-        assert left.m.trim == 0.0
-        assert left.m.trim_fault < -0.03
+        assert taken.estimator.steering_offset < -0.03
+        assert taken.estimator.offset_error == 0.0
+        assert left.estimator.steering_offset == 0.0
+        assert left.estimator.offset_error < -0.03
 
     def test_reversing_it_steers_the_other_way(self) -> None:
         bench = one_state(type="BackUp", throttle=-0.2)
         bench.tick()
-        bench.m.yaw = 0.2
+        bench.estimator.odometry.yaw = 0.2
         assert bench.tick()[0] > 0.5
 
     def test_brake_is_held_for_the_motor_controller(self) -> None:
@@ -392,7 +406,7 @@ class TestStates:
 @pytest.mark.parametrize("trim", [1 / 22, -1 / 22])
 def test_a_car_that_does_not_run_straight_is_found_out(trim: float) -> None:
     world = toy.straight(2.0, y=0.1, trim=trim)
-    policy = load_policy("office")
-    world.drive(policy, 14)
-    assert policy._states[0].trim == pytest.approx(-trim, abs=0.02)
+    driver = Driver(load_machine("office"))
+    world.drive(toy.one_car(driver), 14)
+    assert driver.estimator.steering_offset == pytest.approx(-trim, abs=0.02)
     assert abs(world.path[-1][1]) < 0.15

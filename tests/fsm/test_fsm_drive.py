@@ -13,7 +13,7 @@ from tral_fsm import load_machine, load_policy
 @pytest.mark.parametrize(("offset", "heading"), [(0.25, 0.09), (-0.25, -0.09)])
 def test_wall_following_comes_to_its_clearance_and_stays(offset: float, heading: float, trim: float) -> None:
     world = toy.straight(2.0, y=offset, yaw=heading, trim=trim)
-    world.drive(load_policy("wall"), 16)
+    world.drive(load_policy("wall").act, 16)
     clearance = np.array([y for _, y, _ in world.path[-320:]]) + 1.0 - 0.1
     assert np.abs(clearance - 0.6).max() < 0.02
     assert world.speed == pytest.approx(load_machine("wall").states[0].speed, abs=0.03)
@@ -24,7 +24,7 @@ def test_wall_following_comes_to_its_clearance_and_stays(offset: float, heading:
 @pytest.mark.parametrize("machine", ["corridor", "office"])
 def test_corners_are_driven_without_touching(machine: str, turn: str, width: float) -> None:
     world = toy.corner(turn, width)
-    world.drive(load_policy(machine), 14)
+    world.drive(load_policy(machine).act, 14)
     sign = 1.0 if turn == "left" else -1.0
     assert sign * world.y > 2.0
     assert math.degrees(world.yaw) == pytest.approx(90 * sign, abs=20)

@@ -9,15 +9,20 @@ from readings import Bench, one_state, two_states
 
 from tral_env.errors import MachineError
 from tral_env.interface import CORE_LAYOUT
-from tral_fsm import FormatError, MachineState
-from tral_fsm.conditions import base as transitions
+from tral_fsm import FormatError
+from tral_fsm.conditions import base as conditions
+from tral_fsm.control.command import IDLE, Command
 from tral_fsm.definition import packaged
 from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
 from tral_fsm.definition.machine import STATES, StateSpec
-from tral_fsm.estimation.estimator import COLUMNS
+from tral_fsm.estimation.estimate import CarEstimate
+from tral_fsm.estimation.estimator import Estimator
+from tral_fsm.estimation.readings import Readings
 from tral_fsm.formats import library
 from tral_fsm.formats.library import load
 from tral_fsm.states import base as states
+from tral_fsm.states.basic import Motor, Stop
+from tral_fsm.states.fsm_state import FSMState
 
 
 def motor(number: int, throttle: float) -> dict[str, object]:
@@ -76,10 +81,10 @@ class TestTickOrder:
 class TestEntryAndExit:
     def test_exit_of_the_old_state_comes_before_entry_of_the_new(self, monkeypatch: pytest.MonkeyPatch) -> None:
         calls: list[str] = []
-        for kind in (states.Motor, states.Stop):
+        for kind in (Motor, Stop):
             for hook in ("on_enter", "tick", "on_exit"):
                 name = f"{kind.__name__}.{hook}"
-                monkeypatch.setattr(kind, hook, lambda self, m, name=name: calls.append(name))
+                monkeypatch.setattr(kind, hook, lambda self, estimate, name=name: calls.append(name) or IDLE)
         bench = two_states({"type": "Always"})
         bench.tick()
         bench.tick()
@@ -145,16 +150,14 @@ class TestMachinesInMachines:
         assert names == ["a/0", "a/1", "a/0", "a/0", "a/1"]
 
     def test_leaving_it_leaves_the_inner_state_first(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        from tral_fsm.runtime.machine import FSMState
-
         calls: list[str] = []
         leave = FSMState.on_exit
 
-        def outer_exit(self: FSMState, m: MachineState) -> None:
-            leave(self, m)
+        def outer_exit(self: FSMState, estimate: CarEstimate) -> None:
+            leave(self, estimate)
             calls.append("outer")
 
-        monkeypatch.setattr(states.Motor, "on_exit", lambda self, m: calls.append(f"inner {self.spec.id}"))
+        monkeypatch.setattr(Motor, "on_exit", lambda self, estimate: calls.append(f"inner {self.spec.id}"))
         monkeypatch.setattr(FSMState, "on_exit", outer_exit)
         bench = self.outer({"id": "out", "from": "a", "to": "b", "type": "Timer", "seconds": 0.0125},
                            {"id": "in", "from": "b", "to": "a", "type": "Distance", "distance": 1.0})  # fmt: skip
@@ -191,9 +194,8 @@ class TestMachinesInMachines:
         bench.tick(distance=0.0)
         bench.tick(distance=1.0)
         assert bench.active == "a/1"
-        bench.machine.restart()
+        bench.reset()
         assert bench.active == "a/0"
-        bench.m = MachineState()
         bench.tick(distance=5.0)
         assert bench.active == "a/0"
 
@@ -211,52 +213,53 @@ class TestMachinesInMachines:
         assert policy.active_states == ["a/0", "a/1"]
 
 
-class TestBlackboard:
+class TestEstimator:
     def test_it_takes_the_columns_of_the_contract(self) -> None:
-        assert CORE_LAYOUT.names == COLUMNS
-        m = MachineState()
-        m.update([float(k) for k in range(len(COLUMNS))])
-        got = (m.left.range, m.front.range, m.right.range, m.left.age, m.front.age, m.right.age, m.distance, m.speed)
-        assert got == (0, 1, 2, 3, 4, 5, 6, 7)
-        assert (m.gate.age, m.marker.age, m.applied_steering, m.applied_throttle) == (12, 17, 18, 19)
+        assert CORE_LAYOUT.names == Readings._fields
+        row = [0.01 * k for k in range(len(Readings._fields))]
+        r = Readings._make(row)
+        ranges_and_ages = (r.ultrasonic_left, r.ultrasonic_front, r.ultrasonic_right,
+                           r.ultrasonic_left_age, r.ultrasonic_front_age, r.ultrasonic_right_age)  # fmt: skip
+        assert (*ranges_and_ages, r.distance, r.speed) == tuple(row[:8])
+        assert (r.gate_age, r.marker_age, r.steering, r.throttle) == (row[12], row[17], row[18], row[19])
+        estimate = Estimator().update(row)
+        ranges = (estimate.left.range, estimate.front.range, estimate.right.range)
+        assert (*ranges, estimate.distance, estimate.speed) == (*row[:3], row[6], row[7])
+        assert (estimate.gate.age, estimate.marker.age) == (row[12], row[17])
 
     def test_a_reading_is_new_when_it_did_not_just_grow_older(self) -> None:
-        m, news = MachineState(), []
+        estimator, news = Estimator(), []
         for age in (10.0, 10.0, 0.065, 0.0775, 0.09, 0.065, 0.0775):
             row = CORE_LAYOUT.missing(1)[0]
-            row[COLUMNS.index("ultrasonic_left_age")] = age
-            m.update(row.tolist())
-            news.append(m.left.new)
+            row[CORE_LAYOUT.names.index("ultrasonic_left_age")] = age
+            news.append(estimator.update(row.tolist()).left.new)
         assert news == [False, False, True, False, False, True, False]
 
     def test_a_sonars_interval_is_that_between_its_firings(self) -> None:
-        m = MachineState()
+        estimator = Estimator()
         for age in (0.065, 0.0775, 0.09, 0.1025, 0.115, 0.0525):
             row = CORE_LAYOUT.missing(1)[0]
-            row[COLUMNS.index("ultrasonic_left_age")] = age
-            m.update(row.tolist())
+            row[CORE_LAYOUT.names.index("ultrasonic_left_age")] = age
+            estimate = estimator.update(row.tolist())
         # the second reading comes five ticks later, and is one tick fresher
-        assert m.left.interval == pytest.approx(5 * 0.0125 + 0.0125)
+        assert estimate.left.interval == pytest.approx(5 * 0.0125 + 0.0125)
 
     def test_a_straight_way_is_reckoned_straight(self) -> None:
-        m = MachineState()
+        estimator = Estimator()
         for k in range(11):
-            row = CORE_LAYOUT.missing(1)[0]
-            row[COLUMNS.index("distance")], row[COLUMNS.index("speed")] = 0.1 * k, 0.5
-            m.update(row.tolist())
-        assert (m.x, m.y, m.yaw) == pytest.approx((1.0, 0.0, 0.0))
+            estimate = estimator.update(CORE_LAYOUT.pack({"distance": 0.1 * k, "speed": 0.5}, 1)[0].tolist())
+        assert estimate.pose == pytest.approx((1.0, 0.0, 0.0))
 
     def test_a_pose_seen_from_here_and_back_is_the_same(self) -> None:
-        m = MachineState()
-        m.x, m.y, m.yaw = 1.0, 2.0, math.pi / 2
-        assert m.from_here(1.0, 3.0, math.pi / 2) == pytest.approx((1.0, 0.0, 0.0))
-        assert m.to_reckoning(1.0, 0.0, 0.0) == pytest.approx((1.0, 3.0, math.pi / 2))
+        estimate = CarEstimate(x=1.0, y=2.0, yaw=math.pi / 2)
+        assert estimate.from_here((1.0, 3.0, math.pi / 2)) == pytest.approx((1.0, 0.0, 0.0))
+        assert estimate.to_reckoning((1.0, 0.0, 0.0)) == pytest.approx((1.0, 3.0, math.pi / 2))
 
     def test_reverse_counts_backwards_once_the_car_has_stood(self) -> None:
         bench = two_states({"type": "Timer", "seconds": 100})
         bench.tick(distance=0.0, speed=0.0, throttle=-0.3)
         bench.tick(distance=0.1, speed=0.3, throttle=-0.3)
-        assert bench.m.x == pytest.approx(-0.1)
+        assert bench.estimate.x == pytest.approx(-0.1)
 
     def test_a_car_that_does_not_start_gets_neutral_once_a_second(self) -> None:
         # after reverse gear the motor controller brakes until it has seen neutral for 100 ms
@@ -280,23 +283,21 @@ class TestAxis:
         for _ in range(2):
             bench.tick(**gate, gate_age=0.0)
         expected = -axis_deg if believed else 0.0
-        assert math.degrees(bench.m.heading) == pytest.approx(expected, abs=0.01)
+        assert math.degrees(bench.estimate.heading) == pytest.approx(expected, abs=0.01)
 
 
 class TestYourOwnState:
     def test_it_takes_ten_lines(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(states, "RUNTIMES", states.RUNTIMES)
         monkeypatch.delitem(STATES, "Weave", raising=False)
 
         class WeaveSpec(StateSpec):
             type: Literal["Weave"] = "Weave"
             period: float = 2.0
 
-        @states.runs(WeaveSpec)
+        @states.register
         class Weave(states.State[WeaveSpec]):
-            def tick(self, m: MachineState) -> None:
-                m.steering = math.sin(2 * math.pi * m.time / self.spec.period)
-                m.regulate(0.5)
+            def tick(self, estimate: CarEstimate) -> Command:
+                return Command(steering=math.sin(2 * math.pi * estimate.time / self.spec.period), speed=0.5)
 
         try:
             bench = Bench({"root": 0, "states": [{"id": 0, "type": "Weave", "period": 0.05, "final": True}]})
@@ -309,17 +310,17 @@ class TestYourOwnState:
             type: Literal["Speed"] = "Speed"
             above: float = 1.0
 
-        @transitions.runs(SpeedSpec)
-        class Speed(transitions.Condition[SpeedSpec]):
-            def triggered(self, m: MachineState) -> bool:
-                return m.speed > self.spec.above
+        @conditions.register
+        class Speed(conditions.Condition[SpeedSpec]):
+            def triggered(self, estimate: CarEstimate) -> bool:
+                return estimate.speed > self.spec.above
 
         try:
             bench = two_states({"type": "Speed", "above": 0.5})
             bench.tick(speed=0.6)
             assert bench.active == "b"
         finally:
-            del CONDITIONS["Speed"], transitions.RUNTIMES["Speed"]
+            del CONDITIONS["Speed"], conditions.RUNTIMES["Speed"]
 
 
 class TestPackagedMachines:

@@ -13,7 +13,7 @@ from tral_fsm.definition import plugins
 from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
 from tral_fsm.definition.machine import STATES, StateSpec
 from tral_fsm.formats.tral_json import loads
-from tral_fsm.states.base import RUNTIMES, State, runs
+from tral_fsm.states.base import RUNTIMES, State, register
 
 WOBBLE = '{"root": 0, "states": [{"id": 0, "type": "Wobble", "final": true}]}'
 
@@ -51,17 +51,17 @@ def installed(monkeypatch: pytest.MonkeyPatch, value: str) -> list[str]:
 def test_a_state_of_another_distribution_is_known_when_a_machine_is_read(
     module: types.ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def register() -> None:
+    def imported() -> None:
         class WobbleSpec(StateSpec):
             type: Literal["Wobble"] = "Wobble"
 
-        @runs(WobbleSpec)
+        @register
         class Wobble(State[WobbleSpec]):
             pass
 
     class Lazy:  # importing a module runs it; here its entry is looked up
         def __getattr__(self, name: str) -> object:
-            register()
+            imported()
             return object()
 
     monkeypatch.setitem(sys.modules, "wobble_states", Lazy())  # type: ignore[arg-type]
@@ -84,11 +84,14 @@ def test_a_type_that_is_taken_is_refused() -> None:
     class MotorSpec(StateSpec):
         type: Literal["Motor"] = "Motor"
 
+    class Motor(State[MotorSpec]):
+        pass
+
     before = STATES["Motor"]
     with pytest.raises(
         MachineError, match=r"calls itself 'Motor', which tral_fsm\.definition\.machine\.MotorSpec does already"
     ):
-        runs(MotorSpec)(State)
+        register(Motor)
     assert STATES["Motor"] is before
 
 
@@ -96,19 +99,22 @@ def test_a_class_without_a_type_is_refused() -> None:
     class NamelessSpec(StateSpec):
         pass
 
+    class Nameless(State[NamelessSpec]):
+        pass
+
     with pytest.raises(MachineError, match="NamelessSpec does not say its type"):
-        runs(NamelessSpec)(State)
+        register(Nameless)
 
 
 def test_a_class_may_be_defined_anew_under_its_name() -> None:
-    from tral_fsm.conditions import base as transitions
+    from tral_fsm.conditions import base as conditions
 
     def define() -> type[ConditionSpec]:
         class NodSpec(ConditionSpec):
             type: Literal["Nod"] = "Nod"
 
-        @transitions.runs(NodSpec)
-        class Nod(transitions.Condition[NodSpec]):
+        @conditions.register
+        class Nod(conditions.Condition[NodSpec]):
             pass
 
         return NodSpec
@@ -118,4 +124,4 @@ def test_a_class_may_be_defined_anew_under_its_name() -> None:
         again = define()
         assert CONDITIONS["Nod"] is again
     finally:
-        del CONDITIONS["Nod"], transitions.RUNTIMES["Nod"]
+        del CONDITIONS["Nod"], conditions.RUNTIMES["Nod"]

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import pytest
 from readings import Bench, one_state, two_states
 
-from tral_fsm.control.laws import curvature
+from tral_env.geometry import curvature
 from tral_fsm.definition.machine import STATES
 from tral_fsm.states.base import RUNTIMES, Finishable, Targetable
 
@@ -32,22 +32,22 @@ class TestApproachPoint:
     def test_a_gate_is_approached_to_a_point_before_it_on_its_axis(self) -> None:
         bench = one_state(type="ApproachPoint", before=1.0, throttle=0.3)
         bench.tick()
-        bench.machine.active.set_target(bench.m, 3.0, 0.5, math.pi / 2)
-        assert bench.machine.active.target == pytest.approx((3.0, -0.5, math.pi / 2))
+        bench.machine.active.set_target(bench.estimate, (3.0, 0.5, math.pi / 2))
+        assert bench.machine.active.point == pytest.approx((3.0, -0.5, math.pi / 2))
 
     def test_a_new_sighting_of_its_gate_moves_the_point(self) -> None:
         bench = one_state(type="ApproachPoint", before=1.0, throttle=0.3)
         bench.tick()
-        bench.machine.active.set_target(bench.m, 3.0, 0.5, 0.0, gate=2)
+        bench.machine.active.set_target(bench.estimate, (3.0, 0.5, 0.0), gate=2)
         bench.tick(gate_id=2, gate_x=3.0, gate_y=0.4, gate_age=0.0)
-        assert bench.machine.active.target == pytest.approx((2.0, 0.4, 0.0))
+        assert bench.machine.active.point == pytest.approx((2.0, 0.4, 0.0))
         bench.tick(gate_id=3, gate_x=5.0, gate_y=0.0, gate_age=0.0)
-        assert bench.machine.active.target == pytest.approx((2.0, 0.4, 0.0))
+        assert bench.machine.active.point == pytest.approx((2.0, 0.4, 0.0))
 
     def test_on_the_axis_of_its_gate_it_goes_straight(self) -> None:
         bench = one_state(type="ApproachPoint", throttle=0.3)
         bench.tick()
-        bench.machine.active.set_target(bench.m, 3.0, 0.0, 0.0)
+        bench.machine.active.set_target(bench.estimate, (3.0, 0.0, 0.0))
         assert bench.tick()[0] == pytest.approx(0.0)
 
 
@@ -75,7 +75,7 @@ class TestArucoGateCenter:
         while bench.active == "a":
             driven += 0.001
             bench.tick(distance=driven, steering=1.0, speed=0.3)
-        assert math.degrees(bench.m.yaw) == pytest.approx(16.0, abs=0.2)
+        assert math.degrees(bench.estimate.yaw) == pytest.approx(16.0, abs=0.2)
 
     def test_it_is_finished_when_no_gate_has_been_seen(self) -> None:
         bench = two_states({"type": "Finished"}, {"type": "ArucoGateCenter", "throttle": 0.3})
@@ -183,8 +183,8 @@ def test_dead_reckoning_takes_the_trim_of_the_parameters_off() -> None:
         assert bench.tick(distance=0.0, speed=2.0, steering=0.1)[0] == pytest.approx(0.1)
     for k in range(200):
         bench.tick(distance=0.01 * k)
-    assert abs(math.degrees(bench.m.yaw)) < 2.0  # 17 degrees if it were taken for a turn
-    assert bench.m.x == pytest.approx(1.99, abs=0.01)
+    assert abs(math.degrees(bench.estimate.yaw)) < 2.0  # 17 degrees if it were taken for a turn
+    assert bench.estimate.x == pytest.approx(1.99, abs=0.01)
 
 
 def test_doubt_about_turns_grows_in_reverse_too() -> None:
@@ -192,8 +192,8 @@ def test_doubt_about_turns_grows_in_reverse_too() -> None:
     doubts = []
     for k in range(100):
         bench.tick(distance=0.01 * k, speed=0.04, throttle=-0.2, steering=(-1.0) ** (k // 20))
-        doubts.append(bench.m.late)
-    assert bench.m.path < 0.0
+        doubts.append(bench.estimator.odometry.lag_heading_change)
+    assert bench.estimate.arc_length < 0.0
     assert doubts == sorted(doubts)
     assert doubts[-1] > 0.1
 

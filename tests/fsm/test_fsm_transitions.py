@@ -6,9 +6,10 @@ from typing import Any, ClassVar
 import pytest
 from readings import Bench, two_states
 
+from tral_env.geometry import curvature
 from tral_env.interface import MARKER_BOARD_WIDTH_M
 from tral_fsm.conditions.base import RUNTIMES
-from tral_fsm.control.laws import curvature, steering_play
+from tral_fsm.control.laws import steering_play
 from tral_fsm.definition.conditions import CONDITIONS
 
 
@@ -71,7 +72,7 @@ class TestTurned:
         driven = 0.0
         while not fires(bench, distance=driven, steering=side, speed=0.5):
             driven += 0.005
-        assert math.degrees(bench.m.yaw) == pytest.approx(90 * side, abs=1.0)
+        assert math.degrees(bench.estimate.yaw) == pytest.approx(90 * side, abs=1.0)
         # tyres hold the wheels a little short of full lock; the hall sensor sits on the left wheel: 7.75 cm nearer to
         # the middle of a left turn
         radius = 1.0 / curvature(1.0 - steering_play(0.5))
@@ -81,14 +82,14 @@ class TestTurned:
 class TestAligned:
     def test_it_fires_when_the_car_points_along_the_corridor(self) -> None:
         bench = two_states({"type": "Aligned", "angle_deg": 10})
-        bench.m.yaw = math.radians(11)
+        bench.estimator.odometry.yaw = math.radians(11)
         assert not fires(bench)
-        bench.m.yaw = math.radians(-9)
+        bench.estimator.odometry.yaw = math.radians(-9)
         assert fires(bench)
 
     def test_corridors_meet_at_right_angles(self) -> None:
         bench = two_states({"type": "Aligned", "angle_deg": 10})
-        bench.m.yaw = math.radians(80.5)
+        bench.estimator.odometry.yaw = math.radians(80.5)
         assert fires(bench)
 
 
@@ -176,9 +177,9 @@ class TestOnePost:
     def test_the_middle_is_guessed_half_a_metre_beside_it(self, marker: float, side: float) -> None:
         bench = self.gate(one_post=True)
         fires(bench, **{**self.SEEN, "marker_id": marker})
-        guess = bench.m.guessed_gate
+        guess = bench.estimate.guessed_gate
         assert guess.id == 3
-        x, y, heading = bench.m.from_here(guess.x, guess.y, guess.heading)
+        x, y, heading = bench.estimate.seen_from_here(guess)
         assert heading == pytest.approx(0.1)
         assert (x - 2.0, y + 0.5) == pytest.approx((-side * 0.5 * math.sin(0.1), side * 0.5 * math.cos(0.1)))
 
@@ -200,7 +201,7 @@ class TestOnePost:
         bench.tick()
         guessed = bench.machine.active.target
         bench.tick(gate_id=3.0, gate_x=2.0, gate_y=0.3, gate_heading=0.0, gate_age=0.0)
-        x, y, heading = bench.m.from_here(*bench.machine.active.target)
+        x, y, heading = bench.estimate.from_here(bench.machine.active.target)
         assert bench.machine.active.target != guessed
         assert (x, y, heading) == pytest.approx((2.0 - bench.machine.active.spec.straight, 0.3, 0.0))
 

@@ -5,7 +5,7 @@ import math
 import pytest
 from readings import Bench, one_state, two_states
 
-from tral_fsm.control.laws import FULL_LOCK, WHEELBASE
+from tral_env.geometry import FULL_LOCK, WHEELBASE_M
 
 LITERAL = {"derivative": "tick", "max_error": None, "max_angle_deg": None, "throttle": 0.3, "clearance": 0.5}
 
@@ -63,7 +63,7 @@ class TestBasicFollowWall:
         bench.tick(left=0.60, speed=speed)
         for _ in range(4):
             bench.tick()
-        d = math.sqrt(2.0 * WHEELBASE / FULL_LOCK) / speed  # kd = sqrt(2 L kp) / v
+        d = math.sqrt(2.0 * WHEELBASE_M / FULL_LOCK) / speed  # kd = sqrt(2 L kp) / v
         assert bench.tick(left=0.61)[0] == pytest.approx(0.11 + 0.16 * d)
 
     def test_without_a_d_the_steepest_approach_is_the_same_at_every_speed(self) -> None:
@@ -83,31 +83,31 @@ class TestBasicFollowWall:
         bench.tick(left=0.6, distance=0.0)
         for k in range(1, 9):
             bench.tick(distance=0.025 * k, steering=1.0, speed=0.5)
-        assert bench.m.heading > 0.1
+        assert bench.estimate.heading > 0.1
         assert bench.tick(left=6.0)[0] < -0.5
 
     def test_at_most_half_keeps_to_the_middle_of_a_narrow_place(self) -> None:
         bench = wall(at_most_half=True, clearance=0.8)
         assert bench.tick(left=0.4, right=0.6)[0] == pytest.approx(2.0 * (0.4 - 0.5))
-        assert bench.m.wanted_clearance == pytest.approx(0.5)
+        assert bench.command.wanted_clearance == pytest.approx(0.5)
 
     def test_it_slows_down_before_something_ahead(self) -> None:
         bench = wall(throttle=None, speed=1.0, slow_front=2.0, slow_speed=0.4)
         targets = []
         for front in (3.0, 1.5, 1.0, 0.3):
             bench.tick(left=0.5, front=front)
-            targets.append(bench.m.speed_target)
+            targets.append(bench.driver.speed_target)
         assert targets == pytest.approx([1.0, 0.7, 0.4, 0.4])
 
     def test_it_says_which_clearance_it_wants(self) -> None:
         bench = wall(side="right")
         bench.tick(right=0.6)
-        assert (bench.m.wanted_side, bench.m.wanted_clearance) == (-1.0, 0.5)
+        assert (bench.command.wanted_side, bench.command.wanted_clearance) == (-1.0, 0.5)
 
     def test_it_learns_the_cars_trim_from_what_remains_of_e(self) -> None:
         bench = wall(learn_trim=0.5)
         bench.tick(left=0.6)
-        assert bench.m.trim == pytest.approx(0.5 * 0.1 * 0.0125)
+        assert bench.estimator.steering_offset == pytest.approx(0.5 * 0.1 * 0.0125)
 
     def test_a_trim_is_added(self) -> None:
         assert wall(steering_trim=-0.05).tick(left=0.6)[0] == pytest.approx(0.15)
@@ -153,7 +153,7 @@ class TestFollowWallRamp:
         wanted = []
         for distance in (1.0, 1.5, 2.0, 2.9):
             bench.tick(right=0.6, distance=distance)
-            wanted.append(bench.m.wanted_clearance)
+            wanted.append(bench.command.wanted_clearance)
         assert wanted == pytest.approx([0.8, 0.7, 0.6, 0.42])
 
     def test_it_is_finished_at_the_end_of_its_distance(self) -> None:
@@ -167,7 +167,7 @@ class TestFollowWallRamp:
     def test_without_a_start_it_starts_at_the_range_on_entry(self) -> None:
         bench = self.ramp(start=None)
         bench.tick(right=0.6)
-        assert bench.m.wanted_clearance == pytest.approx(0.6)
+        assert bench.command.wanted_clearance == pytest.approx(0.6)
 
     @pytest.mark.parametrize(("side", "target"), [("right", 0.8 + 0.3), ("left", 0.8 - 0.3)])
     def test_a_target_to_the_left_is_farther_from_a_right_wall_and_nearer_to_a_left_one(
@@ -176,27 +176,28 @@ class TestFollowWallRamp:
         bench = self.ramp(side=side)
         bench.tick(right=0.6, left=0.6, distance=1.0)
         # 0.3 m left is x = -0.3 in the camera's frame; 2.4 m ahead are 2250 hall units there
-        bench.machine.active.set_target(bench.m, 2.4, 0.3, 0.0)
+        bench.machine.active.set_target(bench.estimate, (2.4, 0.3, 0.0))
         bench.tick(distance=2.2)
-        assert bench.m.wanted_clearance == pytest.approx((0.8 + target) / 2)
+        assert bench.command.wanted_clearance == pytest.approx((0.8 + target) / 2)
         bench.tick(distance=3.3)
-        assert bench.m.wanted_clearance == pytest.approx(0.8 + (target - 0.8) * 2.3 / 2.4)
+        assert bench.command.wanted_clearance == pytest.approx(0.8 + (target - 0.8) * 2.3 / 2.4)
 
     def test_it_may_end_before_a_target(self) -> None:
         bench = self.ramp(before=1.0)
         bench.tick(right=0.6, distance=1.0)
-        bench.machine.active.set_target(bench.m, 2.4, 0.3, 0.0)
+        bench.machine.active.set_target(bench.estimate, (2.4, 0.3, 0.0))
         bench.tick(distance=1.0 + 1.4)
-        assert bench.m.wanted_clearance == pytest.approx(0.8 + 0.3)
+        assert bench.command.wanted_clearance == pytest.approx(0.8 + 0.3)
         assert bench.active == "b"
 
     def test_a_target_may_be_turned_by_the_cars_angle_to_the_wall(self) -> None:
         bench = self.ramp(along_wall=True)
         bench.tick(right=0.6, distance=1.0)
-        bench.m.yaw += 0.1  # the car points 0.1 rad to the left of the corridor: the point lies farther to the left
-        bench.machine.active.set_target(bench.m, 2.0, 0.0, 0.0)
+        bench.estimator.odometry.yaw += 0.1  # the car points to the left of the corridor: so does the point
+        bench.tick()
+        bench.machine.active.set_target(bench.estimate, (2.0, 0.0, 0.0))
         bench.tick(distance=1.0 + 2.0 * math.cos(0.1))
-        assert bench.m.wanted_clearance == pytest.approx(0.8 + 2.0 * math.sin(0.1))
+        assert bench.command.wanted_clearance == pytest.approx(0.8 + 2.0 * math.sin(0.1))
 
     @pytest.mark.parametrize(("side", "sign"), [("right", -1.0), ("left", 1.0)])
     def test_the_target_of_2016_in_the_cameras_frame_and_hall_units(self, side: str, sign: float) -> None:
@@ -204,10 +205,10 @@ class TestFollowWallRamp:
         x_camera, z_camera = 0.25, 2.0
         bench = self.ramp(side=side)
         bench.tick(right=0.8, left=0.8, distance=1.0)
-        bench.machine.active.set_target(bench.m, z_camera, -x_camera, 0.0)
+        bench.machine.active.set_target(bench.estimate, (z_camera, -x_camera, 0.0))
         hall_units = 1500 / 1.60 * z_camera
         bench.tick(distance=1.0 + (hall_units - 1) / (1500 / 1.60))
         assert bench.active == "a"
         bench.tick(distance=1.0 + hall_units / (1500 / 1.60))
-        assert bench.m.wanted_clearance == pytest.approx(0.8 + sign * x_camera)
+        assert bench.command.wanted_clearance == pytest.approx(0.8 + sign * x_camera)
         assert bench.active == "b"

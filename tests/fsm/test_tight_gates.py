@@ -80,10 +80,10 @@ def test_a_gate_seen_whole_is_not_handed_over_as_an_older_guess_from_its_post() 
     for _ in range(20):
         bench.tick()
     bench.tick(gate_id=1.0, gate_x=1.5, gate_y=-0.42, gate_heading=0.0, gate_age=0.05, **post)
-    assert bench.m.gates.target.id == -1
+    assert bench.estimate.target_gate.id == -1
     for _ in range(80):
         bench.tick()
-    assert (bench.m.gates.target.id, bench.m.gates.target.y) == (1, bench.m.gate.y)
+    assert (bench.estimate.target_gate.id, bench.estimate.target_gate.y) == (1, bench.estimate.gate.y)
     assert bench.active == "refused"
 
 
@@ -120,9 +120,7 @@ class TestAgain:
         bench = self.bench()
         for distance in (0.0, 0.6):
             bench.tick(distance=distance, speed=0.4)
-        fresh = self.bench()
-        bench.m, bench.feed = fresh.m, fresh.feed
-        bench.machine.restart()
+        bench.reset()
         assert self.driven(bench) == pytest.approx(1.2, abs=0.15)
 
 
@@ -132,7 +130,7 @@ def test_unreachable_waits_until_it_has_held_long_enough_without_a_break() -> No
     answers = ["far", "far", "", *["far"] * 20]
     ticks = 0
     bench.tick()
-    bench.machine.active.unreachable = lambda m: answers[min(ticks, 22)]
+    bench.machine.active.unreachable = lambda estimate: answers[min(ticks, 22)]
     while bench.active == "a":
         ticks += 1
         bench.tick()
@@ -208,26 +206,29 @@ class TestTheTarget:
 
     def test_full_lock_is_towards_the_target(self) -> None:
         bench = self.handed({"type": "Always"}, {"type": "ArucoGateCenter", "throttle": 0.2, "tolerance_deg": 1.0})
-        bench.m.yaw += 0.1
-        bench.tick()
+        bench.estimator.odometry.yaw += 0.1
+        steering, _ = bench.tick()
         assert bench.active == "c"
-        assert bench.m.gates.target.id == 0
-        assert bench.m.steering == pytest.approx(1.0)
+        assert bench.estimate.target_gate.id == 0
+        assert steering == pytest.approx(1.0)
 
     def test_a_target_behind_the_car_is_done_with(self) -> None:
-        bench = self.handed({"type": "Always"}, {"type": "ArucoGateCenter", "throttle": 0.2})
-        assert bench.m.gates.target.id == 0
-        bench.m.x += 2.0
-        bench.machine.active.on_enter(bench.m)
-        assert bench.m.gates.target.id == 1
+        near = {"type": "SensorLevel", "sensor": "front", "below": 0.5}
+        bench = self.handed(near, {"type": "ArucoGateCenter", "throttle": 0.2})
+        assert bench.estimate.target_gate.id == 0
+        bench.estimator.odometry.x += 2.0
+        bench.tick(front=0.4)
+        assert bench.active == "c"
+        bench.tick()
+        assert bench.estimate.target_gate.id == 1
 
     def test_where_none_was_handed_over_the_nearest_is_turned_to(self) -> None:
         bench = two_states({"type": "Distance", "distance": 0.5}, second={"type": "ArucoGateCenter", "throttle": 0.2})
         seen = {"gate_id": 3.0, "gate_x": 2.0, "gate_y": 0.5, "gate_heading": 0.5, "gate_age": 0.0}
         for driven in (0.0, 0.3, 0.6, 0.6):
-            bench.tick(distance=driven, **seen)
+            steering, _ = bench.tick(distance=driven, **seen)
         assert bench.active == "b"
-        assert bench.m.steering == pytest.approx(1.0)
+        assert steering == pytest.approx(1.0)
 
     def test_a_condition_has_no_target_before_one_was_handed_over(self) -> None:
         bench = two_states({"type": "ArucoGateFound", "target": True, "hand_over": False})
@@ -240,15 +241,16 @@ class TestTheTarget:
             {"type": "ArucoGateFound", "one_post": True}, second={"type": "SCurve", "throttle": 0.2, "before": 0.0}
         )
         bench.tick(**post)
-        target = bench.m.gates.target
-        guessed = (target.id, target.x, target.y)
-        assert guessed[0] == 0
+        guessed = bench.command.target
+        assert guessed is not None
+        assert guessed.id == 0
         bench.tick(**{**post, "marker_id": 2.0, "marker_x": 3.0, "marker_y": -0.5})
-        assert bench.m.guessed_gate.id == 1
-        assert (target.id, target.x, target.y) == guessed
+        assert bench.estimate.guessed_gate.id == 1
+        target = bench.estimate.target_gate
+        assert (target.id, target.x, target.y) == (guessed.id, guessed.x, guessed.y)
 
     def test_the_opening_of_the_target_tells_how_near_is_near_enough(self) -> None:
         bench = self.handed({"type": "Timer", "seconds": 9.0}, {"type": "Stop"})
-        assert bench.m.gate.id == 1
-        bench.m.gates.target.opening = 0.76
-        assert bench.machine.active.aside(bench.m) == pytest.approx(0.38 - 0.1 - 0.05)
+        assert bench.estimate.gate.id == 1
+        narrow = bench.estimate._replace(target_gate=bench.estimate.target_gate._replace(opening=0.76))
+        assert bench.machine.active.aside(narrow) == pytest.approx(0.38 - 0.1 - 0.05)

@@ -7,10 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tral_env.geometry import curvature
 from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT
-from tral_fsm.control.laws import clip, curvature, steering_play
-from tral_fsm.estimation.estimator import MachineState
-from tral_fsm.estimation.gate_tracker import Stand, Track
+from tral_fsm.control.laws import clip, steering_play
+from tral_fsm.estimation.estimate import CarEstimate
+from tral_fsm.estimation.estimator import Estimator
+from tral_fsm.estimation.gate_tracker import GateTracker
+from tral_fsm.estimation.odometry import OdometrySample
 
 GATE = (6.0, 0.3, 0.1)
 """x, y [m], heading of its axis [rad]."""
@@ -18,11 +21,11 @@ FRAME_TICKS = 5
 
 
 class Approach:
-    """A kinematic car with a faulty steering that drives blackboard and camera; the gate is seen from 1.4 m on."""
+    """A kinematic car with a faulty steering that drives estimator and camera; the gate is seen from 1.4 m on."""
 
     def __init__(self, trim: float = 0.0, lock: float = 1.0, *, seed: int = 0, speed: float = 0.5) -> None:
         self.trim, self.lock, self.speed = trim, lock, speed
-        self.m = MachineState()
+        self.estimator, self.estimate = Estimator(), CarEstimate()
         self.x = self.y = self.yaw = self.distance = 0.0
         self.wheels = 0.0
         self.rng = np.random.default_rng(seed)
@@ -36,9 +39,8 @@ class Approach:
         return cos * dx + sin * dy, cos * dy - sin * dx, GATE[2] - self.yaw
 
     def gate_as_known(self) -> tuple[float, float, float]:
-        """Where the blackboard takes it to be."""
-        gate = self.m.gate
-        return self.m.from_here(gate.x, gate.y, gate.heading)
+        """Where the estimator takes it to be."""
+        return self.estimate.seen_from_here(self.estimate.gate)
 
     def drive(self, steering: float, metres: float, *, look: bool = True) -> None:
         """Drive with a steering command; the wheels follow it as dead reckoning has it."""
@@ -73,21 +75,21 @@ class Approach:
         for side in ("left", "front", "right"):
             readings |= {f"ultrasonic_{side}": 6.0, f"ultrasonic_{side}_age": 10.0}
         names = ("gate_id", "gate_x", "gate_y", "gate_heading", "gate_age")
-        self.m.update(list((readings | dict(zip(names, self.seen, strict=True))).values()))
+        self.estimate = self.estimator.update(list((readings | dict(zip(names, self.seen, strict=True))).values()))
 
 
 @pytest.mark.parametrize("trim", [-0.1, 0.05, 0.1])
 def test_a_metre_and_a_half_towards_a_gate_teaches_the_trim(trim: float) -> None:
     car = Approach(trim)
     car.drive(trim / 2, 1.5)
-    assert car.m.trim == pytest.approx(trim, abs=0.02)
+    assert car.estimator.steering_offset == pytest.approx(trim, abs=0.02)
 
 
 def test_a_car_without_faults_learns_none() -> None:
     car = Approach()
     car.drive(0.0, 2.0)
-    assert abs(car.m.trim) < 0.01
-    assert car.m.lock_scale == pytest.approx(1.0, abs=0.03)
+    assert abs(car.estimator.steering_offset) < 0.01
+    assert car.estimator.steering_gain == pytest.approx(1.0, abs=0.03)
 
 
 @pytest.mark.parametrize("lock", [0.88, 1.12])
@@ -95,8 +97,8 @@ def test_turning_to_both_sides_tells_the_lock_from_the_trim(lock: float) -> None
     car = Approach(0.03, lock)
     for steering in (0.5, -0.5, 0.5, -0.5):
         car.drive(steering, 0.6)
-    assert car.m.lock_scale == pytest.approx(lock, abs=0.04)
-    assert car.m.trim == pytest.approx(0.03, abs=0.02)
+    assert car.estimator.steering_gain == pytest.approx(lock, abs=0.04)
+    assert car.estimator.steering_offset == pytest.approx(0.03, abs=0.02)
 
 
 @pytest.mark.parametrize("trim", [-0.1, 0.1])
@@ -118,19 +120,19 @@ def test_sightings_together_are_better_than_the_last_one() -> None:
     assert filtered < 0.7 * last
 
 
-START = Stand(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+START = OdometrySample(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def fresh() -> Track:
-    return Track(4.0, 0.0, 0.0, START)
+def fresh() -> GateTracker:
+    return GateTracker(4.0, 0.0, 0.0, START)
 
 
 def test_one_sighting_far_off_is_not_believed_three_are() -> None:
     track = fresh()
     for _ in range(5):
-        track.take(4.0, 0.0, 0.0, START)
+        track.update(4.0, 0.0, 0.0, START)
     for believed in (False, False, True):
-        assert track.take(4.0, 1.5, 0.0, START) == (0.0, 0.0)
+        assert track.update(4.0, 1.5, 0.0, START) == (0.0, 0.0)
         assert (track.y == 1.5) is believed
 
 
@@ -145,8 +147,8 @@ def test_the_covariance_stays_one(sightings: list[tuple[float, float, float, flo
     track, path, yaw = fresh(), 0.0, 0.0
     for x, y, heading, driven, turned in sightings:
         path, yaw = path + driven, yaw + turned
-        track.take(4.0 + x, y, heading, Stand(path, 0.0, yaw, path, 0.0, 0.0))
-    covariance = np.array(track._covariance)
+        track.update(4.0 + x, y, heading, OdometrySample(path, 0.0, yaw, path, 0.0, 0.0))
+    covariance = np.array(track.covariance)
     assert np.allclose(covariance, covariance.T, atol=1e-9)
     assert np.linalg.eigvalsh(covariance).min() > -1e-9
     assert all(deviation >= 0.0 for deviation in track.deviation)

@@ -1,13 +1,14 @@
 """A kinematic car among plane walls, seen from above: enough of a world to let a machine drive a corridor."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from tral_env.config import CarConfig
 from tral_env.interface import CORE_LAYOUT, NO_ECHO_M
-from tral_fsm.runtime.policy import MachinePolicy
+from tral_fsm.runtime.driver import Driver
 
 CAR = CarConfig()
 SONARS = {
@@ -88,9 +89,9 @@ class Toy:
                 values[f"ultrasonic_{name}_age"] = (self.tick - self.seen[0]) * TICK
         return CORE_LAYOUT.pack(values, 1)[0]
 
-    def drive(self, policy: MachinePolicy, seconds: float) -> None:
+    def drive(self, act: Callable[[np.ndarray], np.ndarray], seconds: float) -> None:
         for _ in range(round(seconds / TICK)):
-            self.action = policy.act(self.observe())
+            self.action = act(self.observe())
             self.wheel += float(np.clip(self.action[0] + self.trim - self.wheel, -TICK / 0.15, TICK / 0.15))
             wanted = 2.64 * max(self.action[1] - 0.1, 0.0)
             self.speed += (wanted - self.speed) * TICK / 0.25
@@ -102,6 +103,11 @@ class Toy:
             self.driven += step * (1 - bend * CAR.track / 2)
             self.tick += 1
             self.path.append((self.x, self.y, self.yaw))
+
+
+def one_car(driver: Driver) -> Callable[[np.ndarray], np.ndarray]:
+    """What a machine answers to an observation; the driver can be looked into meanwhile."""
+    return lambda observation: np.array(driver.act(observation.tolist()), np.float32)
 
 
 def straight(width: float, **car: float) -> Toy:

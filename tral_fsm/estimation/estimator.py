@@ -47,7 +47,7 @@ class Estimator:
         """Steering at which the car drives straight: what gates and states have taught."""
         self.steering_gain = 1.0
         """Curvature that the car drives over the one that its steering should give: what gates have taught."""
-        self._offset_error = 0.0
+        self.offset_error = 0.0
         """By how much the walls say that the offset is wrong: dead reckoning allows for it."""
         self._gain_error = 0.0
         """By how much the walls say that the gain is wrong: dead reckoning allows for it."""
@@ -76,7 +76,7 @@ class Estimator:
         time = self.tick * CONTROL_PERIOD_S
         if command.target is not None:
             self.gates.target = command.target
-        offset = self.steering_offset, self._offset_error, self._given_trim
+        offset = self.steering_offset, self.offset_error, self._given_trim
         self.odometry.update(readings, offset, self.steering_gain + self._gain_error)
         left = self._left.update(readings.ultrasonic_left, readings.ultrasonic_left_age, time)
         front = self._front.update(readings.ultrasonic_front, readings.ultrasonic_front_age, time)
@@ -141,7 +141,7 @@ class Estimator:
             self._corridor_yaw -= turn
         gain_off, offset = self.steering_gain - 1.0, self.steering_offset
         self._gain_error = clip(gain_off + self._gain_error + gain, _MAX_GAIN_ERROR) - gain_off
-        self._offset_error = clip(offset + self._offset_error + trim, _MAX_TRIM) - offset
+        self.offset_error = clip(offset + self.offset_error + trim, _MAX_TRIM) - offset
 
     def _see(self, readings: Readings) -> None:
         """Bring what the camera has seen into the frame of dead reckoning."""
@@ -201,8 +201,8 @@ class Estimator:
         if command.steering_trim is not None:
             self._given_trim = command.steering_trim
         if command.adopt_trim:
-            self.steering_offset += self._offset_error
-            self._offset_error = 0.0
+            self.steering_offset += self.offset_error
+            self.offset_error = 0.0
         if command.trim_step:
             self.steering_offset = clip(self.steering_offset + command.trim_step, _MAX_TRIM)
 

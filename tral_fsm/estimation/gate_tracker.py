@@ -164,6 +164,11 @@ class GateTracker:
         return -_POSTS[1] < cos * dx + sin * dy < _POSTS[0] and abs(cos * dy - sin * dx) < _POSTS_ASIDE
 
     @property
+    def covariance(self) -> tuple[tuple[float, ...], ...]:
+        """Covariance of x [m], y [m], heading [rad], trim and steering gain at the last sighting."""
+        return tuple(tuple(row) for row in self._covariance)
+
+    @property
     def deviation(self) -> tuple[float, float, float]:
         """Standard deviations of x [m], y [m], heading [rad] at the last sighting."""
         p = self._covariance

@@ -213,6 +213,11 @@ class WallFilter:
         return self._covariance[0][0] < _KNOWN_HEADING * _KNOWN_HEADING
 
     @property
+    def covariance(self) -> tuple[tuple[float, ...], ...]:
+        """Covariance of heading [rad], trim, steering gain, left and right range [m]."""
+        return tuple(tuple(row) for row in self._covariance)
+
+    @property
     def trim_sigma(self) -> float:
         """Standard deviation of the trim, in units of steering."""
         return math.sqrt(self._covariance[1][1])

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from tral_fsm.control.command import IDLE
 from tral_fsm.control.speed import SpeedController
 from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.estimation.estimator import Estimator
 from tral_fsm.runtime.machine import Machine, Trace
 
@@ -34,6 +35,8 @@ class Driver:
         self.machine.restart()
         self.estimator = Estimator()
         self.speed_controller = SpeedController()
+        self.estimate = CarEstimate()
+        """What the machine was given last."""
         self.command = IDLE
         """What the machine answered last."""
 
@@ -46,7 +49,7 @@ class Driver:
         Returns:
             Steering and throttle.
         """
-        estimate = self.estimator.update(row, self.command)
+        self.estimate = estimate = self.estimator.update(row, self.command)
         self.command = command = self.machine.tick(estimate)
         self.estimator.learn(command)
         return self.estimator.actuate(command), self.speed_controller.throttle(command, estimate.speed)
