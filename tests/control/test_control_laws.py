@@ -11,9 +11,10 @@ from tral_env.geometry import FULL_LOCK, TRACK_M, WHEELBASE_M, curvature
 from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ
 from tral_env.se2 import wrap
 from tral_fsm.control import laws as control
-from tral_fsm.control import speed as speed_loop
 
 angles = st.floats(-100, 100)
+
+
 steerings = st.floats(-1, 1)
 
 
@@ -86,32 +87,6 @@ def test_line_steers_back_to_the_line_and_not_at_all_on_it() -> None:
 
 def test_line_is_approached_at_45_degrees_at_most() -> None:
     assert control.line(50.0, -math.pi / 4, 0.5) == pytest.approx(0.0, abs=1e-12)
-
-
-def test_feed_forward_is_the_line_through_the_level_table() -> None:
-    assert [speed_loop.feed_forward(v) for v in (0.0, 0.264, 1.056)] == pytest.approx([0.0, 0.2, 0.5])
-
-
-def test_speed_control_at_its_speed_is_feed_forward_alone() -> None:
-    assert speed_loop.speed_control(0.528, 0.528, 0.0) == pytest.approx((0.3, 0.0))
-
-
-def test_speed_control_adds_p_and_i() -> None:
-    throttle, integral = speed_loop.speed_control(0.528, 0.328, 0.01)
-    assert integral == pytest.approx(0.01 + 0.25 * 0.2 * 0.0125)
-    assert throttle == pytest.approx(0.3 + 0.15 * 0.2 + integral)
-
-
-@given(st.floats(0, 5), st.floats(0, 0.149), st.floats(-1, 1))
-def test_a_standing_car_is_never_put_in_reverse(wanted: float, speed: float, integral: float) -> None:
-    assert speed_loop.speed_control(wanted, speed, integral)[0] >= 0.0
-
-
-@given(st.floats(0, 5), st.floats(0, 5), st.floats(-1, 1))
-def test_speed_control_stays_within_the_command(wanted: float, speed: float, integral: float) -> None:
-    throttle, summed = speed_loop.speed_control(wanted, speed, integral)
-    assert -1 <= throttle <= 1
-    assert abs(summed) <= speed_loop.SPEED_I_LIMIT
 
 
 def test_a_car_slows_linearly_before_something_ahead() -> None:

@@ -252,3 +252,16 @@ def test_the_trace_tells_the_values_that_were_compared() -> None:
     bench.tick(front=0.4)
     assert bench.fired[0].why == "front 0.400 < 0.5 m"
     assert (bench.fired[0].source, bench.fired[0].target, bench.fired[0].transition) == ("a", "b", "t")
+
+
+def test_unreachable_waits_until_it_has_held_long_enough_without_a_break() -> None:
+    curve = {"type": "SCurve", "x": 1.0, "y": 1.0, "throttle": 0.2}
+    bench = two_states({"type": "Unreachable", "seconds": 0.1}, curve)
+    answers = ["far", "far", "", *["far"] * 20]
+    ticks = 0
+    bench.tick()
+    bench.machine.active.unreachable = lambda estimate: answers[min(ticks, 22)]
+    while bench.active == "a":
+        ticks += 1
+        bench.tick()
+    assert ticks == 3 + 8  # 0.1 s after the break

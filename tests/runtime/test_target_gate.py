@@ -1,55 +1,13 @@
-"""Gates that are too close, beside the view, or one after the other, and what the machines pass them with."""
+"""Which gate a machine has in mind, and how much room is in it."""
 
 from typing import Any
 
-import numpy as np
 import pytest
 from readings import Bench, two_states
 
-from tral_env.course.layout import Course
 from tral_env.interface import CONTROL_PERIOD_S
-from tral_env.world import Corridor, CorridorConfig
-from tral_fsm import load_policy
 
 GATE = {"gate_id": 0.0, "gate_x": 1.0, "gate_y": 0.2, "gate_heading": 0.0, "gate_age": 0.0}
-
-
-def outcomes(machine: str, width: float, length: float, *gates: dict[str, Any], rows: int = 8) -> list[str]:
-    """How drives of faulty cars end on a straight corridor with gates."""
-    gates = tuple({"id": k, **gate} for k, gate in enumerate(gates))
-    segment = {"length": length, "width": width, "gates": gates}
-    course = Course.model_validate({"name": "tight", "segments": [segment]})
-    world = Corridor(rows, CorridorConfig(course=course))
-    world.reset(np.arange(rows), [np.random.default_rng(seed) for seed in range(rows)])
-    policy, driving = load_policy(machine), np.ones(rows, bool)
-    policy.reset(rows)
-    observation, ends = world.observation(), ["" for _ in range(rows)]
-    while driving.any():
-        step = world.step(policy.act(observation), np.flatnonzero(driving))
-        observation = step.observation
-        for row in np.flatnonzero(driving & (step.terminated | step.truncated)):
-            info = {key: bool(step.info[key][row]) for key in ("success", "collision", "missed_gate")}
-            ends[row] = next((key for key, holds in info.items() if holds), "time is up")
-        driving &= ~(step.terminated | step.truncated)
-    return ends
-
-
-# The manoeuvre of 2016 drives its last metre straight on, whatever it sees then.
-@pytest.mark.parametrize(("machine", "least"), [("gate_scurve", 8), ("gate", 6)])
-def test_a_gate_so_close_that_only_one_post_is_in_view_is_passed(machine: str, least: int) -> None:
-    ends = outcomes(machine, 3.0, 8.0, {"at": 2.5, "width": 0.6, "offset": 0.3})
-    assert ends.count("success") >= least
-
-
-@pytest.mark.parametrize("machine", ["gate_scurve", "gate"])
-def test_a_gate_beside_the_view_is_passed(machine: str) -> None:
-    ends = outcomes(machine, 3.0, 8.0, {"at": 3.0, "width": 0.8, "offset": 0.6})
-    assert ends == ["success"] * 8
-
-
-def test_gates_to_and_fro_are_mostly_passed() -> None:
-    zigzag = [{"at": 4.0 + 3.3 * k, "width": 0.7, "offset": 0.7 * (-1) ** k} for k in range(3)]
-    assert outcomes("gate_scurve", 2.6, 14.0, *zigzag).count("success") >= 6
 
 
 def test_a_gate_seen_whole_is_not_handed_over_as_an_older_guess_from_its_post() -> None:
@@ -85,56 +43,6 @@ def test_a_gate_seen_whole_is_not_handed_over_as_an_older_guess_from_its_post() 
         bench.tick()
     assert (bench.estimate.target_gate.id, bench.estimate.target_gate.y) == (1, bench.estimate.gate.y)
     assert bench.active == "refused"
-
-
-class TestAgain:
-    """A car that is pushed from the first state to the second one, and back, as the distance grows."""
-
-    def bench(self, **limits: object) -> Bench:
-        forth = {"id": 0, "type": "Distance", "distance": 0.5, "from": "a", "to": "b"}
-        end = {"id": 1, "type": "Again", "from": "b", "to": "end", **limits}
-        back = {"id": 2, "type": "Distance", "distance": 0.1, "from": "b", "to": "a"}
-        states = [{"id": i, "type": "Motor", "throttle": 0.2} for i in "ab"]
-        return Bench(
-            {"root": "a", "states": [*states, {"id": "end", "type": "Stop"}], "transitions": [forth, end, back]}
-        )
-
-    def driven(self, bench: Bench) -> float:
-        """Way to the end; infinite: there is none within 10 m."""
-        distance = 0.0
-        while bench.active != "end" and distance < 10.0:
-            bench.tick(distance=distance, speed=0.4)
-            distance += 0.05
-        return distance if bench.active == "end" else float("inf")
-
-    def test_it_fires_at_the_second_entry(self) -> None:
-        assert self.driven(self.bench()) == pytest.approx(1.2, abs=0.15)
-
-    def test_farther_on_it_counts_anew(self) -> None:
-        assert self.driven(self.bench(within=0.3)) == float("inf")
-
-    def test_so_often_as_asked(self) -> None:
-        assert self.driven(self.bench(times=3)) == pytest.approx(1.9, abs=0.2)
-
-    def test_a_new_drive_counts_from_one(self) -> None:
-        bench = self.bench()
-        for distance in (0.0, 0.6):
-            bench.tick(distance=distance, speed=0.4)
-        bench.reset()
-        assert self.driven(bench) == pytest.approx(1.2, abs=0.15)
-
-
-def test_unreachable_waits_until_it_has_held_long_enough_without_a_break() -> None:
-    curve = {"type": "SCurve", "x": 1.0, "y": 1.0, "throttle": 0.2}
-    bench = two_states({"type": "Unreachable", "seconds": 0.1}, curve)
-    answers = ["far", "far", "", *["far"] * 20]
-    ticks = 0
-    bench.tick()
-    bench.machine.active.unreachable = lambda estimate: answers[min(ticks, 22)]
-    while bench.active == "a":
-        ticks += 1
-        bench.tick()
-    assert ticks == 3 + 8  # 0.1 s after the break
 
 
 class TestTheRoomInAGate:

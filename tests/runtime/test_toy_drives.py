@@ -7,6 +7,7 @@ import pytest
 import toy
 
 from tral_fsm import load_machine, load_policy
+from tral_fsm.runtime.driver import Driver
 
 
 @pytest.mark.parametrize("trim", [0.0, 1 / 22, -1 / 22])
@@ -30,3 +31,12 @@ def test_corners_are_driven_without_touching(machine: str, turn: str, width: flo
     assert math.degrees(world.yaw) == pytest.approx(90 * sign, abs=20)
     nose = [x + 0.329 * math.cos(yaw) + 0.1 * abs(math.sin(yaw)) for x, _, yaw in world.path]
     assert max(nose) < 4.0 - 0.05
+
+
+@pytest.mark.parametrize("trim", [1 / 22, -1 / 22])
+def test_a_car_that_does_not_run_straight_is_found_out(trim: float) -> None:
+    world = toy.straight(2.0, y=0.1, trim=trim)
+    driver = Driver(load_machine("office"))
+    world.drive(toy.one_car(driver), 14)
+    assert driver.estimator.steering_offset == pytest.approx(-trim, abs=0.02)
+    assert abs(world.path[-1][1]) < 0.15
