@@ -22,7 +22,7 @@ from report import Settings, append, digest, lines, made_with, span, stretches, 
 from tral_env.config import CarConfig
 from tral_env.course.plan import BOX_KINDS, Plan
 from tral_env.errors import ConfigError, TralError
-from tral_env.world import Corridor, CorridorConfig
+from tral_env.world import CorridorConfig, World
 from tral_fsm import load_policy
 from tral_fsm.bench.host import host
 from tral_fsm.cli.drive import Camera, Randomization
@@ -155,7 +155,7 @@ def together(seeds: list[int], settings: Settings) -> list[dict[str, Any]]:
     """Drive seeds side by side."""
     n = len(seeds)
     config = CorridorConfig(scenario="gates", camera=settings.camera, randomization=settings.randomization)
-    world = Corridor(n, config)
+    world = World(n, config)
     world.reset(np.arange(n), [seeding.np_random(seed)[0] for seed in seeds])
     policy = load_policy(settings.policy)
     policy.reset(n)

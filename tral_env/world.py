@@ -1,11 +1,11 @@
-"""Cars on their courses: simulation and task together, n at once. Both environments are thin shells over this."""
+"""Cars on their courses: simulation and task together, n at once."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,9 +28,6 @@ from tral_env.simulation.sim import Simulation
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Flags = NDArray[np.bool_]
-
-Drawn = tuple[Course, Plan, dict[str, float]]
-"""What is drawn for an episode: the course, its plan, the car's parameters."""
 
 CAMERAS = ("projected", "rendered")
 RESET_OPTIONS = ("course", "car")
@@ -149,6 +146,15 @@ def _checked(options: Mapping[str, Any]) -> Mapping[str, Any]:
     return options
 
 
+class Drawn(NamedTuple):
+    """What is drawn for an episode."""
+
+    course: Course
+    plan: Plan
+    car: dict[str, float]
+    """Parameters of the car, name -> value; see `Randomization`."""
+
+
 @dataclass(frozen=True)
 class Step:
     """What a tick brought, arrays of (n, ...)."""
@@ -160,7 +166,7 @@ class Step:
     info: dict[str, Array | Flags | Index]
 
 
-class Corridor:
+class World:
     """n cars on n courses."""
 
     def __init__(self, n: int, config: CorridorConfig, *, nthread: int = 1, pool: Pool | None = None) -> None:
@@ -238,7 +244,7 @@ class Corridor:
             return self._parameters()
         drawn = [self._draw(rngs[row], fixed, cars(int(row))) for row in rows]
         if given is not None:
-            self._fit([drawn[0][1]], rows, crowd(drawn[0][1]))
+            self._fit([drawn[0].plan], rows, crowd(drawn[0].plan))
         self.begin(rows, drawn, rngs)
         return self._parameters()
 
@@ -247,17 +253,18 @@ class Corridor:
 
         Args:
             rows: (k,) which cars.
-            drawn: k courses, their plans and the parameters of the cars.
+            drawn: k courses with their plans and cars.
             rngs: generator of each of all n rows, for the noise; only those of the rows are used.
 
         Raises:
             ConfigError: a course does not fit beside the other rows.
         """
-        self._fit([plan for _, plan, _ in drawn], rows)
-        for row, (course, plan, _) in zip(rows, drawn, strict=True):
-            self.courses[row], self.plans[row] = course, plan
-            task.lay(self.track, int(row), plan)
-        self.sim.reset(rows, [plan for _, plan, _ in drawn], [car for _, _, car in drawn], rngs)
+        plans = [one.plan for one in drawn]
+        self._fit(plans, rows)
+        for row, one in zip(rows, drawn, strict=True):
+            self.courses[row], self.plans[row] = one.course, one.plan
+            task.lay(self.track, int(row), one.plan)
+        self.sim.reset(rows, plans, [one.car for one in drawn], rngs)
         self._line_up(rows)
         self._started = True
 
@@ -289,7 +296,7 @@ class Corridor:
 
     def _draw(self, rng: np.random.Generator, fixed: tuple[Course, Plan] | None, randomization: Randomization) -> Drawn:
         course, plan = self._generate(rng) if fixed is None else fixed
-        return course, plan, randomization.draw(rng)
+        return Drawn(course, plan, randomization.draw(rng))
 
     def _generate(self, rng: np.random.Generator) -> tuple[Course, Plan]:
         """A new course, or one of those that are kept."""

@@ -95,7 +95,7 @@ def test_the_readings_come_from_the_images_with_the_faults() -> None:
     try:
         for seed in range(16):
             env.reset(seed=seed, options=LEVEL_1)
-            sim = env.unwrapped.corridor.sim
+            sim = env.unwrapped.world.sim
             webcam = webcam or Webcam(1, sim.pool, sim.lens, law)
             webcam.place(0, sim.plan(0), 1.0, int(sim.image_seeds[0]))
             found = Detector().detect(webcam.image(0, sim.qpos[0], LEVELLED)).ids
@@ -162,7 +162,7 @@ def test_a_row_among_others_looks_through_the_same_faults_as_alone() -> None:
 def test_the_spec_with_faults_survives_json(name: str, camera: str) -> None:
     env = gym.make(name, scenario="gates", camera=camera, image_faults=PATCH)
     again = gym.make(EnvSpec.from_json(env.spec.to_json()))
-    assert again.unwrapped.corridor.config.image_faults == PATCH
+    assert again.unwrapped.world.config.image_faults == PATCH
 
 
 @pytest.mark.parametrize("make", [gym.make, gym.make_vec])

@@ -10,7 +10,7 @@ from tral_env.course.layout import Course, Door, Segment
 from tral_env.course.scene import Placement
 from tral_env.simulation import culling as window
 from tral_env.simulation.culling import REACH_M, Window, crowd
-from tral_env.world import Corridor, CorridorConfig
+from tral_env.world import CorridorConfig, World
 from tral_fsm import load_policy
 
 
@@ -68,7 +68,7 @@ def dense() -> Course:
 def ranges(near: str) -> np.ndarray:
     """Readings of a drive through a dense course, that was named at the start or at the reset."""
     fixed = CorridorConfig(scenario="straight", randomization="none", course=dense() if near == "start" else None)
-    world = Corridor(1, fixed)
+    world = World(1, fixed)
     world.reset(np.array([0]), [np.random.default_rng(0)], {"course": dense()} if near == "reset" else None)
     return np.stack([world.observation()] + [world.step(np.array([[0.0, 0.5]])).observation for _ in range(500)])
 
@@ -92,7 +92,7 @@ def test_no_reading_shows_which_boxes_are_left_out(scenario: str, monkeypatch: p
     rows, ticks = 6, 1500
 
     def drive() -> list[np.ndarray]:
-        world, policy = Corridor(rows, CorridorConfig(scenario=scenario)), load_policy("office")
+        world, policy = World(rows, CorridorConfig(scenario=scenario)), load_policy("office")
         world.reset(np.arange(rows), [np.random.default_rng(seed) for seed in range(rows)])
         policy.reset(rows)
         seen = [world.observation()]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 import tral_env
 from tral_env.course.layout import Course
-from tral_env.world import Corridor, CorridorConfig
+from tral_env.world import CorridorConfig, World
 from tral_fsm import load_machine, load_policy, machine_names
 from tral_fsm.definition.machine import FSMStateSpec
 from tral_fsm.evaluation.batch import Fleet, Job
@@ -48,7 +48,7 @@ def test_office_drives_every_family() -> None:
     assert [(drive.scenario, drive.seed) for drive in drives if not drive.success] == []
 
 
-def drive_to_the_end(world: Corridor, machine: str) -> Arrivals:
+def drive_to_the_end(world: World, machine: str) -> Arrivals:
     """(n,) whether each row arrived, whether it hit something, and where it was in the end."""
     rows = world.n
     world.reset(np.arange(rows), [np.random.default_rng(seed) for seed in range(rows)])
@@ -66,7 +66,7 @@ def drive_to_the_end(world: Corridor, machine: str) -> Arrivals:
 
 
 def test_the_known_route_is_driven_to_its_end() -> None:
-    success, _, _ = drive_to_the_end(Corridor(4, CorridorConfig(course=COURSE)), "known_route")
+    success, _, _ = drive_to_the_end(World(4, CorridorConfig(course=COURSE)), "known_route")
     assert success.all()
 
 
@@ -75,7 +75,7 @@ def test_the_known_route_is_driven_to_its_end() -> None:
 def test_a_gate_that_is_too_narrow_is_refused_with_a_stop(machine: str, width: float, passed: bool) -> None:
     gate = {"id": 0, "at": 4.0, "width": width}
     course = Course.model_validate({"name": "narrow", "segments": [{"length": 6.0, "width": 2.0, "gates": [gate]}]})
-    success, collision, x = drive_to_the_end(Corridor(4, CorridorConfig(course=course)), machine)
+    success, collision, x = drive_to_the_end(World(4, CorridorConfig(course=course)), machine)
     assert not collision.any()
     assert (success == passed).all()
     assert ((x > 4.0) == passed).all()

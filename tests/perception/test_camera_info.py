@@ -203,13 +203,13 @@ def test_an_environment_reads_the_file_and_remembers_it(tmp_path: Path):
     env = gym.make("tral_env:TralCorridor-v0", scenario="gates", lens=path)
     assert env.spec is not None
     again = gym.make(EnvSpec.from_json(env.spec.to_json()))
-    assert env.unwrapped.corridor.sim.lens == again.unwrapped.corridor.sim.lens == WIDE_LENS
+    assert env.unwrapped.world.sim.lens == again.unwrapped.world.sim.lens == WIDE_LENS
     env.close()
     again.close()
 
 
 def test_a_vector_environment_knows_lenses_by_name():
     env = gym.make_vec("tral_env:TralCorridor-v0", num_envs=2, scenario="straight", lens="wide")
-    assert env.unwrapped.corridor.sim.lens == WIDE_LENS
+    assert env.unwrapped.world.sim.lens == WIDE_LENS
     assert np.isfinite(env.reset(seed=1)[0]).all()
     env.close()

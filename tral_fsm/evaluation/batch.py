@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tral_env.course.generate import generate_plan
 from tral_env.course.scene import Pool
 from tral_env.randomization import level
-from tral_env.world import Corridor, CorridorConfig, Drawn, Step
+from tral_env.world import CorridorConfig, Drawn, Step, World
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.estimation.readings import Readings
 from tral_fsm.evaluation.rollout import Result, outcome
@@ -95,7 +95,7 @@ class Fleet:
         for name in scenarios:
             pool = pool.union(Pool.for_scenario(name))
         self.rows = rows
-        self.corridor = Corridor(rows, configs[0], nthread=nthread, pool=pool)
+        self.world = World(rows, configs[0], nthread=nthread, pool=pool)
         self._randomization, self._hard = level(randomization), randomization == "hard"
         self._patience = math.inf if stuck_s is None else stuck_s
         self._drawn: dict[tuple[str, int], tuple[Drawn, np.random.Generator]] = {}
@@ -138,7 +138,7 @@ class Fleet:
         if key not in self._drawn:
             rng = seeding.np_random(job.seed)[0]
             course, plan = generate_plan(job.scenario, rng, hard=self._hard)
-            self._drawn[key] = (course, plan, self._randomization.draw(rng)), rng
+            self._drawn[key] = Drawn(course, plan, self._randomization.draw(rng)), rng
         drawn, rng = self._drawn[key]
         return drawn, copy.deepcopy(rng)
 
@@ -152,7 +152,7 @@ class Fleet:
             spare = self.rows - len(rows)
             rows, drawn = np.append(rows, np.arange(self.rows - spare, self.rows)), drawn + drawn[:1] * spare
             self._started = True
-        self.corridor.begin(rows, drawn, self._rngs)
+        self.world.begin(rows, drawn, self._rngs)
 
     def is_stuck(self, waited: Array) -> NDArray[np.bool_]:
         """Who has waited too long, (n,), given the time without progress [s]."""
@@ -160,7 +160,7 @@ class Fleet:
 
     def close(self) -> None:
         """Free what OpenGL holds."""
-        self.corridor.close()
+        self.world.close()
 
 
 class _Run:
@@ -198,7 +198,7 @@ class _Run:
             self._errors[rows] = 0
             self._settling.begin(rows)
         self.active = np.flatnonzero(self._job >= 0)
-        self._observation = self.fleet.corridor.observation()
+        self._observation = self.fleet.world.observation()
 
     def _driver(self, index: int) -> Driver:
         """A driver that begins anew."""
@@ -210,8 +210,8 @@ class _Run:
     def tick(self) -> None:
         """Drive all rows for one tick."""
         self._act()
-        corridor = self.fleet.corridor
-        step = corridor.step(self._command, None if len(self.active) == self.fleet.rows else self.active)
+        world = self.fleet.world
+        step = world.step(self._command, None if len(self.active) == self.fleet.rows else self.active)
         self._observation = step.observation
         self._add(step)
         over = step.terminated | step.truncated | self.fleet.is_stuck(step.info["time_s"] - self._since)
@@ -230,14 +230,14 @@ class _Run:
             commands.append(driver.act(readings))
             wanted.append(driver.wanted_clearance)
         self._command[self.active] = commands
-        self.fleet.corridor.wanted_clearance[self.active] = wanted
+        self.fleet.world.wanted_clearance[self.active] = wanted
 
     def _add(self, step: Step) -> None:
         """Add a tick to the sums."""
         rows, info, sums = self.active, step.info, self._sums
         error, speed = (np.asarray(info[name][rows], np.float64) for name in ("clearance_error_m", "speed_mps"))
         known = np.isfinite(error)
-        settled = self._settling.add(rows, self.fleet.corridor.wanted_clearance[rows], error, speed)
+        settled = self._settling.add(rows, self.fleet.world.wanted_clearance[rows], error, speed)
         for name, counts in (("", known), ("settled_", settled)):
             sums[name + "squares"][rows] += np.where(counts, error, 0.0) ** 2
             sums[name + "samples"][rows] += counts
@@ -245,11 +245,11 @@ class _Run:
         self._errors[rows[known], bins] += 1
         sums["lateral"][rows] += info["lateral_offset_m"][rows] ** 2
         sums["speed"][rows] += speed
-        steering = self.fleet.corridor.sim.command[rows, 0]
+        steering = self.fleet.world.sim.command[rows, 0]
         sums["steering"][rows] += np.abs(steering - self._steering[rows])
         sums["ticks"][rows] += 1
         self._steering[rows] = steering
-        gained = info["progress"] * self.fleet.corridor.track.length
+        gained = info["progress"] * self.fleet.world.track.length
         ahead = gained > self._best + STUCK_M
         self._best = np.where(ahead, gained, self._best)
         self._since = np.where(ahead, info["time_s"], self._since)
@@ -266,7 +266,7 @@ class _Run:
             outcome=outcome(info),
             crash=bool(info["crash"]),
             progress=float(info["progress"]),
-            route_m=float(self.fleet.corridor.track.length[row]),
+            route_m=float(self.fleet.world.track.length[row]),
             time_s=float(info["time_s"]),
             mean_speed=sums["speed"] / ticks,
             clearance_rmse=_root_mean(sums["squares"], sums["samples"]),
