@@ -1,7 +1,7 @@
 """The car's measures and its markers' sizes, once: plain numbers that anyone may import.
 
-Frame: ground below the middle of the rear axle, x forward, y left, z up. Sources: "ucboard" and "PSES" are the data sheet
-and the URDF that the Project Seminar Real-Time Systems at TU Darmstadt published for the same cars; "choice" is ours.
+Frame: ground below the middle of the rear axle, x forward, y left, z up. Sources: "ucboard" and "PSES" are the data
+sheet and the URDF that the Project Seminar Real-Time Systems at TU Darmstadt published for the same cars; "choice" is ours.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tral_env.course.layout import Course
-from tral_env.world import Corridor, CorridorConfig
+from tral_env.world import CorridorConfig, World
 from tral_fsm import load_policy
 
 
@@ -15,7 +15,7 @@ def outcomes(machine: str, width: float, length: float, *gates: dict[str, Any], 
     gates = tuple({"id": k, **gate} for k, gate in enumerate(gates))
     segment = {"length": length, "width": width, "gates": gates}
     course = Course.model_validate({"name": "tight", "segments": [segment]})
-    world = Corridor(rows, CorridorConfig(course=course))
+    world = World(rows, CorridorConfig(course=course))
     world.reset(np.arange(rows), [np.random.default_rng(seed) for seed in range(rows)])
     policy, driving = load_policy(machine), np.ones(rows, bool)
     policy.reset(rows)
