@@ -9,7 +9,6 @@ import pytest
 
 from tral_fsm import FormatError, MachineDefinition, MachinePolicy, check, load_machine
 from tral_fsm.definition import packaged
-from tral_fsm.definition.checks import always, never
 from tral_fsm.definition.conditions import AlwaysSpec, AnySpec, DistanceSpec, NotSpec
 from tral_fsm.definition.machine import FSMStateSpec, MotorSpec, StopSpec, TransitionSpec
 from tral_fsm.formats import library
@@ -79,8 +78,8 @@ class TestAlwaysAndNever:
     )
     def test_what_may_fire_or_not_is_neither(self, condition: dict[str, Any]) -> None:
         spec = loads(json.dumps(machine(way(0, 0, 1, **condition)))).transitions[0].when
-        assert not always(spec)
-        assert not never(spec)
+        assert not spec.always()
+        assert not spec.never()
 
     def test_the_same_condition_again_never_fires(self) -> None:
         found = problems(machine(way(0, 0, 1, **NEAR), way(1, 0, 1, **NEAR)))

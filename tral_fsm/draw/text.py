@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from typing import get_args
 
 from tral_fsm.definition.conditions import ConditionSpec
-from tral_fsm.definition.machine import FSMStateSpec, MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition.machine import MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.definition.validated import SonarName, Spec
 
 SIZE = 11
@@ -51,7 +51,9 @@ def state_name(state: StateSpec) -> str:
 
 def state_lines(state: StateSpec) -> list[str]:
     """Type of a state and the parameters that differ from their defaults."""
-    lines = [_cut(f"{state.type}: {_machine(state)}" if isinstance(state, FSMStateSpec) else state.type)]
+    inner = state.inner
+    held = (inner.name or "inline") if isinstance(inner, MachineDefinition) else inner
+    lines = [_cut(state.type if held is None else f"{state.type}: {held}")]
     return lines + _wrapped(", ".join(_glued(_parameters(state, always=False))))
 
 
@@ -67,7 +69,7 @@ def transition_lines(transition: TransitionSpec, place: str = "") -> list[str]:
 
 def condition(spec: ConditionSpec, inside: bool = False) -> str:
     """A condition in a line: type and the values that say something."""
-    of: tuple[ConditionSpec, ...] = getattr(spec, "of", ())
+    of = spec.parts
     if spec.type in _COMBINED and of:
         text = _COMBINED[spec.type].join(condition(part, inside=True) for part in of)
         return f"({text})" if inside and len(of) > 1 else text
@@ -77,11 +79,6 @@ def condition(spec: ConditionSpec, inside: bool = False) -> str:
     # "SensorLevel front > 1.2 m, readings 2": a word says what the next one is about.
     first = 2 if len(words) > 1 and words[0] in SONARS else 1
     return " ".join([spec.type, ", ".join([_GLUE.join(words[:first]), *words[first:]])]).strip()
-
-
-def _machine(state: FSMStateSpec) -> str:
-    inner = state.machine
-    return (inner.name or "inline") if isinstance(inner, MachineDefinition) else inner
 
 
 def _parameters(spec: Spec, always: bool) -> Iterator[str]:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from tral_fsm.definition.conditions import ConditionSpec
-from tral_fsm.definition.machine import FSMStateSpec, MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition.machine import MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.formats.tral_json import members
 
 _COMBINED = {"All": " and ", "Any": " or "}
@@ -30,8 +30,7 @@ def plantuml(machine: MachineDefinition) -> str:
 
 def words(condition: ConditionSpec) -> str:
     """A condition in words: its type and what differs from the defaults, with units."""
-    parts = getattr(condition, "of", ())
-    inner = [words(part) for part in parts]
+    inner = [words(part) for part in condition.parts]
     if condition.type in _COMBINED:
         return f"({_COMBINED[condition.type].join(inner)})" if len(inner) > 1 else inner[0]
     if condition.type == "Not":
@@ -66,9 +65,9 @@ def _lines(machine: MachineDefinition, prefix: str, text: Callable[[str], str]) 
 def _state(state: StateSpec, name: str, text: Callable[[str], str]) -> Iterator[str]:
     title = state.label or str(state.id)
     yield f'state "{text(title)}" as {name}'
-    if isinstance(state, FSMStateSpec) and isinstance(state.machine, MachineDefinition):
+    if isinstance(state.inner, MachineDefinition):
         yield f"state {name} {{"
-        yield from (f"  {line}" for line in _lines(state.machine, f"{name}_", text))
+        yield from (f"  {line}" for line in _lines(state.inner, f"{name}_", text))
         yield "}"
     else:
         yield f"{name} : {text(state.type)}"
