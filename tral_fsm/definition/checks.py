@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from typing import cast
 
-from tral_env.errors import MachineError, nearest
+from tral_env.errors import MachineError, nearest, problem_report
 from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.machine import STATES, MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.definition.validated import Id
@@ -34,8 +34,7 @@ class FormatError(MachineError):
     def __init__(self, source: str, problems: Iterable[Problem]) -> None:
         self.source = source
         self.problems = tuple(problems)
-        lines = "".join(f"\n  {problem}" for problem in self.problems)
-        super().__init__(f"{source}: {len(self.problems)} problem{'s' * (len(self.problems) != 1)}{lines}")
+        super().__init__(problem_report(source, self.problems))
 
     def __reduce__(self) -> tuple[type[FormatError], tuple[str, tuple[Problem, ...]]]:
         """Come whole out of a process of its own."""
