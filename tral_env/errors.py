@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 class TralError(Exception):
@@ -66,3 +66,22 @@ def nearest(got: object, allowed: Iterable[object]) -> str:
     hint = f"did you mean '{match[0]}'? " if match else ""
     more = f", ... ({len(names)} in all)" if len(names) > _MOST else ""
     return f"{hint}Allowed: {', '.join(names[:_MOST])}{more}"
+
+
+def problem_list(head: str, problems: Iterable[object]) -> str:
+    """Word an error that tells several problems at once: a head, then each problem in a line of its own."""
+    return "\n  ".join([head, *map(str, problems)])
+
+
+def problem_report(source: str, problems: Sequence[object]) -> str:
+    """Word an error that tells all that is wrong with a source: a file, a course, a machine.
+
+    Args:
+        source: what the problems are of.
+        problems: each is told by its text.
+
+    Returns:
+        A text such as ``my.json: 2 problems``, and a line below it for each problem.
+    """
+    count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
+    return problem_list(f"{source}: {count}", problems)

@@ -29,7 +29,7 @@ from tral_env.course.layout import Course, Door
 from tral_env.course.overlap import overlapping
 from tral_env.course.plan import BOX_KINDS, Plan, place_on
 from tral_env.course.walls import cut_walls
-from tral_env.errors import CourseError
+from tral_env.errors import CourseError, problem_report
 
 _KIND = {kind: i for i, kind in enumerate(BOX_KINDS)}
 
@@ -77,8 +77,7 @@ def build_plan(course: Course) -> Plan:
 
 def _raise_if(course: Course, problems: list[str]) -> None:
     if problems:
-        count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
-        raise CourseError("\n  ".join([f"course '{course.name}': {count}", *problems]))
+        raise CourseError(problem_report(f"course '{course.name}'", problems))
 
 
 def _boxes(space: Space) -> list[Box]:
