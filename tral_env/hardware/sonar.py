@@ -6,8 +6,6 @@ import math
 import time
 from collections.abc import Callable, Mapping
 
-import numpy as np
-
 from tral_env.config import UltrasonicConfig
 from tral_env.errors import ConfigError, HardwareError
 from tral_env.hardware.i2c import Bus, Device, Smbus
@@ -57,7 +55,7 @@ class Srf08:
         """Distance of the first echo, m; `NO_ECHO_M` without one."""
         high, low = self._device.read(_FIRST_ECHO, 2)
         metres = resolution(self._config) * (high << 8 | low)
-        return metres if readable(np.float64(metres), self._config) else NO_ECHO_M
+        return metres if readable(metres, self._config) else NO_ECHO_M
 
 
 class SonarArray:

@@ -169,10 +169,11 @@ def resolution(config: UltrasonicConfig) -> float:
     return 0.01 if config.mode == "cm" else config.metres_per_us
 
 
-def readable(range_m: Array, config: UltrasonicConfig) -> BoolArray:
+def readable(range_m: Array | float, config: UltrasonicConfig) -> BoolArray:
     """Whether ranges of any shape, m, lie within the limits of the mode in use; beyond them there is no echo."""
     low, high = limits(config)
-    return (range_m >= low) & (range_m <= high)
+    result: BoolArray = np.greater_equal(range_m, low) & np.less_equal(range_m, high)
+    return result
 
 
 def crosstalk(first: Array, uniform: Array, together: BoolArray, config: UltrasonicConfig) -> Array:

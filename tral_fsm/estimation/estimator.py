@@ -10,10 +10,10 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
+from tral_env.geometry import MARKER_BOARD_WIDTH_M
 from tral_env.interface import (
     CONTROL_PERIOD_S,
     CORE_LAYOUT,
-    MARKER_BOARD_WIDTH_M,
 )
 from tral_fsm.control.laws import TRACK, clip, curvature, speed_control, steering_play, wrap
 from tral_fsm.estimation.front_obstacle import Ahead
