@@ -18,8 +18,8 @@ from marker_accuracy import LENS, WEBCAM, Array, Columns, draw_views, rendered
 from rich.console import Console
 from rich.table import Table
 
-from tral_env.interface import wrap_angle
 from tral_env.perception.detection_model import LAW
+from tral_env.se2 import wrap
 
 STEEPEST = 1.0
 """Views more slanted than this, rad, do not count: their errors are no longer those of a size in the image."""
@@ -85,7 +85,7 @@ def _fit_rate(size: Array, found: np.ndarray, slopes: Iterable[float] = np.arang
 
 def _fit_heading(distance: Array, angle: Array, error: Array, soft: Array) -> tuple[float, ...]:
     depth, sine = LENS.marker_size / distance, np.abs(np.sin(angle))
-    face_on, mirrored = LENS.fx * depth, wrap_angle(error + 2 * angle)
+    face_on, mirrored = LENS.fx * depth, wrap(error + 2 * angle)
     erf = np.vectorize(math.erf)
 
     def likelihood(noise: float, gain: float, flip: float) -> float:

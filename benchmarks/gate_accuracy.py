@@ -20,9 +20,9 @@ from marker_accuracy import CAR, LENS, LEVELS, Array, Columns, Hall, Marker, fro
 from numpy.typing import NDArray
 from rich.console import Console
 
-from tral_env.interface import wrap_angle
 from tral_env.perception.gate import Sighting, sight
 from tral_env.perception.projected import Scenery
+from tral_env.se2 import wrap
 from tral_fsm.bench.host import host
 
 RESULTS = Path(__file__).parent / "results" / "gate_accuracy.json"
@@ -85,7 +85,7 @@ def summary(views: Columns, seen: Sighting, rows: NDArray[np.bool_]) -> dict[str
     off_x, off_y = seen.gate_x[hit] - views["x"][hit], seen.gate_y[hit] - y
     distance = np.hypot(x, y)
     along, across = (off_x * x + off_y * y) / distance, (off_y * x - off_x * y) / distance
-    axis = np.asarray(wrap_angle(seen.gate_heading[hit] - views["axis"][hit]))
+    axis = np.asarray(wrap(seen.gate_heading[hit] - views["axis"][hit]))
     return {
         "rate": round(float(hit.sum() / max(rows.sum(), 1)), 3),
         "along_cm": quantiles(100 * np.abs(along)),

@@ -28,7 +28,6 @@ from rich.table import Table
 from tral_env.config import WIDE_LENS, CameraConfig, CarConfig
 from tral_env.course.plan import BOX_KINDS, Plan
 from tral_env.course.scene import Pool, build_model, dress
-from tral_env.interface import wrap_angle
 from tral_env.perception.aruco import Detector, MarkerPoses, marker_poses
 from tral_env.perception.camera import OnboardCamera
 from tral_env.perception.degrade import WebcamLaw, degrade
@@ -42,6 +41,7 @@ from tral_env.perception.projected import (
     project,
     project_points,
 )
+from tral_env.se2 import wrap
 from tral_fsm.bench.host import host
 
 Array = NDArray[np.float64]
@@ -196,7 +196,7 @@ def errors(views: Columns, pose: Array) -> Columns:
     return {
         "range": (ahead * cos + left * sin) / distance - 1.0,
         "bearing": (left * cos - ahead * sin) / distance,
-        "heading": np.asarray(wrap_angle(pose[:, 2] - views["heading"])),
+        "heading": np.asarray(wrap(pose[:, 2] - views["heading"])),
     }
 
 

@@ -47,8 +47,10 @@ class MissingExtraError(TralError, ImportError):
         )
 
 
-_MOST, _LONGEST = 60, 40
-"""So many names are looked at and told, of so many letters: whoever writes thousands must not make an error slow."""
+_MAX_NAMES = 60
+"""Names that are looked at and told: a file with thousands must not make an error slow."""
+_MAX_LETTERS = 40
+"""Letters of a name that are looked at and told."""
 
 
 def nearest(got: object, allowed: Iterable[object]) -> str:
@@ -61,11 +63,11 @@ def nearest(got: object, allowed: Iterable[object]) -> str:
     Returns:
         A clause for the end of an error message, such as ``did you mean 'corners'? Allowed: corners, doors``.
     """
-    names = [str(name)[:_LONGEST] for name in allowed]
-    match = difflib.get_close_matches(str(got)[:_LONGEST], names[:_MOST], n=1)
+    names = [str(name)[:_MAX_LETTERS] for name in allowed]
+    match = difflib.get_close_matches(str(got)[:_MAX_LETTERS], names[:_MAX_NAMES], n=1)
     hint = f"did you mean '{match[0]}'? " if match else ""
-    more = f", ... ({len(names)} in all)" if len(names) > _MOST else ""
-    return f"{hint}Allowed: {', '.join(names[:_MOST])}{more}"
+    more = f", ... ({len(names)} in all)" if len(names) > _MAX_NAMES else ""
+    return f"{hint}Allowed: {', '.join(names[:_MAX_NAMES])}{more}"
 
 
 def problem_list(head: str, problems: Iterable[object]) -> str:

@@ -12,10 +12,10 @@ from marker_world import camera_or_skip, plan_of
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.course.plan import BOX_KINDS, Plan
 from tral_env.course.scene import Pool
-from tral_env.interface import wrap_angle
 from tral_env.perception.aruco import Detector, marker_poses
 from tral_env.perception.degrade import degrade
 from tral_env.perception.projected import NOISE_PLACES, NORMALS, UNIFORMS, Scenery, project
+from tral_env.se2 import wrap
 from tral_env.simulation.render_scene import Stage
 
 LENS, CAR = CameraConfig(), CarConfig()
@@ -74,7 +74,7 @@ def errors(truth: dict[str, np.ndarray], seen: np.ndarray) -> dict[str, np.ndarr
     return {
         "position": np.hypot(off_x, off_y) / truth["distance"],
         "bearing": np.degrees(np.abs(across / truth["distance"])),
-        "heading": np.degrees(np.abs(wrap_angle(seen[:, 2] - truth["heading"]))),
+        "heading": np.degrees(np.abs(wrap(seen[:, 2] - truth["heading"]))),
     }
 
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.interface import GATE_MARKER_IDS, NOTHING_SEEN_ID, wrap_angle
+from tral_env.interface import GATE_MARKER_IDS, NOTHING_SEEN_ID
+from tral_env.se2 import wrap
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -80,7 +81,7 @@ def _nearest_gate(x: Array, y: Array, heading: Array) -> tuple[Array, Array, Arr
     middle_x, middle_y = (x[:, left] + x[:, right]) / 2, (y[:, left] + y[:, right]) / 2
     # The line from the left marker to the right one, turned left by a quarter, points through the gate.
     axis = np.arctan2(x[:, right] - x[:, left], y[:, left] - y[:, right])
-    swapped = np.abs(wrap_angle(axis - heading[:, left])) > np.pi / 2
+    swapped = np.abs(wrap(axis - heading[:, left])) > np.pi / 2
     return _nearest(np.where(swapped, np.nan, middle_x), middle_y, axis)
 
 

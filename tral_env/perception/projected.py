@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.course.plan import Plan
-from tral_env.interface import wrap_angle
 from tral_env.perception.detection_model import LAW, DetectorLaw
+from tral_env.se2 import wrap
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -299,14 +299,14 @@ def _seen_heading(near: _Candidates, index: Indices, blur: _Blur, camera: Camera
     edge, soft, noise = 2.0 * _half_edge(near.points[index]), law.softness(blur.extent, law.sharp_share), blur.noise
     distance = np.sqrt(ahead * ahead + left * left)
     sight = np.arctan2(left, ahead)
-    angle = wrap_angle(near.heading[index] - sight)
+    angle = wrap(near.heading[index] - sight)
     sine, depth = np.abs(np.sin(angle)), edge / distance
     face_on = camera.fx * depth
     flipped = soft * noise[:, 3] * law.at(law.flip_px, blur.level) > face_on * depth * sine
     nearer = law.at(law.perspective_gain, blur.level) * depth
     spread = soft * law.at(law.heading_noise_px, blur.level) / (face_on * np.sqrt(sine * sine + nearer * nearer))
     angle = np.where(flipped, -angle, angle) + noise[:, 2] * np.minimum(spread, 1.0)
-    return np.asarray(wrap_angle(sight + angle))
+    return np.asarray(wrap(sight + angle))
 
 
 MARGIN = 0.01

@@ -12,7 +12,7 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from tral_env.actuation import Actuation, Drive
+from tral_env.actuation import Actuation, ActuatorInputs
 from tral_env.config import CameraConfig, CarConfig, HallConfig, UltrasonicConfig
 from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool, build_model, place, pool_geoms
@@ -279,7 +279,7 @@ class Simulation:
         speed: Array = (a + b + c + d) * (self.car.wheel_radius / 4)
         return speed
 
-    def _actuate(self, rows: Index, drive: Drive) -> None:
+    def _actuate(self, rows: Index, drive: ActuatorInputs) -> None:
         handles = self.handles
         self._ctrl[rows, handles.steer_actuator] = drive.steering_angle
         self._ctrl[rows, handles.drive_actuator] = drive.voltage
