@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
 from tral_env.errors import ConfigError, nearest
+from tral_env.geometry import MARKER_SIZE_M
 
 Config = TypeVar("Config")
 
@@ -276,7 +277,7 @@ class CameraConfig:
     """k1, k2, p1, p2, k3 of OpenCV's model."""
     rate_hz: float = 15.0
     """Frames per second. Source: choice, webcams of the era gave 10 to 30."""
-    marker_size: float = 0.18
+    marker_size: float = MARKER_SIZE_M
     """Edge of an ArUco marker's black square, m. Source: era."""
 
     def __post_init__(self) -> None:

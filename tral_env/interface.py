@@ -15,6 +15,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from tral_env import geometry
 from tral_env.errors import ConfigError, nearest
 
 FloatArray = NDArray[np.floating]
@@ -33,8 +34,8 @@ NOTHING_SEEN_ID = -1.0
 
 GATE_MARKER_IDS = range(0, 40)
 """Gate k is the pair of markers 2k (left post) and 2k + 1 (right post), seen in driving direction."""
-MARKER_BOARD_WIDTH_M = 0.24
-"""Markers are on boards: a marker of 0.18 m with a quiet zone of one module (0.03 m) on each side."""
+MARKER_BOARD_WIDTH_M = geometry.MARKER_BOARD_WIDTH_M
+"""Width of the board that carries a marker, see `tral_env.geometry`."""
 TURN_MARKER_IDS: Mapping[str, int] = {"left": 40, "right": 41, "straight": 42}
 """Markers that tell a turn at a crossing."""
 

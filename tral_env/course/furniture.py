@@ -9,7 +9,8 @@ import numpy as np
 
 from tral_env.course.frames import TURNS, Frame, Rect, branch_width, stubs
 from tral_env.course.layout import Door, Gate, Tape
-from tral_env.interface import MARKER_BOARD_WIDTH_M, TURN_MARKER_IDS
+from tral_env.geometry import MARKER_BOARD_WIDTH_M
+from tral_env.interface import TURN_MARKER_IDS
 
 WALL_THICKNESS = 0.15
 """m."""

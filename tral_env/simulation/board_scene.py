@@ -16,7 +16,7 @@ MARGIN = 0.02
 """White around the squares, m."""
 PIXELS_PER_METRE = 4000.0
 """Of the board's texture: four for a millimetre,"""
-MOST_PIXELS = 4096
+MAX_PIXELS = 4096
 """but no more than this across or down."""
 
 _SCENE = """
@@ -45,10 +45,10 @@ _FLIP = np.diag([1.0, -1.0, -1.0])
 
 def pixels_per_metre(board: Board) -> float:
     """How fine the texture of a board is."""
-    return min(PIXELS_PER_METRE, MOST_PIXELS / (max(board.size) + 2 * MARGIN))
+    return min(PIXELS_PER_METRE, MAX_PIXELS / (max(board.size) + 2 * MARGIN))
 
 
-class BoardStage:
+class BoardScene:
     """A board that can be put anywhere before a camera."""
 
     def __init__(self, board: Board, lens: CameraConfig, *, degradation: float = 0.0, seed: int = 0) -> None:

@@ -154,14 +154,14 @@ def run(asked: Calibrating, board: Board, out: Path, *, quiet: bool) -> dict[str
 
 def _frames(asked: Calibrating, board: Board, truth: CameraConfig | None) -> tuple[Any, int | None]:
     """The images, and how many there are, if that is known."""
-    from tral_env.calibration.image_sources import IMAGES, find_sources, frames
+    from tral_env.calibration.image_sources import IMAGES, find_sources, read_images
 
     if truth is None:
         if not asked.sources:
             raise ConfigError("nothing to look at: name images, a folder, a video or a camera, or use --simulated")
         found = find_sources(asked.sources)
         still = all(Path(source).suffix.lower() in IMAGES for source in found)
-        return frames(found, asked.every), len(found) if still else None
+        return read_images(found, asked.every), len(found) if still else None
     if asked.sources:
         raise ConfigError(f"--simulated makes its own images: leave out {', '.join(asked.sources)}, or --simulated")
     from tral_fsm.cli import opengl
@@ -172,9 +172,9 @@ def _frames(asked: Calibrating, board: Board, truth: CameraConfig | None) -> tup
 
 def _simulated(asked: Calibrating, board: Board, truth: CameraConfig) -> Frames:
     from tral_env.calibration.board_poses import seeded_poses
-    from tral_env.simulation.board_scene import BoardStage
+    from tral_env.simulation.board_scene import BoardScene
 
-    stage = BoardStage(board, truth, degradation=1.0, seed=asked.seed)
+    stage = BoardScene(board, truth, degradation=1.0, seed=asked.seed)
     with contextlib.closing(stage):
         for i, pose in enumerate(seeded_poses(board, truth, asked.shots, asked.seed)):
             yield f"simulated_{i:03d}", stage.capture(pose)
