@@ -85,7 +85,10 @@ def marker_sheet(marker: int, size_mm: float = SIZE_MM, paper: str = "A4", note:
     told = f"marker {marker}, {size_mm:g} mm, DICT_4X4_50{', ' + note if note else ''}; this way up"
     texts = [text, Text(20.0, foot + 9.0, told)]
     if left < MARKER_QUIET_MODULES * cell:
-        needed = f"Mount on white card: {MARKER_QUIET_MODULES * cell:.4g} mm of white all around, {left:.4g} are on this paper."
+        needed = (
+            f"Mount on white card: {MARKER_QUIET_MODULES * cell:.4g} mm of white all around, "
+            f"{left:.4g} are on this paper."
+        )
         texts.append(Text(20.0, foot + 14.0, needed))
     return Sheet(str(marker), *page, ink, (*lines, *_crop_marks(left, top, size_mm, cell, page)), tuple(texts))
 
