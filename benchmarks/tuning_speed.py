@@ -70,7 +70,8 @@ def measure(policy: str, scenario: str, drives: int, rows: int, ready: Any = Non
     fleet = Fleet([scenario], rows=rows, stuck_s=10.0)
     for job in jobs[:SEEDS]:
         fleet.draw(job)
-    fleet.world.sim.batch = timed = Timed(fleet.world.sim.batch)
+    physics = fleet.world.sim.physics
+    physics.batch = timed = Timed(physics.batch)
     if ready is not None:
         ready.wait()
     began, cpu = time.monotonic(), time.process_time()

@@ -15,7 +15,7 @@ from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space
-from tral_env.perception.degrade import WebcamLaw
+from tral_env.perception.degrade import ImageCorruption
 from tral_env.randomization import Randomization
 from tral_env.simulation.sim import Simulation
 from tral_env.simulation.views import VIEWS, Views
@@ -80,7 +80,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         lens: CameraConfig | str | None = None,
         task: TaskConfig | None = None,
         courses: int | None = None,
-        image_faults: WebcamLaw | None = None,
+        image_faults: ImageCorruption | None = None,
     ) -> None:
         """See the class."""
         given = {name: value for name, value in locals().items() if name not in ("self", "__class__")}
@@ -240,8 +240,8 @@ class TralCorridorPixelsEnv(TralCorridorEnv):
         if webcam is None or sim is not self._sim:
             if webcam is not None:
                 webcam.close()
-            law = self.world.config.image_faults.scaled(self._image_size[0] / sim.lens.width)
-            webcam = Webcam(1, sim.pool, sim.lens.scaled(*self._image_size), law)
+            faults = self.world.config.image_faults.scaled(self._image_size[0] / sim.lens.width)
+            webcam = Webcam(1, sim.pool, sim.lens.scaled(*self._image_size), faults)
             self._webcam, self._sim = webcam, sim
         degradation = float(sim.parameters["image_degradation"][0])
         webcam.place(0, sim.plan(0), degradation, int(sim.image_seeds[0]))

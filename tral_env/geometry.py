@@ -45,6 +45,10 @@ MARKER_SIZE_M = 0.18
 """Edge of an ArUco marker's black square. Source: era."""
 MARKER_BOARD_WIDTH_M = 0.24
 """Edge of its board: a quiet zone of one module (0.03 m) on each side of the marker."""
+MARKER_MODULES = 6
+"""Cells along the edge of a marker's black square."""
+MARKER_QUIET_MODULES = 1
+"""White cells between the black square and the edge of its board."""
 
 HALL_METRES_PER_TICK = 0.02513
 """Way of a tick of the hall sensor: 8 magnets on the rear left wheel. Source: ucboard."""

@@ -15,7 +15,7 @@ from tral_env.config import CameraConfig, CarConfig, TaskConfig
 from tral_env.course.layout import Course
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, action_space
-from tral_env.perception.degrade import WebcamLaw
+from tral_env.perception.degrade import ImageCorruption
 from tral_env.randomization import Randomization
 from tral_env.world import CorridorConfig, Step, World, is_count
 
@@ -57,7 +57,7 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         lens: CameraConfig | str | None = None,
         task: TaskConfig | None = None,
         courses: int | None = None,
-        image_faults: WebcamLaw | None = None,
+        image_faults: ImageCorruption | None = None,
     ) -> None:
         """See the class."""
         for name, count in (("num_envs", num_envs), ("nthread", nthread)):

@@ -20,9 +20,9 @@ from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import Layout
-from tral_env.perception.degrade import WebcamLaw
+from tral_env.perception.degrade import ImageCorruption
 from tral_env.randomization import Randomization, level
-from tral_env.simulation.culling import WINDOW_BOXES, crowd
+from tral_env.simulation.culling import LOCAL_BOXES, max_boxes_in_reach
 from tral_env.simulation.sim import Simulation
 
 Array = NDArray[np.float64]
@@ -55,7 +55,7 @@ class CorridorConfig:
     """Only its full lock can be other than that of `assets/car.xml`."""
     lens: CameraConfig = field(default_factory=CameraConfig)
     task: TaskConfig = field(default_factory=TaskConfig)
-    image_faults: WebcamLaw = field(default_factory=WebcamLaw)
+    image_faults: ImageCorruption = field(default_factory=ImageCorruption)
     """How much of each fault a level of `image_degradation` brings to a rendered image: streaks and covered patches
     are off until they are asked for here."""
     pixels: bool = False
@@ -71,7 +71,7 @@ class CorridorConfig:
             raise ConfigError(f"courses = {self.courses!r}: expected a whole number, 1 or more, or None")
         if self.courses is not None and self.course is not None:
             raise ConfigError(f"courses = {self.courses!r} with a course of your own: expected one of them")
-        if self.camera == "projected" and not self.pixels and self.image_faults != WebcamLaw():
+        if self.camera == "projected" and not self.pixels and self.image_faults != ImageCorruption():
             raise ConfigError(
                 f"image_faults = {self.image_faults!r} with camera='projected', which takes no image: expected "
                 "camera='rendered', or TralCorridorPixels-v0, whose observation has an image"
@@ -91,7 +91,7 @@ class CorridorConfig:
         car: CarConfig | Mapping[str, Any] | None = None,
         lens: CameraConfig | str | Path | Mapping[str, Any] | None = None,
         task: TaskConfig | Mapping[str, Any] | None = None,
-        image_faults: WebcamLaw | Mapping[str, Any] | None = None,
+        image_faults: ImageCorruption | Mapping[str, Any] | None = None,
         **others: Any,
     ) -> CorridorConfig:
         """A configuration from the arguments of an environment: None for defaults, mappings for what JSON was.
@@ -106,7 +106,7 @@ class CorridorConfig:
             car=as_config(CarConfig, car),
             lens=load_lens(lens),
             task=as_config(TaskConfig, task),
-            image_faults=as_config(WebcamLaw, image_faults),
+            image_faults=as_config(ImageCorruption, image_faults),
             **others,
         )
 
@@ -183,7 +183,7 @@ class World:
         self._randomization = level(config.randomization)
         fixed = config.fixed_course()
         self._fixed = None if fixed is None else (fixed, build_plan(fixed))
-        self._near = 0 if self._fixed is None else crowd(self._fixed[1])
+        self._near = 0 if self._fixed is None else max_boxes_in_reach(self._fixed[1])
         own = Pool.for_scenario(config.scenario) if self._fixed is None else Pool.of(self._fixed[1])
         self.sim = self._simulation(own if pool is None else own.union(pool))
         self.track = task.empty_track(n)
@@ -244,7 +244,7 @@ class World:
             return self._parameters()
         drawn = [self._draw(rngs[row], fixed, cars(int(row))) for row in rows]
         if given is not None:
-            self._fit([drawn[0].plan], rows, crowd(drawn[0].plan))
+            self._fit([drawn[0].plan], rows, max_boxes_in_reach(drawn[0].plan))
         self.begin(rows, drawn, rngs)
         return self._parameters()
 
@@ -313,10 +313,10 @@ class World:
         needed = self.sim.pool
         for plan in plans:
             needed = needed.union(Pool.of(plan))
-        if needed == self.sim.pool and near <= max(self._near, WINDOW_BOXES):
+        if needed == self.sim.pool and near <= max(self._near, LOCAL_BOXES):
             return
         if len(rows) != self.n:
-            told = f", {near} boxes near the car" if near > WINDOW_BOXES else ""
+            told = f", {near} boxes near the car" if near > LOCAL_BOXES else ""
             raise ConfigError(
                 f"this course needs {needed}{told}, but the cars were built for {self.sim.pool}: "
                 "give the course to make_vec(course=...), or reset all cars at once"

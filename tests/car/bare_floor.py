@@ -11,7 +11,7 @@ from tral_env.actuation import Actuation, ActuatorInputs
 from tral_env.assets import asset_path
 from tral_env.config import CarConfig
 from tral_env.interface import CONTROL_PERIOD_S
-from tral_env.simulation.sim import STEERING_LEAD_STEPS
+from tral_env.simulation.actuators import STEERING_LEAD_STEPS
 
 CAR = CarConfig()
 ROW = np.array([0])

@@ -24,7 +24,7 @@ from tral_env.config import CameraConfig
 from tral_env.course.layout import Course
 from tral_env.course.scene import Pool, build_model
 from tral_env.interface import CONTROL_PERIOD_S
-from tral_env.simulation.culling import WINDOW_BOXES
+from tral_env.simulation.culling import LOCAL_BOXES
 from tral_env.vector_env import TralCorridorVectorEnv
 from tral_fsm.bench.host import host
 from tral_fsm.bench.size import size_cost
@@ -153,7 +153,7 @@ def bare_batch(scenario: str, rows: int, threads: int) -> Contestant:
 
 def bare_loop(scenario: str) -> Contestant:
     """`mj_step` of the same model in a loop."""
-    model = build_model(Pool(min(Pool.for_scenario(scenario).boxes, WINDOW_BOXES)), looks=False)
+    model = build_model(Pool(min(Pool.for_scenario(scenario).boxes, LOCAL_BOXES)), looks=False)
     data = mujoco.MjData(model)
     substeps = round(CONTROL_PERIOD_S / model.opt.timestep)
     ctrl = np.array([0.05, 2.5])

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tral_env.calibration.image_sources import find_sources, frames
+from tral_env.calibration.image_sources import find_sources, read_images
 from tral_env.errors import ConfigError, HardwareError
 
 
@@ -38,11 +38,16 @@ def test_a_pattern_gives_what_fits_it(folder: Path):
 
 def test_images_come_in_the_order_named(folder: Path):
     sources = find_sources([str(folder / "c.bmp"), str(folder / "a.PNG")])
-    assert [(Path(name).name, int(image.mean())) for name, image in frames(sources)] == [("c.bmp", 30), ("a.PNG", 10)]
+    assert [(Path(name).name, int(image.mean())) for name, image in read_images(sources)] == [
+        ("c.bmp", 30),
+        ("a.PNG", 10),
+    ]
 
 
 def test_a_video_gives_one_in_so_many_frames(folder: Path):
-    seen = [(name.rsplit(":", 1)[1], float(image.mean())) for name, image in frames([str(folder / "v.avi")], every=4)]
+    seen = [
+        (name.rsplit(":", 1)[1], float(image.mean())) for name, image in read_images([str(folder / "v.avi")], every=4)
+    ]
     assert [name for name, _ in seen] == ["0", "4", "8"]
     assert [level for _, level in seen] == pytest.approx([0, 80, 160], abs=3)
 
@@ -66,7 +71,7 @@ def test_what_cannot_be_looked_at_is_refused(folder: Path, source: str, message:
 @pytest.mark.parametrize("content", [b"", b"broken"])
 def test_a_broken_file_is_named_without_an_image_and_the_next_one_is_read(folder: Path, name: str, content: bytes):
     (folder / name).write_bytes(content)
-    seen = list(frames([str(folder / name), str(folder / "a.PNG")]))
+    seen = list(read_images([str(folder / name), str(folder / "a.PNG")]))
     assert seen[0] == (str(folder / name), None)
     assert seen[1][1].shape == (48, 64, 3)
 
@@ -75,10 +80,10 @@ def test_an_image_that_claims_to_be_larger_than_any_is_broken(tmp_path: Path):
     size = struct.pack(">4sIIBBBBB", b"IHDR", 2**22, 2**22, 8, 2, 0, 0, 0)
     header = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + size + struct.pack(">I", zlib.crc32(size))
     (tmp_path / "x.png").write_bytes(header)
-    assert list(frames([str(tmp_path / "x.png")])) == [(str(tmp_path / "x.png"), None)]
+    assert list(read_images([str(tmp_path / "x.png")])) == [(str(tmp_path / "x.png"), None)]
 
 
 def test_a_camera_that_is_not_there_is_a_fault_of_the_hardware():
     assert find_sources(["/dev/video97"]) == ["/dev/video97"]
     with pytest.raises(HardwareError, match="no camera, or another program uses it"):
-        next(frames(["/dev/video97"]))
+        next(read_images(["/dev/video97"]))

@@ -18,7 +18,7 @@ from tral_env.calibration.views import Collection, Rejected, View
 from tral_env.config import WIDE_LENS, CameraConfig
 from tral_env.errors import CalibrationError, RenderError
 from tral_env.perception.rays import lens_arrays
-from tral_env.simulation.board_scene import BoardStage
+from tral_env.simulation.board_scene import BoardScene
 
 BOARD = Board()
 CHESS = Board(kind="chessboard", columns=10, rows=7, square=0.025)
@@ -62,7 +62,7 @@ def test_the_wide_lens_is_found_again_from_photographs(board):
 
 
 def test_the_wide_lens_of_the_simulated_camera_is_found_again():
-    stage, collection = BoardStage(BOARD, WIDE_LENS, degradation=1.0), Collection(BOARD)
+    stage, collection = BoardScene(BOARD, WIDE_LENS, degradation=1.0), Collection(BOARD)
     try:
         for i, pose in enumerate(poses()):
             collection.add(f"shot {i}", stage.capture(pose))
