@@ -23,7 +23,8 @@ from tral_fsm import load_machine
 from tral_fsm.bench.host import host
 from tral_fsm.cli.drive import Randomization
 from tral_fsm.definition.machine import MachineDefinition
-from tral_fsm.evaluation.batch import Fleet, Job
+from tral_fsm.evaluation.batch import BatchRunner
+from tral_fsm.evaluation.episode import EpisodeRequest
 from tral_fsm.evaluation.summary import pooled_rmse, summarize
 
 MADE_FOR = {
@@ -109,11 +110,11 @@ def batch(scenario: str, wanted: Sequence[tuple[str, int]], settings: Settings) 
     """Records of drives, given as machine and seed, on one family."""
     names = sorted({name for name, _ in wanted})
     machines = [machine(name, settings) for name in names]
-    fleet = Fleet([scenario], rows=len(wanted), camera=settings.camera, randomization=settings.randomization)
+    runner = BatchRunner([scenario], rows=len(wanted), camera=settings.camera, randomization=settings.randomization)
     try:
-        drives = fleet.drive(machines, [Job(names.index(name), scenario, seed) for name, seed in wanted])
+        drives = runner.drive(machines, [EpisodeRequest(names.index(name), scenario, seed) for name, seed in wanted])
     finally:
-        fleet.close()
+        runner.close()
     return [{"kind": "drive", "machine": name} | each.record() for (name, _), each in zip(wanted, drives, strict=True)]
 
 

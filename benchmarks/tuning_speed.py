@@ -25,7 +25,8 @@ from tral_fsm import load_machine
 from tral_fsm.bench.host import host
 from tral_fsm.cli.console import check_name, print_figures
 from tral_fsm.cli.files import prepare_folder, write_json
-from tral_fsm.evaluation.batch import ROWS, Fleet, Job
+from tral_fsm.evaluation.batch import ROWS, BatchRunner
+from tral_fsm.evaluation.episode import EpisodeRequest
 
 SEEDS = 8
 """Courses that all candidates share, as in a search."""
@@ -66,15 +67,15 @@ class Timed:
 def measure(policy: str, scenario: str, drives: int, rows: int, ready: Any = None) -> Share:
     """Drive, once all processes are ready; building the simulation and the courses is not counted."""
     machine = load_machine(policy)
-    jobs = [Job(0, scenario, k % SEEDS) for k in range(drives)]
-    fleet = Fleet([scenario], rows=rows, stuck_s=10.0)
+    jobs = [EpisodeRequest(0, scenario, k % SEEDS) for k in range(drives)]
+    runner = BatchRunner([scenario], rows=rows, stuck_s=10.0)
     for job in jobs[:SEEDS]:
-        fleet.draw(job)
-    fleet.corridor.sim.batch = timed = Timed(fleet.corridor.sim.batch)
+        runner.draw(job)
+    runner.world.sim.batch = timed = Timed(runner.world.sim.batch)
     if ready is not None:
         ready.wait()
     began, cpu = time.monotonic(), time.process_time()
-    done = fleet.drive([machine], jobs)
+    done = runner.drive([machine], jobs)
     return Share(
         drives=len(done),
         simulated_s=sum(each.time_s for each in done),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,69 @@ from tral_fsm.formats import library
 from tral_fsm.runtime.machine import Machine, Trace
 
 _SEEN = len(COLUMNS)
+
+
+class Driver:
+    """A machine that drives one car."""
+
+    __slots__ = ("_machine", "_state")
+
+    def __init__(self, definition: MachineDefinition, trace: Trace | None = None, *, checked: bool = False) -> None:
+        """Make a driver that begins at the machine's root.
+
+        Args:
+            definition: the machine.
+            trace: called for each transition that fires.
+            checked: the definition has been checked already.
+
+        Raises:
+            FormatError: the definition cannot run.
+        """
+        self._machine = Machine(definition, trace, checked=checked)
+        self._state = MachineState()
+
+    def reset(self) -> None:
+        """Start anew."""
+        self._state = MachineState()
+        self._machine.restart()
+
+    def act(self, row: Sequence[float]) -> tuple[float, float]:
+        """One tick.
+
+        Args:
+            row: the readings, in the order of `tral_env.interface.CORE_LAYOUT`.
+
+        Returns:
+            Steering and throttle.
+        """
+        m = self._state
+        m.update(row)
+        self._machine.tick(m)
+        return m.steering, m.throttle
+
+    @property
+    def active_path(self) -> str:
+        """Name of the active state, with those of inner machines behind slashes."""
+        return self._machine.active_path
+
+    @property
+    def wanted_clearance(self) -> tuple[float, float]:
+        """Wall to which a clearance is kept, +1 left, -1 right, NaN none; that clearance [m]."""
+        return self._state.wanted_side, self._state.wanted_clearance
+
+    @property
+    def speed_target(self) -> float:
+        """Speed that the active state regulates [m/s]; NaN: open loop."""
+        return self._state.speed_target
+
+    @property
+    def trace(self) -> Trace | None:
+        """Called for each transition that fires."""
+        return self._machine.trace
+
+    @trace.setter
+    def trace(self, trace: Trace | None) -> None:
+        self._machine.watch(trace)
 
 
 class MachinePolicy:
@@ -32,19 +96,17 @@ class MachinePolicy:
         """
         self.definition = definition
         self._trace = trace
-        self._machines: list[Machine] = []
-        self._states: list[MachineState] = []
+        self._drivers: list[Driver] = []
         self.reset()
 
     def reset(self, n: int = 1) -> None:
         """Start anew with n cars."""
-        if n != len(self._machines):
-            self._machines = [
-                Machine(self.definition, self._trace if row == 0 else None, checked=row > 0) for row in range(n)
+        if n != len(self._drivers):
+            self._drivers = [
+                Driver(self.definition, self._trace if row == 0 else None, checked=row > 0) for row in range(n)
             ]
-        self._states = [MachineState() for _ in range(n)]
-        for machine in self._machines:
-            machine.restart()
+        for driver in self._drivers:
+            driver.reset()
 
     def reset_rows(self, rows: NDArray[np.bool_]) -> None:
         """Start anew where `rows` (n,) says so.
@@ -52,14 +114,13 @@ class MachinePolicy:
         Raises:
             MachineError: it is not one truth value for each car.
         """
-        if np.shape(rows) != (len(self._machines),) or np.asarray(rows).dtype != np.bool_:
+        if np.shape(rows) != (len(self._drivers),) or np.asarray(rows).dtype != np.bool_:
             raise MachineError(
                 f"rows to reset: got {np.asarray(rows).dtype} of shape {np.shape(rows)}, "
-                f"expected bool of shape ({len(self._machines)},)"
+                f"expected bool of shape ({len(self._drivers)},)"
             )
         for row in np.flatnonzero(rows):
-            self._states[row] = MachineState()
-            self._machines[row].restart()
+            self._drivers[row].reset()
 
     def act(self, observation: NDArray[np.floating]) -> NDArray[np.float32]:
         """One tick of every machine.
@@ -75,16 +136,13 @@ class MachinePolicy:
         """
         single = observation.ndim == 1
         rows = observation[None] if single else observation
-        if rows.ndim != 2 or len(rows) != len(self._machines) or rows.shape[1] < _SEEN:
+        if rows.ndim != 2 or len(rows) != len(self._drivers) or rows.shape[1] < _SEEN:
             raise MachineError(
-                f"observation has shape {observation.shape}, expected ({len(self._machines)}, {_SEEN} or more): "
+                f"observation has shape {observation.shape}, expected ({len(self._drivers)}, {_SEEN} or more): "
                 "call reset(n) with the number of cars first"
             )
-        commands = []
-        for row, machine, m in zip(rows[:, :_SEEN].tolist(), self._machines, self._states, strict=True):
-            m.update(row)
-            machine.tick(m)
-            commands.append((m.steering, m.throttle))
+        readings = rows[:, :_SEEN].tolist()
+        commands = [driver.act(row) for driver, row in zip(self._drivers, readings, strict=True)]
         action = np.array(commands, np.float32)
         return action[0] if single else action
 
@@ -107,7 +165,7 @@ class MachinePolicy:
             Action (2,) or (n, 2), and the state.
         """
         n = 1 if observation.ndim == 1 else len(observation)
-        if n != len(self._machines):
+        if n != len(self._drivers):
             self.reset(n)
         elif episode_start is not None:
             self.reset_rows(np.atleast_1d(episode_start))
@@ -121,23 +179,23 @@ class MachinePolicy:
     @trace.setter
     def trace(self, trace: Trace | None) -> None:
         self._trace = trace
-        for machine in self._machines[:1]:
-            machine.watch(trace)
+        for driver in self._drivers[:1]:
+            driver.trace = trace
 
     @property
     def active_states(self) -> list[str]:
         """Name of the active state of each car."""
-        return [machine.active_path for machine in self._machines]
+        return [driver.active_path for driver in self._drivers]
 
     @property
     def wanted_clearance(self) -> NDArray[np.float64]:
         """(n, 2) per car: wall to which a clearance is kept, +1 left, -1 right, NaN none; that clearance [m]."""
-        return np.array([(m.wanted_side, m.wanted_clearance) for m in self._states])
+        return np.array([driver.wanted_clearance for driver in self._drivers])
 
     @property
     def speed_target(self) -> NDArray[np.float64]:
         """(n,) speed that the active state regulates [m/s]; NaN: open loop."""
-        return np.array([m.speed_target for m in self._states])
+        return np.array([driver.speed_target for driver in self._drivers])
 
 
 def load_policy(name_or_path: str | Path, trace: Trace | None = None) -> MachinePolicy:
