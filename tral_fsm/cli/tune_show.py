@@ -14,8 +14,9 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
+    from tral_fsm.evaluation.statistics import Estimate
     from tral_fsm.tuning import Progress, Stage, Tuned
-    from tral_fsm.tuning.holdout import Comparison, Estimate
+    from tral_fsm.tuning.holdout import Comparison
 
 
 STAGES = {

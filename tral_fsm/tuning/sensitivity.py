@@ -46,7 +46,7 @@ class Line:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Probe:
+class Sensitivity:
     """What lies around."""
 
     plane: Plane | None
@@ -55,7 +55,7 @@ class Probe:
     """Each point has driven so many."""
 
 
-def probe(
+def sensitivity(
     evaluator: Evaluator,
     machine: MachineDefinition,
     parameters: Sequence[Parameter],
@@ -64,7 +64,7 @@ def probe(
     objective: Objective,
     *,
     size: int = 9,
-) -> Probe:
+) -> Sensitivity:
     """Drive a grid over the first two real parameters and a line along each, all in one batch.
 
     Args:
@@ -113,4 +113,4 @@ def probe(
         )
         for begin, k in zip(range(count, len(cost), size), real, strict=True)
     ]
-    return Probe(plane=plane, lines=along, courses=len(courses))
+    return Sensitivity(plane=plane, lines=along, courses=len(courses))

@@ -10,16 +10,17 @@ from html import escape
 
 from matplotlib.figure import Figure
 
+from tral_fsm.evaluation.statistics import Estimate
 from tral_fsm.report.tuning import figures as pictures
 from tral_fsm.report.tuning import model as tuning_model
 from tral_fsm.tuning.classical.design import Gains, lqr, margins
 from tral_fsm.tuning.classical.experiments import Response, WallState, relay, step, wall_states
 from tral_fsm.tuning.evaluator import Evaluator, OnStage, Stage, Task
 from tral_fsm.tuning.found import Tuned
-from tral_fsm.tuning.holdout import Comparison, Estimate
+from tral_fsm.tuning.holdout import Comparison
 from tral_fsm.tuning.objective import Objective
 from tral_fsm.tuning.parameters import Parameter
-from tral_fsm.tuning.sensitivity import Probe, probe
+from tral_fsm.tuning.sensitivity import Sensitivity, sensitivity
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
@@ -59,7 +60,7 @@ def report_html(page: Page, *, processes: int = 1, size: int = 9, on_stage: OnSt
         size: points along a side of the plane and along a line; 0: neither is driven.
         on_stage: called with what is under way: "around", drives around what was found, then "steps", the responses.
     """
-    around = _probe(page, processes, size, on_stage) if size > 1 else None
+    around = _sensitivity(page, processes, size, on_stage) if size > 1 else None
     body = [_head(page), _checked(page.tuned.comparison), _numbers(page.tuned), *_pictures(page, around)]
     body += _classical(page, on_stage)
     title = escape(f"Tuning of {page.tuned.old.name or 'a machine'}")
@@ -69,14 +70,14 @@ def report_html(page: Page, *, processes: int = 1, size: int = 9, on_stage: OnSt
     )
 
 
-def _probe(page: Page, processes: int, size: int, on_stage: OnStage | None) -> Probe | None:
+def _sensitivity(page: Page, processes: int, size: int, on_stage: OnStage | None) -> Sensitivity | None:
     tuned = page.tuned
     values = [each.before for each in tuned.parameters] if tuned.values is None else list(tuned.values)
     real = _order(tuned.parameters)[:_MOST_LINES]
     if not real:
         return None
     with Evaluator(page.task, processes=processes, on_stage=on_stage) as evaluator:
-        return probe(
+        return sensitivity(
             evaluator,
             tuned.new,
             [tuned.parameters[k] for k in real],
@@ -207,7 +208,7 @@ def picture(figure: Figure, title: str, caption: str) -> str:
     )
 
 
-def _pictures(page: Page, around: Probe | None) -> list[str]:
+def _pictures(page: Page, around: Sensitivity | None) -> list[str]:
     tuned, shown = page.tuned, []
     if tuned.old_drives:
         shown.append(
@@ -238,7 +239,7 @@ def _pictures(page: Page, around: Probe | None) -> list[str]:
     return shown
 
 
-def _around(page: Page, around: Probe) -> list[str]:
+def _around(page: Page, around: Sensitivity) -> list[str]:
     tuned, shown = page.tuned, []
     values = dict(zip((each.label for each in tuned.parameters), tuned.values or (), strict=False))
     old = [float(line.parameter.before) for line in around.lines]
