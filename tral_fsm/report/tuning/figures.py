@@ -14,10 +14,10 @@ from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
 
 from tral_fsm.evaluation.batch import ERROR_BINS, Drive
+from tral_fsm.tuning.landscape import Line, Plane
 from tral_fsm.tuning.objective import PARTS
 from tral_fsm.tuning.parameters import Parameter
 from tral_fsm.tuning.search.space import Trial
-from tral_fsm.tuning.sensitivity import Line, Plane
 
 Array = NDArray[np.float64]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from tral_fsm.definition.conditions import DistanceSpec
 from tral_fsm.definition.machine import BasicFollowWallSpec, MachineDefinition, TransitionSpec, WallSpec
 from tral_fsm.runtime.policy import MachinePolicy
 from tral_fsm.tuning.classical.design import Gains, Swing
+from tral_fsm.tuning.classical.loops import Response, WallState
 
 Array = NDArray[np.float64]
 
@@ -27,22 +27,6 @@ _SIDE = 0.10
 """Side ultrasonics beside the car's middle line, m."""
 _MIDDLE = 0.129
 """Side ultrasonics ahead of the rear axle, m."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Response:
-    """A step in the wanted clearance, driven."""
-
-    time: Array
-    """(k,) s, 0 at the step."""
-    clearance: Array
-    """(n, k) true clearance of n cars as a share of the step: 0 before, 1 wanted after."""
-
-    @property
-    def mean(self) -> Array:
-        """(k,) mean over the cars; the ultrasonic's jitter averages out."""
-        mean: Array = np.nanmean(self.clearance, axis=0)
-        return mean
 
 
 def corridor(length: float, clearance: float = _CLEARANCE) -> Course:
@@ -174,17 +158,6 @@ def _swing(track: Array, speed: float, height: float) -> Swing | None:
         period_s=period,
         amplitude_m=amplitude,
     )
-
-
-@dataclass(frozen=True, kw_only=True)
-class WallState:
-    """Gains and speed of a state that follows a wall."""
-
-    name: str
-    gains: Gains
-    speed: float
-    place: tuple[str | int, ...] = ()
-    """In the definition, as `parameters.Site` has it."""
 
 
 def wall_states(machine: MachineDefinition) -> list[WallState]:
