@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from tral_fsm.evaluation.episode import EpisodeResult
 from tral_fsm.evaluation.metrics import ERROR_BINS
+from tral_fsm.tuning.landscape import Line, Plane
 from tral_fsm.tuning.objective import PARTS
 from tral_fsm.tuning.parameters import Parameter
 from tral_fsm.tuning.search.space import Trial
-from tral_fsm.tuning.sensitivity import Line, Plane
 
 Array = NDArray[np.float64]
 

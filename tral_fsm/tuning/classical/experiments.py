@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from tral_fsm.definition.conditions import DistanceSpec
 from tral_fsm.definition.machine import BasicFollowWallSpec, MachineDefinition, TransitionSpec, WallSpec
 from tral_fsm.runtime.policy import MachinePolicy
 from tral_fsm.tuning.classical.design import Gains, LimitCycle
+from tral_fsm.tuning.classical.loops import Response, WallState
 
 Array = NDArray[np.float64]
 
@@ -28,22 +28,6 @@ _SIDE = 0.10
 """Side ultrasonics beside the car's middle line, m."""
 _MIDDLE = 0.129
 """Side ultrasonics ahead of the rear axle, m."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Response:
-    """A step in the wanted clearance, driven."""
-
-    time: Array
-    """(k,) s, 0 at the step."""
-    clearance: Array
-    """(n, k) true clearance of n cars as a share of the step: 0 before, 1 wanted after."""
-
-    @property
-    def mean(self) -> Array:
-        """(k,) mean over the cars; the ultrasonic's jitter averages out."""
-        mean: Array = np.nanmean(self.clearance, axis=0)
-        return mean
 
 
 def corridor(length: float, clearance: float = _CLEARANCE) -> Course:
@@ -177,17 +161,6 @@ def _limit_cycle(track: Array, speed: float, height: float) -> LimitCycle | None
         period_s=period,
         amplitude_m=amplitude,
     )
-
-
-@dataclass(frozen=True, kw_only=True)
-class WallState:
-    """Gains and speed of a state that follows a wall."""
-
-    name: str
-    gains: Gains
-    speed: float
-    place: tuple[str | int, ...] = ()
-    """In the definition, as `parameters.Site` has it."""
 
 
 def wall_states(machine: MachineDefinition) -> list[WallState]:
