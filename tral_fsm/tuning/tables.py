@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from tral_fsm.evaluation.statistics import Estimate
 from tral_fsm.tuning.classical.design import margins
 from tral_fsm.tuning.classical.loops import WallState
-from tral_fsm.tuning.holdout import Estimate
 from tral_fsm.tuning.parameters import Parameter
 
 MARGIN_HEADER = (
