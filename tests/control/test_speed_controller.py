@@ -6,6 +6,8 @@ from hypothesis import strategies as st
 from readings import two_states
 
 from tral_fsm.control import speed as speed_loop
+from tral_fsm.control.command import IDLE, Command
+from tral_fsm.control.speed import SpeedController
 
 
 def test_feed_forward_is_the_line_through_the_level_table() -> None:
@@ -40,3 +42,45 @@ def test_a_car_that_does_not_start_gets_neutral_once_a_second() -> None:
     neutral = [bench.tick(speed=0.0)[1] == 0.0 for _ in range(96)]
     assert neutral == [False] * 80 + [True] * 16
     assert bench.tick(speed=0.0)[1] > 0.0
+
+
+class TestWhatACommandAsksFor:
+    def test_a_throttle_alone_is_the_open_loop(self) -> None:
+        controller = SpeedController()
+        assert [controller.throttle(Command(throttle=0.25), 0.0) for _ in range(200)] == [0.25] * 200
+
+    def test_with_a_speed_beside_it_the_throttle_is_applied_as_it_is(self) -> None:
+        controller = SpeedController()
+        assert [controller.throttle(Command(speed=0.0, throttle=-0.3), 0.0) for _ in range(200)] == [-0.3] * 200
+
+    def test_with_neither_the_car_rolls_in_neutral(self) -> None:
+        assert SpeedController().throttle(IDLE, 1.0) == 0.0
+
+    def test_a_speed_of_zero_leaves_a_standing_car_in_neutral(self) -> None:
+        assert SpeedController().throttle(Command(speed=0.0), 0.0) == 0.0
+
+
+class TestStallRelease:
+    """A car that stands for 80 ticks although it should drive gets 16 ticks of neutral, then a new start."""
+
+    # 0.1 + 0.528 / 2.64 + 0.15 x 0.528 = 0.3792; each tick of standing adds 0.25 x 0.528 x 0.0125 = 0.00165
+    AT_ONCE, A_TICK = 0.3792, 0.00165
+
+    def throttles(self, command: Command, speeds: list[float]) -> list[float]:
+        controller = SpeedController()
+        return [controller.throttle(command, speed) for speed in speeds]
+
+    def test_a_regulated_speed(self) -> None:
+        got = self.throttles(Command(speed=0.528), [0.0] * 98)
+        assert got[:80] == pytest.approx([self.AT_ONCE + self.A_TICK * (k + 1) for k in range(80)])
+        assert got[79] == pytest.approx(0.5112)
+        assert got[80:96] == [0.0] * 16
+        assert got[96:] == pytest.approx([self.AT_ONCE + self.A_TICK, self.AT_ONCE + 2 * self.A_TICK])
+
+    def test_reverse_in_the_open_loop(self) -> None:
+        assert self.throttles(Command(throttle=-0.3), [0.0] * 193) == ([-0.3] * 80 + [0.0] * 16) * 2 + [-0.3]
+
+    @pytest.mark.parametrize(("moved", "released"), [(0.0499, True), (0.05, False)])
+    def test_one_tick_in_which_the_car_moves_begins_the_count_anew(self, moved: float, released: bool) -> None:
+        got = self.throttles(Command(throttle=-0.3), [0.0] * 79 + [moved] + [0.0])
+        assert (got[80] == 0.0) is released

@@ -4,11 +4,14 @@ import sys
 import types
 from collections.abc import Iterator
 from importlib.metadata import EntryPoint
+from pathlib import Path
 from typing import Literal
 
 import pytest
+import toy
 
 from tral_env.errors import MachineError
+from tral_fsm import MachinePolicy
 from tral_fsm.definition import plugins
 from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
 from tral_fsm.definition.machine import STATES, StateSpec
@@ -69,6 +72,35 @@ def test_a_state_of_another_distribution_is_known_when_a_machine_is_read(
     assert loads(WOBBLE).states[0].type == "Wobble"
     loads(WOBBLE)
     assert asked == ["tral_fsm.states"]
+
+
+TEN_LINES = """
+import math
+from typing import Literal
+from tral_fsm import Command, State, states
+from tral_fsm.definition.machine import StateSpec
+class WobbleSpec(StateSpec):
+    type: Literal["Wobble"] = "Wobble"
+@states.register
+class Wobble(State[WobbleSpec]):
+    def tick(self, estimate):
+        return Command(steering=0.3 * math.sin(math.pi * estimate.time), speed=0.5)
+"""
+
+
+def test_a_state_of_ten_lines_in_another_distribution_drives(
+    module: types.ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "wobble_states.py").write_text(TEN_LINES)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "wobble_states")
+    installed(monkeypatch, "wobble_states")
+    world = toy.straight(3.0)
+    world.drive(MachinePolicy(loads(WOBBLE)).act, 10.0)
+    assert world.speed == pytest.approx(0.5, abs=0.05)
+    # it turns left for the first second
+    assert max(yaw for _, _, yaw in world.path) > 0.1
+    assert world.x > 3.0
 
 
 def test_a_broken_plugin_is_named_with_its_distribution(

@@ -1,4 +1,4 @@
-"""Gates are tracked over their sightings, and teach the car its own trim and lock."""
+"""Gates are tracked over their detections, and teach the car its trim and steering gain."""
 
 import math
 
