@@ -18,18 +18,16 @@ from typing import Annotated, Any
 import gymnasium as gym
 import numpy as np
 import typer
-from report import span
 from rich import box
 from rich.table import Table
 
-from tral_env.course.generate import SCENARIOS
 from tral_env.errors import MissingExtraError, TralError
 from tral_fsm import load_policy
 from tral_fsm.bench.host import host
-from tral_fsm.cli.console import check_name, print_figures
-from tral_fsm.cli.drive import Randomization
-from tral_fsm.cli.files import prepare_folder, write_json
+from tral_fsm.evaluation.choices import Randomization, check_families
+from tral_fsm.evaluation.results import prepare_folder, print_figures, write_json
 from tral_fsm.evaluation.rollout import drive
+from tral_fsm.evaluation.seeds import parse_seeds
 from tral_fsm.evaluation.summary import Summary, summarize
 
 REPEAT = 8
@@ -124,7 +122,7 @@ def evaluate(policy: Any, scenario: str, randomization: str, seeds: range) -> li
 def main(
     steps: Annotated[int, typer.Option(help="Decisions that PPO is trained for.")] = 20_000,
     scenario: str = "straight",
-    seeds: Annotated[str, typer.Option(help="FIRST:BEHIND, courses of the evaluation.")] = "1000:1010",
+    seeds: Annotated[str, typer.Option(help="FIRST:END, courses of the evaluation.")] = "1000:1010",
     policy: Annotated[str, typer.Option(help="The state machine.")] = "office",
     randomization: Randomization = "default",
     seed: Annotated[int, typer.Option(help="Seed of the training.")] = 0,
@@ -132,8 +130,8 @@ def main(
 ) -> None:
     """Train PPO, drive both, print and write the figures."""
     try:
-        run = span(seeds)
-        check_name("scenario", scenario, SCENARIOS)
+        run = parse_seeds(seeds)
+        check_families([scenario])
         rival = load_policy(policy)
         prepare_folder(out.parent)
         start = time.perf_counter()

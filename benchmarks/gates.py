@@ -9,29 +9,28 @@ Drives are appended to the file as they end; run it again and it goes on where i
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
-from gymnasium.utils import seeding
 from numpy.typing import NDArray
-from report import Settings, append, digest, lines, made_with, span, stretches, work
 
 from tral_env.config import CarConfig
 from tral_env.course.plan import BOX_KINDS, Plan
 from tral_env.errors import ConfigError, TralError
-from tral_env.world import CorridorConfig, World
-from tral_fsm import load_policy
-from tral_fsm.bench.host import host
-from tral_fsm.cli.drive import Camera, Randomization
-from tral_fsm.cli.files import prepare_folder
-from tral_fsm.evaluation.rollout import outcome
-from tral_fsm.evaluation.summary import wilson
-from tral_fsm.runtime.policy import MachinePolicy
+from tral_fsm import load_machine, load_policy
+from tral_fsm.evaluation.batch import BatchRunner
+from tral_fsm.evaluation.choices import Camera, Randomization
+from tral_fsm.evaluation.episode import EpisodeRequest, Tick, outcome
+from tral_fsm.evaluation.pool import stop_check
+from tral_fsm.evaluation.results import begin_run, collect, digest, lines, made_with, prepare_folder
+from tral_fsm.evaluation.seeds import parse_seeds, stretches
+from tral_fsm.evaluation.statistics import wilson
 
-TOGETHER = 8
+CHUNK = 8
 """Drives in one batch."""
 NEAR_M = 1.6
 """The path is kept from so far before a gate's plane to as far behind it,"""
@@ -41,9 +40,18 @@ TOUCH_M = 0.03
 """A car in collision that is so near to a post touches it."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """What every drive of a file has in common."""
+
+    policy: str
+    camera: str
+    randomization: str
+
+
 def main(
     files: Annotated[list[Path] | None, typer.Argument(help="With --table or --plot: files to show.")] = None,
-    seeds: Annotated[str, typer.Option(help="FIRST:BEHIND, as a range.")] = "1000:1200",
+    seeds: Annotated[str, typer.Option(help="FIRST:END, as a range.")] = "1000:1200",
     policy: str = "gate_scurve",
     camera: Camera = "rendered",
     randomization: Randomization = "default",
@@ -57,7 +65,9 @@ def main(
         if plot is not None:
             draw(files or [out], plot)
         if not (table or plot is not None):
-            drive(span(seeds), Settings(policy=policy, camera=camera, randomization=randomization), processes, out)
+            drive(
+                parse_seeds(seeds), Settings(policy=policy, camera=camera, randomization=randomization), processes, out
+            )
         if table or plot is None:
             print(markdown(files or [out]))
     except TralError as error:
@@ -70,15 +80,15 @@ def drive(seeds: range, settings: Settings, processes: int, out: Path) -> None:
     Raises:
         ConfigError: the file was made with other settings, or another machine.
     """
-    policy = load_policy(settings.policy)  # what cannot drive begins no file
-    drivers = {settings.policy: digest(policy.definition)} if isinstance(policy, MachinePolicy) else {}
+    machine = load_policy(settings.policy).definition  # what cannot drive begins no file
+    drivers = {settings.policy: digest(machine)}
     done = {line["seed"] for line in made_with(out, settings, drivers) if line["kind"] == "drive"}
     missing = [seed for seed in seeds if seed not in done]
     if not missing:
         return
-    append(out, {"kind": "run", "settings": asdict(settings), "machines": drivers, "host": host()})
-    parts = [missing[i : i + TOGETHER] for i in range(0, len(missing), TOGETHER)]
-    work(together, [(part, settings) for part in parts], len(missing), processes, out)
+    begin_run(out, settings, drivers)
+    parts = [missing[i : i + CHUNK] for i in range(0, len(missing), CHUNK)]
+    collect(batch, [(part, settings) for part in parts], len(missing), processes, out)
 
 
 class Watch:
@@ -89,6 +99,12 @@ class Watch:
         self.paths: list[list[tuple[float, float]]] = [[] for _ in self.gates]
         self.crossings: dict[int, tuple[float, float]] = {}
         self.next = 0
+        self._info: Mapping[str, Any] = {}
+
+    def __call__(self, tick: Tick) -> None:
+        """Take a tick of the drive."""
+        self._info = tick.info
+        self.follow(tick.info["pose"], int(tick.info["gates_passed"]))
 
     def follow(self, pose: NDArray[np.float64], passed: int) -> None:
         """Take the pose after a tick and the number of gates passed so far."""
@@ -103,8 +119,9 @@ class Watch:
             self.crossings[self.next] = (round(y, 4), round(math.degrees(angle), 2))
             self.next = passed
 
-    def record(self, info: dict[str, Any]) -> dict[str, Any]:
-        """The drive as a line of the file."""
+    def record(self, info: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """The drive as a line of the file; `info` is that after its last tick."""
+        info = info or self._info
         return {
             "kind": "drive",
             "seed": self.seed,
@@ -151,27 +168,18 @@ def gap(
     return min(math.hypot(*each) for each in beyond)
 
 
-def together(seeds: list[int], settings: Settings) -> list[dict[str, Any]]:
+def batch(seeds: list[int], settings: Settings) -> list[dict[str, Any]]:
     """Drive seeds side by side."""
-    n = len(seeds)
-    config = CorridorConfig(scenario="gates", camera=settings.camera, randomization=settings.randomization)
-    world = World(n, config)
-    world.reset(np.arange(n), [seeding.np_random(seed)[0] for seed in seeds])
-    policy = load_policy(settings.policy)
-    policy.reset(n)
-    watches = [Watch(seed, world.sim.plan(i)) for i, seed in enumerate(seeds)]
-    records: dict[int, dict[str, Any]] = {}
-    observation = world.observation()
-    while len(records) < n:
-        rows = np.array([i for i in range(n) if i not in records])
-        step = world.step(policy.act(observation), rows)
-        observation = step.observation
-        for i in rows:
-            watches[i].follow(step.info["pose"][i], int(step.info["gates_passed"][i]))
-            if step.terminated[i] or step.truncated[i]:
-                records[int(i)] = watches[i].record({name: values[i] for name, values in step.info.items()})
-    world.close()
-    return [records[i] for i in range(n)]
+    runner = BatchRunner(["gates"], rows=len(seeds), camera=settings.camera, randomization=settings.randomization)
+    requests = [EpisodeRequest(0, "gates", seed) for seed in seeds]
+    watches = [Watch(request.seed, runner.draw(request)[0].plan) for request in requests]
+    stop = stop_check()
+    try:
+        observers = {k: [watch, stop] for k, watch in enumerate(watches)}
+        runner.drive([load_machine(settings.policy)], requests, observers=observers)
+    finally:
+        runner.close()
+    return [watch.record() for watch in watches]
 
 
 def read(path: Path) -> tuple[dict[str, str], list[dict[str, Any]]]:

@@ -10,20 +10,22 @@ Drives are appended to the file as they end; run it again and it goes on where i
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from report import append, digest, families, lines, made_with, span, stretches, work
 
 from tral_env.course.generate import SCENARIOS
 from tral_env.errors import TralError
 from tral_fsm import load_machine
-from tral_fsm.bench.host import host
-from tral_fsm.cli.drive import Randomization
 from tral_fsm.definition.machine import MachineDefinition
-from tral_fsm.evaluation.batch import Fleet, Job
+from tral_fsm.evaluation.batch import BatchRunner
+from tral_fsm.evaluation.choices import Randomization, families
+from tral_fsm.evaluation.episode import EpisodeRequest
+from tral_fsm.evaluation.pool import stop_check
+from tral_fsm.evaluation.results import begin_run, collect, digest, lines, made_with
+from tral_fsm.evaluation.seeds import parse_seeds, stretches
 from tral_fsm.evaluation.summary import pooled_rmse, summarize
 
 MADE_FOR = {
@@ -39,7 +41,7 @@ MADE_FOR = {
 }
 """The machine of each family."""
 COLUMNS = ["family", "machine", "file", "arrived", "95 %", "collisions", "missed", "RMSE cm", "settled cm", "m/s", "s"]
-TOGETHER = 64
+CHUNK = 64
 """Drives in one batch."""
 Record = dict[str, Any]
 
@@ -55,7 +57,7 @@ class Settings:
 
 def main(
     files: Annotated[list[Path] | None, typer.Argument(help="With --table: files to show beside each other.")] = None,
-    seeds: Annotated[str, typer.Option(help="FIRST:BEHIND, as a range.")] = "2000:2200",
+    seeds: Annotated[str, typer.Option(help="FIRST:END, as a range.")] = "2000:2200",
     scenarios: Annotated[str, typer.Option(help="Families with commas between them, or all.")] = "all",
     folder: Annotated[str, typer.Option(help="Machine files to drive instead of the packaged ones.")] = "",
     randomization: Randomization = "default",
@@ -68,7 +70,7 @@ def main(
     try:
         if not table:
             settings = Settings(folder=folder, camera="projected", randomization=randomization)
-            drive(jobs(families(scenarios), span(seeds), own=own), settings, processes, out)
+            drive(jobs(families(scenarios), parse_seeds(seeds), own=own), settings, processes, out)
         print(markdown(files or [out]))
     except TralError as error:
         raise SystemExit(f"Error: {error}") from None
@@ -93,11 +95,11 @@ def drive(wanted: Mapping[str, Sequence[tuple[str, int]]], settings: Settings, p
     batches = []
     for scenario, all_of_it in wanted.items():
         missing = [(name, seed) for name, seed in all_of_it if (name, scenario, seed) not in done]
-        batches += [(scenario, missing[k : k + TOGETHER]) for k in range(0, len(missing), TOGETHER)]
+        batches += [(scenario, missing[k : k + CHUNK]) for k in range(0, len(missing), CHUNK)]
     if not batches:
         return
-    append(out, {"kind": "run", "settings": asdict(settings), "machines": drivers, "host": host()})
-    work(batch, [(*part, settings) for part in batches], sum(len(part) for _, part in batches), processes, out)
+    begin_run(out, settings, drivers)
+    collect(batch, [(*part, settings) for part in batches], sum(len(part) for _, part in batches), processes, out)
 
 
 def machine(name: str, settings: Settings) -> MachineDefinition:
@@ -109,11 +111,13 @@ def batch(scenario: str, wanted: Sequence[tuple[str, int]], settings: Settings) 
     """Records of drives, given as machine and seed, on one family."""
     names = sorted({name for name, _ in wanted})
     machines = [machine(name, settings) for name in names]
-    fleet = Fleet([scenario], rows=len(wanted), camera=settings.camera, randomization=settings.randomization)
+    runner = BatchRunner([scenario], rows=len(wanted), camera=settings.camera, randomization=settings.randomization)
     try:
-        drives = fleet.drive(machines, [Job(names.index(name), scenario, seed) for name, seed in wanted])
+        drives = runner.drive(
+            machines, [EpisodeRequest(names.index(name), scenario, seed) for name, seed in wanted], stop_check()
+        )
     finally:
-        fleet.close()
+        runner.close()
     return [{"kind": "drive", "machine": name} | each.record() for (name, _), each in zip(wanted, drives, strict=True)]
 
 

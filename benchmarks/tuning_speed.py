@@ -7,10 +7,8 @@ For a computer that does nothing else; the load that it had before is told besid
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import time
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,13 +17,14 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from tral_env.course.generate import SCENARIOS
 from tral_env.errors import ConfigError, TralError
 from tral_fsm import load_machine
 from tral_fsm.bench.host import host
-from tral_fsm.cli.console import check_name, print_figures
-from tral_fsm.cli.files import prepare_folder, write_json
-from tral_fsm.evaluation.batch import ROWS, Fleet, Job
+from tral_fsm.evaluation.batch import ROWS, BatchRunner
+from tral_fsm.evaluation.choices import check_families
+from tral_fsm.evaluation.episode import EpisodeRequest
+from tral_fsm.evaluation.pool import ProcessPool, spawned
+from tral_fsm.evaluation.results import prepare_folder, print_figures, write_json
 
 SEEDS = 8
 """Courses that all candidates share, as in a search."""
@@ -66,16 +65,16 @@ class Timed:
 def measure(policy: str, scenario: str, drives: int, rows: int, ready: Any = None) -> Share:
     """Drive, once all processes are ready; building the simulation and the courses is not counted."""
     machine = load_machine(policy)
-    jobs = [Job(0, scenario, k % SEEDS) for k in range(drives)]
-    fleet = Fleet([scenario], rows=rows, stuck_s=10.0)
+    jobs = [EpisodeRequest(0, scenario, k % SEEDS) for k in range(drives)]
+    runner = BatchRunner([scenario], rows=rows, stuck_s=10.0)
     for job in jobs[:SEEDS]:
-        fleet.draw(job)
-    physics = fleet.world.sim.physics
+        runner.draw(job)
+    physics = runner.world.sim.physics
     physics.batch = timed = Timed(physics.batch)
     if ready is not None:
         ready.wait()
     began, cpu = time.monotonic(), time.process_time()
-    done = fleet.drive([machine], jobs)
+    done = runner.drive([machine], jobs)
     return Share(
         drives=len(done),
         simulated_s=sum(each.time_s for each in done),
@@ -122,7 +121,7 @@ def pairs(text: str) -> list[tuple[str, str]]:
         policy, _, scenario = pair.rpartition(":")
         if not policy:
             raise ConfigError(f"--policies {pair}: expected MACHINE:FAMILY, such as wall:straight")
-        check_name("scenario", scenario, SCENARIOS)
+        check_families([scenario])
         found.append((policy, scenario))
     return found
 
@@ -146,8 +145,7 @@ def main(
     for heading in ("", "drives a minute", "of 20 s", "5000 of 20 s take", "in Batch.step", "of a core"):
         table.add_column(heading, justify="right" if heading else "left")
     for policy, scenario in pairs(policies):
-        context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(processes, context, _begin, (context.Barrier(processes),)) as pool:
+        with ProcessPool(processes, _begin, spawned.Barrier(processes)) as pool:
             futures = [pool.submit(_measure, policy, scenario, drives, rows) for _ in range(processes)]
             shares = [each.result() for each in futures]
         found = figures(shares)

@@ -14,6 +14,9 @@ from tral_env.course.generate import SCENARIOS
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Gate, Segment
 from tral_env.errors import ConfigError, MissingExtraError
+from tral_fsm.evaluation import results
+from tral_fsm.evaluation.choices import families
+from tral_fsm.evaluation.seeds import parse_seeds
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 import compare
@@ -28,27 +31,27 @@ def episode(scenario: str, seed: int, outcome: str = "success") -> dict[str, Any
 
 
 def begun(path: Path, *episodes: dict[str, Any]) -> Path:
-    report.append(path, {"kind": "run", "settings": asdict(CALM), "host": report.host()})
+    results.begin_run(path, CALM)
     for line in episodes:
-        report.append(path, line)
+        results.append(path, line)
     return path
 
 
 def test_seeds_are_a_range() -> None:
-    assert report.span("1000:1050") == range(1000, 1050)
+    assert parse_seeds("1000:1050") == range(1000, 1050)
 
 
 @pytest.mark.parametrize("text", ["5", "5:5", "a:b", "-1:3"])
 def test_other_seeds_are_refused(text: str) -> None:
-    with pytest.raises(ConfigError, match="expected FIRST:BEHIND"):
-        report.span(text)
+    with pytest.raises(ConfigError, match="expected FIRST:END"):
+        parse_seeds(text)
 
 
 def test_families_are_named_or_all() -> None:
-    assert report.families("all") == list(SCENARIOS)
-    assert report.families("straight,gates") == ["straight", "gates"]
+    assert families("all") == list(SCENARIOS)
+    assert families("straight,gates") == ["straight", "gates"]
     with pytest.raises(ConfigError, match="did you mean 'gates'"):
-        report.families("gats")
+        families("gats")
 
 
 def test_a_line_cut_off_in_writing_is_driven_again(tmp_path: Path) -> None:
@@ -62,7 +65,7 @@ def test_a_line_after_one_that_was_cut_off_is_whole(tmp_path: Path) -> None:
     path = begun(tmp_path / "a.jsonl", episode("straight", 1))
     with path.open("a") as file:
         file.write('{"kind": "epi')
-    report.append(path, episode("straight", 2))
+    results.append(path, episode("straight", 2))
     assert set(report.read(path, CALM)) == {("straight", 1), ("straight", 2)}
 
 
@@ -132,9 +135,9 @@ def drive_record(seed: int, outcome: str = "success", y: float = 0.12) -> dict[s
 
 
 def gates_file(path: Path, *drives: dict[str, Any]) -> Path:
-    report.append(path, {"kind": "run", "settings": asdict(CALM), "host": report.host()})
+    results.begin_run(path, CALM)
     for line in drives:
-        report.append(path, line)
+        results.append(path, line)
     return path
 
 
@@ -219,8 +222,8 @@ def test_drives_of_other_settings_are_not_mixed_in(tmp_path: Path) -> None:
 def test_a_drive_among_others_is_the_one_alone_and_is_not_driven_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    calm = report.Settings(policy="gate", camera="projected", randomization="none")
-    both = gates.together([3, 4], calm)
+    calm = gates.Settings(policy="gate", camera="projected", randomization="none")
+    both = gates.batch([3, 4], calm)
     out = tmp_path / "a.jsonl"
     gates.main(seeds="4:5", out=out, **BY_DEFAULT)
     assert gates.read(out)[1] == [json.loads(json.dumps(both[1]))]

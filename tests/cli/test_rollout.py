@@ -2,13 +2,15 @@ from __future__ import annotations
 
 import json
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 from lane import STEPS, Cruiser, Lane
 
 from tral_env.interface import CORE_LAYOUT
-from tral_fsm.evaluation.rollout import Tick, drive
+from tral_fsm.evaluation.episode import Tick
+from tral_fsm.evaluation.rollout import drive
 
 
 class Stateless:
@@ -62,10 +64,46 @@ def test_without_a_measured_clearance_the_error_is_nan_and_none_in_json() -> Non
     assert json.loads(json.dumps(episode.record(), allow_nan=False))["clearance_rmse_m"] is None
 
 
-def test_the_env_is_told_the_wanted_clearance_before_each_step() -> None:
-    env = Lane()
-    drive(env, Cruiser(), seed=1)
-    assert env.told == [(1.0, 0.4)] * STEPS
+def test_the_error_of_a_tick_is_the_true_clearance_minus_the_wish_of_the_policy() -> None:
+    ticks: list[Tick] = []
+    episode = drive(Lane(), Cruiser(), seed=1, on_step=ticks.append)
+    assert [tick.wanted for tick in ticks] == [(1.0, 0.4)] * STEPS
+    expected = [math.nan] * 5 + [-0.04, 0.03] * 2 + [-0.04]
+    assert [tick.clearance_error for tick in ticks] == pytest.approx(expected, nan_ok=True)
+    assert episode.trace.clearance_error == pytest.approx(expected, nan_ok=True)
+
+
+def test_an_env_that_tells_no_clearance_has_no_error() -> None:
+    class Blind(Lane):
+        def step(self, action: object) -> Any:
+            *others, info = super().step(action)
+            return *others, {name: value for name, value in info.items() if not name.startswith("clearance")}
+
+    assert drive(Blind(), Cruiser(), seed=1).clearance_samples == 0
+
+
+def test_a_watcher_is_told_the_info_as_the_env_tells_it() -> None:
+    class Chatty(Lane):
+        def step(self, action: object) -> Any:
+            *others, info = super().step(action)
+            return *others, info | {"note": {"words": ["a", "b"]}}
+
+    ticks: list[Tick] = []
+    drive(Chatty(), Cruiser(), seed=1, on_step=ticks.append)
+    assert ticks[0].info["note"] == {"words": ["a", "b"]}
+
+
+def test_steering_travel_is_that_of_commands_within_their_limits() -> None:
+    class Weaver(Cruiser):
+        def act(self, observation: Any) -> Any:
+            super().act(observation)
+            return np.array([3.0 if self.k % 2 else -3.0, 0.25], np.float32)
+
+    assert drive(Lane(), Weaver(), seed=1).steering_travel == 1.0 + 2.0 * (STEPS - 1)
+
+
+def test_the_record_of_an_env_that_tells_no_route_has_none() -> None:
+    assert not {"route_m", "steering_travel"} & {*drive(Lane(), Cruiser(), seed=1).record()}
 
 
 def test_a_row_of_the_trace_has_what_was_seen_and_where_it_led() -> None:
@@ -78,10 +116,9 @@ def test_a_row_of_the_trace_has_what_was_seen_and_where_it_led() -> None:
 
 
 def test_a_policy_without_states_drives_too() -> None:
-    env = Lane()
-    trace = drive(env, Stateless(), seed=1).trace
+    trace = drive(Lane(), Stateless(), seed=1).trace
     assert set(trace.states) == {""}
-    assert env.told == []
+    assert np.isnan(trace.clearance_error).all()
     assert (trace.action == 0.5).all()
 
 

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tral_fsm.evaluation.summary import summarize, wilson
+from tral_fsm.evaluation.statistics import wilson
+from tral_fsm.evaluation.summary import summarize
 
 
 def record(outcome: str = "success", **changes: Any) -> dict[str, Any]:

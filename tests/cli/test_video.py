@@ -9,7 +9,8 @@ from lane import Cruiser, Lane
 
 from tral_env.errors import RenderError
 from tral_env.interface import MAX_AGE_S
-from tral_fsm.evaluation.rollout import Tick, drive
+from tral_fsm.evaluation.episode import Tick
+from tral_fsm.evaluation.rollout import drive
 from tral_fsm.report.drive.palette import COLOURS, Palette
 from tral_fsm.report.drive.video import FPS, HEIGHT, INSET_WIDTH, WIDTH, DriveVideo, _gate_line, compose
 

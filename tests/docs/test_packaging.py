@@ -21,6 +21,7 @@ DATA = (
     "tral_fsm/machines/*.json",
     "tral_fsm/machines/*.uxf",
     "tral_fsm/machines/palette/*.uxf",
+    "tral_fsm/report/tuning/*.html.j2",
     "tral_*/py.typed",
 )
 

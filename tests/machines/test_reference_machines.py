@@ -11,7 +11,8 @@ from tral_env.course.layout import Course
 from tral_env.world import CorridorConfig, World
 from tral_fsm import load_machine, load_policy, machine_names
 from tral_fsm.definition.machine import FSMStateSpec
-from tral_fsm.evaluation.batch import Fleet, Job
+from tral_fsm.evaluation.batch import BatchRunner
+from tral_fsm.evaluation.episode import EpisodeRequest
 
 MADE_FOR = {
     "wall": "straight",
@@ -32,9 +33,9 @@ COURSE = Path(tral_env.__file__).parent / "course" / "examples" / "default.json"
 
 @pytest.mark.parametrize(("name", "scenario"), MADE_FOR.items())
 def test_it_drives_its_family(name: str, scenario: str) -> None:
-    fleet = Fleet([scenario], rows=len(SEEDS))
-    drives = fleet.drive([load_machine(name)], [Job(0, scenario, seed) for seed in SEEDS])
-    fleet.close()
+    runner = BatchRunner([scenario], rows=len(SEEDS))
+    drives = runner.drive([load_machine(name)], [EpisodeRequest(0, scenario, seed) for seed in SEEDS])
+    runner.close()
     # The manoeuvre of 2016 is not at home in every gate.
     allowed = 1 if name == "gate" else 0
     assert sum(not drive.success for drive in drives) <= allowed
@@ -42,9 +43,11 @@ def test_it_drives_its_family(name: str, scenario: str) -> None:
 
 def test_office_drives_every_family() -> None:
     families = [*dict.fromkeys(MADE_FOR.values()), "office"]
-    fleet = Fleet(families, rows=16)
-    drives = fleet.drive([load_machine("office")], [Job(0, family, seed) for family in families for seed in (0,)])
-    fleet.close()
+    runner = BatchRunner(families, rows=16)
+    drives = runner.drive(
+        [load_machine("office")], [EpisodeRequest(0, family, seed) for family in families for seed in (0,)]
+    )
+    runner.close()
     assert [(drive.scenario, drive.seed) for drive in drives if not drive.success] == []
 
 

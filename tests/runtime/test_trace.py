@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from tral_env.interface import CORE_LAYOUT
 from tral_fsm import MachinePolicy, load_policy
 from tral_fsm.cli import app
-from tral_fsm.evaluation.rollout import Tick
+from tral_fsm.evaluation.episode import Tick
 from tral_fsm.formats.tral_json import loads
 from tral_fsm.report.drive.trace import COLUMNS, TraceFile, row
 from tral_fsm.runtime.machine import Transit

@@ -15,7 +15,8 @@ from tral_fsm.definition.machine import (
     StopSpec,
     TransitionSpec,
 )
-from tral_fsm.evaluation.batch import ERROR_BINS, Drive
+from tral_fsm.evaluation.episode import EpisodeResult
+from tral_fsm.evaluation.metrics import ERROR_BINS
 
 TWO_WALLS = MachineDefinition(
     name="two walls",
@@ -49,7 +50,7 @@ def blind(steering: float = 0.0, speed: float = 0.7) -> MachineDefinition:
     return MachineDefinition(root=0, states=(MotorSpec(id=0, steering=steering, speed=speed, final=True),))
 
 
-def drive(outcome: str = "success", **others: Any) -> Drive:
+def drive(outcome: str = "success", **others: Any) -> EpisodeResult:
     """A drive of 10 m in 10 s with a clearance RMSE of 3 cm, settled 2 cm."""
     whole = {
         "scenario": "straight", "seed": 0, "outcome": outcome, "crash": False, "progress": 1.0, "route_m": 10.0,
@@ -57,4 +58,4 @@ def drive(outcome: str = "success", **others: Any) -> Drive:
         "settled_rmse": 0.02, "settled_samples": 80, "lateral_rms": 0.1,
         "steering_travel": 5.0, "gates_passed": 0, "gates_total": 0, "errors": np.zeros(len(ERROR_BINS) - 1, np.int64),
     }  # fmt: skip
-    return Drive(**{**whole, **others})
+    return EpisodeResult(**{**whole, **others})

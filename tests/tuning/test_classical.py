@@ -24,7 +24,7 @@ from tral_fsm.tuning.classical.design import (
     lqr,
     margins,
     overshoot,
-    predicted_swing,
+    predicted_limit_cycle,
     step_response,
 )
 from tral_fsm.tuning.classical.experiments import relay, step, wall_states
@@ -126,18 +126,18 @@ def test_beyond_the_gain_margin_the_simulated_car_swings_on() -> None:
 
 
 def test_a_relay_swings_the_car_where_the_models_phase_is_half_a_turn() -> None:
-    swing = relay(0.5)
-    assert swing is not None
-    (response,) = loop(Gains(p=1.0, d=0.0), 0.5, np.array([2.0 * math.pi / swing.period_s]))
+    cycle = relay(0.5)
+    assert cycle is not None
+    (response,) = loop(Gains(p=1.0, d=0.0), 0.5, np.array([2.0 * math.pi / cycle.period_s]))
     assert abs(math.degrees(cmath.phase(-response))) < 15.0
-    assert swing.ultimate_gain == pytest.approx(1.0 / abs(response), rel=0.2)
-    gains = swing.ziegler_nichols()
-    assert gains.p == pytest.approx(0.8 * swing.ultimate_gain)
-    assert gains.d == pytest.approx(gains.p * swing.period_s / 8.0)
+    assert cycle.ultimate_gain == pytest.approx(1.0 / abs(response), rel=0.2)
+    gains = cycle.ziegler_nichols()
+    assert gains.p == pytest.approx(0.8 * cycle.ultimate_gain)
+    assert gains.d == pytest.approx(gains.p * cycle.period_s / 8.0)
 
 
 def test_a_fast_car_has_no_steady_swing_by_p_alone() -> None:
-    assert predicted_swing(1.0) is None
+    assert predicted_limit_cycle(1.0) is None
     assert relay(1.0, cars=2) is None
 
 

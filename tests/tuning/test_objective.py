@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tral_env.errors import ConfigError
-from tral_fsm.tuning.holdout import bootstrap, compare, figures, mean_of, sign_test
+from tral_fsm.evaluation.statistics import bootstrap, mean_of, sign_test
+from tral_fsm.tuning.holdout import compare, figures
 from tral_fsm.tuning.objective import Objective, Weights, parts
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tral_fsm.evaluation.settling import ARRIVED_M, LONGEST_M, Settling, settled_ticks
+from tral_fsm.evaluation.settling import ARRIVED_M, MAX_WAY_M, Settling, settled_ticks
 
 RIGHT = (-1.0, 0.5)
 NONE = (math.nan, math.nan)
@@ -78,4 +78,4 @@ def test_it_counts_only_from_an_arrival_or_four_metres_on(
         begin = max((i for i in range(1, k + 1) if drive[i][2] != drive[i - 1][2]), default=0)
         since = drive[begin : k + 1]
         near = any(abs(error) <= ARRIVED_M for error, _, _ in since)
-        assert near or sum(speed for _, speed, _ in since) / 80.0 >= LONGEST_M - 1e-9
+        assert near or sum(speed for _, speed, _ in since) / 80.0 >= MAX_WAY_M - 1e-9

@@ -15,14 +15,16 @@ from courses import blind
 from tral_env.errors import ConfigError, MissingExtraError
 from tral_fsm.definition.conditions import DistanceSpec, NotSpec
 from tral_fsm.definition.machine import MachineDefinition, MotorSpec, TransitionSpec
+from tral_fsm.evaluation.pool import interrupts_ignored
 from tral_fsm.formats.library import load
 from tral_fsm.tuning import Objective, Progress, Racing, Settings, Stage, Task, Tuned, tune
-from tral_fsm.tuning.evaluator import Evaluator, _deaf
+from tral_fsm.tuning.evaluator import Evaluator
 from tral_fsm.tuning.found import described
 from tral_fsm.tuning.journal import BEFORE, NAME, Journal
 from tral_fsm.tuning.parameters import find
+from tral_fsm.tuning.search.cma_es import CmaSearch
 from tral_fsm.tuning.search.optuna import front
-from tral_fsm.tuning.search.space import CmaSearch, Trial
+from tral_fsm.tuning.search.space import Trial
 from tral_fsm.tuning.study import Study, check_apart
 
 CRASHING = blind(0.5, 1.0)
@@ -339,7 +341,7 @@ def test_the_description_names_the_last_tuning_alone(whole: tuple[Path, Tuned]) 
 
 def test_processes_that_start_do_not_hear_ctrl_c() -> None:
     ask = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))"
-    with _deaf():
+    with interrupts_ignored():
         within = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True)
     after = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True)
     assert (within.stdout, after.stdout) == ("True\n", "False\n")

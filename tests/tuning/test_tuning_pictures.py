@@ -8,11 +8,11 @@ from courses import TWO_WALLS
 from tral_fsm.report.tuning import figures as tuning_figures
 from tral_fsm.report.tuning import model as tuning_model
 from tral_fsm.tuning.classical.design import Gains
-from tral_fsm.tuning.classical.experiments import Response
+from tral_fsm.tuning.classical.loops import Response
+from tral_fsm.tuning.landscape import Line, Plane
 from tral_fsm.tuning.parameters import find
 from tral_fsm.tuning.search.optuna import OBJECTIVES
 from tral_fsm.tuning.search.space import Trial
-from tral_fsm.tuning.sensitivity import Line, Plane
 
 P, D, SPEED = find(TWO_WALLS, ["right.p", "right.d", "right.speed"])
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import platform
 import subprocess
+import sys
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from tral_fsm.cli.console import versions
+_PACKAGES = ("tral-env", "mujoco", "gymnasium", "numpy", "opencv-python-headless")
 
 
 def host() -> dict[str, Any]:
@@ -20,6 +22,12 @@ def host() -> dict[str, Any]:
         "versions": versions(),
         "commit": _commit(),
     }
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that decide a drive."""
+    python = ".".join(str(part) for part in sys.version_info[:3])
+    return {"python": python, **{name: metadata.version(name) for name in _PACKAGES}}
 
 
 def _cpu() -> str:

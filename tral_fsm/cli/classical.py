@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from tral_fsm.definition.machine import MachineDefinition
-    from tral_fsm.tuning.classical.experiments import WallState
+    from tral_fsm.tuning.classical.loops import WallState
 
 _SPEEDS = (0.3, 0.5, 0.7, 1.0, 1.3, 1.6, 2.0)
 
@@ -18,7 +18,8 @@ _SPEEDS = (0.3, 0.5, 0.7, 1.0, 1.3, 1.6, 2.0)
 def print_classical(machine: MachineDefinition) -> None:
     """Print classical gains beside those of a machine, with their margins."""
     from tral_fsm.tuning.classical.design import lqr
-    from tral_fsm.tuning.classical.experiments import WallState, relay, wall_states
+    from tral_fsm.tuning.classical.experiments import relay, wall_states
+    from tral_fsm.tuning.classical.loops import WallState
 
     states = wall_states(machine)
     if states:
@@ -39,11 +40,11 @@ def _table(title: str, states: list[WallState]) -> Table:
     from rich.table import Table
     from rich.text import Text
 
-    from tral_fsm.report.tuning.page import MARGIN_HEADER, margin_row
+    from tral_fsm.tuning.tables import MARGIN_HEADER, margin_cells
 
     table = Table(title=Text(title), title_justify="left")
     for heading in MARGIN_HEADER:
         table.add_column(Text(heading), justify="left" if heading == "gains" else "right", no_wrap=True)
     for state in states:
-        table.add_row(*(Text(cell) for cell in margin_row(state.name, state)))
+        table.add_row(*(Text(cell) for cell in margin_cells(state)))
     return table

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable
-from importlib import metadata
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 from typer.core import TyperGroup
@@ -19,15 +17,14 @@ from tral_env.errors import (
     TralError,
     nearest,
 )
+from tral_fsm.bench.host import versions
 from tral_fsm.definition.checks import FormatError
+from tral_fsm.evaluation.results import print_figures
 
-if TYPE_CHECKING:
-    from rich.table import Table
+__all__ = ["BAD_USAGE", "FAILED", "MACHINE_LACKS", "Guarded", "check_name", "print_figures", "versions"]
 
 FAILED, BAD_USAGE, MACHINE_LACKS = 1, 2, 3
 """Exit codes."""
-
-_PACKAGES = ("tral-env", "mujoco", "gymnasium", "numpy", "opencv-python-headless")
 
 
 class Guarded(TyperGroup):
@@ -49,15 +46,6 @@ def _exit_code(error: TralError) -> int:
     return FAILED if isinstance(error, SimulationError | FormatError) else BAD_USAGE
 
 
-def print_figures(table: Table) -> None:
-    """Print a table of figures at its full width: a figure that is cut off says nothing."""
-    from rich.console import Console
-
-    console = Console()
-    full = console.measure(table, options=console.options.update(max_width=sys.maxsize)).maximum
-    Console(width=max(console.width, full)).print(table)
-
-
 def check_name(kind: str, got: str, allowed: Iterable[str]) -> str:
     """A name that must be one of some.
 
@@ -68,9 +56,3 @@ def check_name(kind: str, got: str, allowed: Iterable[str]) -> str:
     if got not in names:
         raise ConfigError(f"unknown {kind} '{got}': {nearest(got, names)}")
     return got
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that decide a drive."""
-    python = ".".join(str(part) for part in sys.version_info[:3])
-    return {"python": python, **{name: metadata.version(name) for name in _PACKAGES}}

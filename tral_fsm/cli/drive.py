@@ -6,13 +6,14 @@ import contextlib
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tral_env.perception import opengl
 from tral_fsm.cli.console import FAILED, check_name, print_figures, versions
 from tral_fsm.cli.files import prepare_folder, write_json
+from tral_fsm.evaluation.choices import Camera, Randomization
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,10 +21,7 @@ if TYPE_CHECKING:
     import gymnasium as gym
 
     from tral_env.interface import Policy
-    from tral_fsm.evaluation.rollout import Episode, Tick
-
-Camera = Literal["projected", "rendered"]
-Randomization = Literal["none", "default", "hard"]
+    from tral_fsm.evaluation.episode import Episode, Tick
 
 _OWN_FILES = ("trajectory.png", "trace.csv", "drive.mp4", "drive.part.mp4")
 

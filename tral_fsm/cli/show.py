@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from tral_fsm.evaluation.rollout import Tick
+    from tral_fsm.evaluation.episode import Tick
 
 _EVERY = 16
 """Ticks between two updates of the bar: five a second of driving."""

@@ -180,17 +180,20 @@ def _tune(arguments: options.TuneArguments, machine: MachineDefinition, origin: 
 
 
 def _write_page(arguments: options.TuneArguments, tuned: Tuned, report: dict[str, Any], bar: Bar) -> None:
-    from tral_fsm.report.tuning.page import Page, report_html
+    from tral_fsm.report.tuning.page import report_html
+    from tral_fsm.tuning.examples import examples
 
-    page = Page(
-        tuned=tuned,
-        task=arguments.task,
-        objective=arguments.objective,
+    page = examples(
+        tuned,
+        arguments.task,
+        arguments.objective,
         command=report["command"],
         version=report["versions"]["tral-env"],
+        processes=arguments.processes,
+        size=arguments.grid,
+        on_stage=bar.stage,
     )
-    html = report_html(page, processes=arguments.processes, size=arguments.grid, on_stage=bar.stage)
-    write_bytes(arguments.out / "report.html", html.encode("utf-8"))
+    write_bytes(arguments.out / "report.html", report_html(page).encode("utf-8"))
 
 
 def _origin() -> str:

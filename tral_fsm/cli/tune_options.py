@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from tral_env.errors import ConfigError
-from tral_fsm.cli.drive import Camera, Randomization
+from tral_fsm.evaluation.choices import Camera, Randomization
+from tral_fsm.evaluation.seeds import parse_seeds
 
 if TYPE_CHECKING:
     from tral_fsm.tuning import Objective, Settings, Task
@@ -74,22 +74,6 @@ def listed(text: str) -> list[str]:
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
-def seeds_of(text: str, option: str) -> tuple[int, ...]:
-    """Seeds of FIRST:END.
-
-    Raises:
-        ConfigError: it is something else, or none.
-    """
-    first, _, end = text.partition(":")
-    try:
-        seeds = range(int(first), int(end))
-    except ValueError:
-        raise ConfigError(f"{option} {text}: expected FIRST:END, such as 0:8") from None
-    if not seeds or seeds[0] < 0:
-        raise ConfigError(f"{option} {text}: expected FIRST below END, neither below 0")
-    return tuple(seeds)
-
-
 def task_of(scenario: str, seeds: str, randomization: Randomization, camera: Camera) -> Task:
     """What each candidate drives.
 
@@ -99,7 +83,7 @@ def task_of(scenario: str, seeds: str, randomization: Randomization, camera: Cam
     from tral_fsm.tuning import Task
 
     return Task(
-        scenarios=tuple(listed(scenario)), seeds=seeds_of(seeds, "--seeds"), randomization=randomization, camera=camera
+        scenarios=tuple(listed(scenario)), seeds=tuple(parse_seeds(seeds)), randomization=randomization, camera=camera
     )
 
 
@@ -118,6 +102,6 @@ def settings_of(
         sampler=sampler,
         objectives=tuple(listed(objectives)),
         population=population,
-        report_seeds=() if report_seeds == "none" else seeds_of(report_seeds, "--report-seeds"),
+        report_seeds=() if report_seeds == "none" else tuple(parse_seeds(report_seeds, "--report-seeds")),
         seed=seed,
     )

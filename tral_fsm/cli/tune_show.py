@@ -14,8 +14,9 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
+    from tral_fsm.evaluation.statistics import Estimate
     from tral_fsm.tuning import Progress, Stage, Tuned
-    from tral_fsm.tuning.holdout import Comparison, Estimate
+    from tral_fsm.tuning.holdout import Comparison
 
 
 STAGES = {
@@ -89,14 +90,14 @@ def _parameters(tuned: Tuned) -> Table:
     from rich.table import Table
     from rich.text import Text
 
-    from tral_fsm.report.tuning.page import before
+    from tral_fsm.tuning.tables import before_cell
 
     table = Table(title=Text("Parameters"), title_justify="left")
     for heading in ("parameter", "was", "now"):
         table.add_column(heading, justify="left" if heading == "parameter" else "right")
     for each, value in zip(tuned.parameters, tuned.values or (), strict=True):
         unit = f" [{each.unit}]" if each.unit else ""
-        table.add_row(Text(each.label + unit), before(each), str(value))
+        table.add_row(Text(each.label + unit), before_cell(each), str(value))
     return table
 
 
@@ -104,14 +105,14 @@ def _held_out(comparison: Comparison) -> Table:
     from rich.table import Table
     from rich.text import Text
 
-    from tral_fsm.report.tuning.page import estimate
+    from tral_fsm.tuning.tables import estimate_cell
 
     table = Table(title=Text("On courses that nothing was tuned on, with 95 % intervals"), title_justify="left")
     for heading in ("", "was", "now", "difference"):
         table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
     old, new = comparison.old, comparison.new
     split = f"{comparison.only_new} gained, {comparison.only_old} lost"
-    table.add_row("success", *(estimate(each.success, 100.0, 0) + " %" for each in (old, new)), split)
+    table.add_row("success", *(estimate_cell(each.success, 100.0, 0) + " %" for each in (old, new)), split)
     rows: Mapping[str, tuple[Estimate, Estimate, Estimate, float]] = {
         "clearance RMSE [cm]": (old.clearance_rmse_m, new.clearance_rmse_m, comparison.clearance_m, 100.0),
         "settled RMSE [cm]": (old.settled_rmse_m, new.settled_rmse_m, comparison.settled_m, 100.0),
@@ -119,5 +120,6 @@ def _held_out(comparison: Comparison) -> Table:
         "cost": (old.cost, new.cost, comparison.cost, 1.0),
     }
     for name, (was, now, difference, scale) in rows.items():
-        table.add_row(Text(name), estimate(was, scale), estimate(now, scale), estimate(difference, scale, 2, "+"))
+        cells = (estimate_cell(was, scale), estimate_cell(now, scale), estimate_cell(difference, scale, 2, "+"))
+        table.add_row(Text(name), *cells)
     return table

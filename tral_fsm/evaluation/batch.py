@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from gymnasium.utils import seeding
@@ -20,51 +18,20 @@ from tral_env.course.scene import Pool
 from tral_env.randomization import level
 from tral_env.world import CorridorConfig, Drawn, Step, World
 from tral_fsm.definition.machine import MachineDefinition
-from tral_fsm.estimation.readings import Readings
-from tral_fsm.evaluation.rollout import Result, outcome
-from tral_fsm.evaluation.settling import Settling
+from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
+from tral_fsm.evaluation.loop import DriveLoop, Index, Observer, Pair, row_info
 from tral_fsm.runtime.driver import Driver
+from tral_fsm.runtime.machine import Trace
 
 Array = NDArray[np.float64]
 
 ROWS = 128
 """Drives at once. Source: measured; from here on a row costs little less, and the last drives end later."""
 STUCK_M = 0.25
-"""Who gains less along the route than this, in the time a stuck car is given, is stuck. Source: choice."""
-ERROR_BINS = np.linspace(-0.5, 0.5, 101)
-"""Edges of the histogram of clearance errors, m; what is beyond is counted in the outermost bins."""
-_SEEN = len(Readings._fields)
-_SUMS = ("squares", "samples", "settled_squares", "settled_samples", "lateral", "speed", "steering", "ticks")
+"""A car that gains less along the route than this, in the time a stuck car is given, is stuck. Source: choice."""
 
 
-@dataclass(frozen=True)
-class Job:
-    """One drive that is wanted."""
-
-    machine: int
-    """Index of the machine that drives."""
-    scenario: str
-    seed: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class Drive(Result):
-    """How one drive of a fleet went."""
-
-    route_m: float
-    """Length of the route."""
-    steering_travel: float
-    """Sum of the changes of the steering command, either way: from full right to full left is 2."""
-    errors: NDArray[np.int64] = field(repr=False, compare=False)
-    """(100,) ticks by clearance error, in the bins of `ERROR_BINS`."""
-
-    def record(self) -> dict[str, Any]:
-        """The numbers fit for JSON and for `report.summary.summarize`: what could not be measured is None."""
-        own = {"route_m": round(self.route_m, 3), "steering_travel": round(self.steering_travel, 4)}
-        return super().record() | own
-
-
-class Fleet:
+class BatchRunner:
     """Rows of cars that drive whatever machine on whatever course comes next."""
 
     def __init__(
@@ -85,7 +52,7 @@ class Fleet:
             camera: "projected" or "rendered".
             rows: drives at once.
             nthread: threads that step the cars.
-            stuck_s: who has gained less than `STUCK_M` in this time has timed out, s; None: only at the time limit.
+            stuck_s: a car that gains less than `STUCK_M` in this time has timed out, s; None: only at the time limit.
 
         Raises:
             ConfigError: unknown scenario, camera or randomization.
@@ -97,7 +64,8 @@ class Fleet:
         self.rows = rows
         self.world = World(rows, configs[0], nthread=nthread, pool=pool)
         self._randomization, self._hard = level(randomization), randomization == "hard"
-        self._patience = math.inf if stuck_s is None else stuck_s
+        self.patience_s = math.inf if stuck_s is None else stuck_s
+        """Time without progress after which a car is given up, s."""
         self._drawn: dict[tuple[str, int], tuple[Drawn, np.random.Generator]] = {}
         self._rngs = [np.random.default_rng(0)] * rows
         self._started = False
@@ -105,186 +73,175 @@ class Fleet:
     def drive(
         self,
         machines: Sequence[MachineDefinition],
-        jobs: Sequence[Job],
+        requests: Sequence[EpisodeRequest],
         on_tick: Callable[[int], None] | None = None,
-    ) -> list[Drive]:
-        """Drive all jobs.
+        observers: Mapping[int, Sequence[Observer]] | None = None,
+    ) -> list[EpisodeResult]:
+        """Drive all requests.
 
         Args:
-            machines: what the jobs choose from.
-            jobs: the drives, in the order in which they begin.
+            machines: what the requests choose from.
+            requests: the drives, in the order in which they begin.
             on_tick: called each tick with the number of drives that have ended; may raise to break off.
+            observers: by number of the request, called with each tick of its drive.
 
         Returns:
-            How each job went, in the order of the jobs.
+            How each drive went, in the order of the requests.
 
         Raises:
             FormatError: a machine cannot run.
             SimulationError: the physics of a car became unstable.
         """
-        if not jobs:
+        if not requests:
             return []
-        run = _Run(self, machines, jobs)
-        run.fill(np.arange(min(self.rows, len(jobs))))
-        while run.active.size:
+        run = _Run(self, machines, requests, observers or {})
+        run.fill(np.arange(min(self.rows, len(requests))))
+        while run.loop.active.size:
             run.tick()
             if on_tick is not None:
                 on_tick(run.ended)
-        return [drive for drive in run.drives if drive is not None]
+        return [result for result in run.results if result is not None]
 
-    def draw(self, job: Job) -> tuple[Drawn, np.random.Generator]:
-        """Course and car of a job, and the generator of its noise; drawn once, since many machines drive the same."""
-        key = job.scenario, job.seed
+    def draw(self, request: EpisodeRequest) -> tuple[Drawn, np.random.Generator]:
+        """Course and car of a drive, and the generator of its noise; drawn once, since many machines drive the same."""
+        key = request.scenario, request.seed
         if key not in self._drawn:
-            rng = seeding.np_random(job.seed)[0]
-            course, plan = generate_plan(job.scenario, rng, hard=self._hard)
+            rng = seeding.np_random(request.seed)[0]
+            course, plan = generate_plan(request.scenario, rng, hard=self._hard)
             self._drawn[key] = Drawn(course, plan, self._randomization.draw(rng)), rng
         drawn, rng = self._drawn[key]
         return drawn, copy.deepcopy(rng)
 
-    def begin(self, rows: NDArray[np.int64], jobs: Sequence[Job]) -> None:
-        """Put the cars of the rows at the start of their jobs."""
-        fresh = [self.draw(job) for job in jobs]
+    def begin(self, rows: Index, requests: Sequence[EpisodeRequest]) -> None:
+        """Put the cars of the rows at the start of their drives."""
+        fresh = [self.draw(request) for request in requests]
         for row, (_, rng) in zip(rows, fresh, strict=True):
             self._rngs[row] = rng
         drawn = [each for each, _ in fresh]
-        if not self._started:  # the first time all rows need a course; those without a job never move
+        if not self._started:  # the first time all rows need a course; those without a drive never move
             spare = self.rows - len(rows)
             rows, drawn = np.append(rows, np.arange(self.rows - spare, self.rows)), drawn + drawn[:1] * spare
             self._started = True
         self.world.begin(rows, drawn, self._rngs)
-
-    def is_stuck(self, waited: Array) -> NDArray[np.bool_]:
-        """Who has waited too long, (n,), given the time without progress [s]."""
-        return waited > self._patience
 
     def close(self) -> None:
         """Free what OpenGL holds."""
         self.world.close()
 
 
-class _Run:
-    """The state of one call of `Fleet.drive`."""
+class _Drivers:
+    """A crew of machines, any machine in any row; one that has driven is used again."""
 
-    def __init__(self, fleet: Fleet, machines: Sequence[MachineDefinition], jobs: Sequence[Job]) -> None:
-        self.fleet, self.jobs, self.definitions = fleet, jobs, machines
-        n = fleet.rows
-        self.drives: list[Drive | None] = [None] * len(jobs)
-        self.active = np.zeros(0, np.int64)
-        """Rows that drive, ascending."""
-        self.ended = 0
-        self._next = 0
-        self._job = np.full(n, -1)
+    def __init__(self, definitions: Sequence[MachineDefinition], n: int) -> None:
+        self._definitions = definitions
         self._drivers: list[Driver | None] = [None] * n
-        self._idle: dict[int, list[Driver]] = {}
-        self._command = np.zeros((n, 2), np.float32)
-        self._steering, self._best, self._since = np.zeros(n), np.zeros(n), np.zeros(n)
-        self._sums = {name: np.zeros(n) for name in _SUMS}
-        self._errors = np.zeros((n, len(ERROR_BINS) - 1), np.int64)
-        self._settling = Settling(n)
+        self._machine = [-1] * n
+        self._idle: list[list[Driver]] = [[] for _ in definitions]
 
-    def fill(self, free: NDArray[np.int64]) -> None:
-        """Give the next jobs to free rows."""
-        rows = free[: len(self.jobs) - self._next]
-        if rows.size:
-            numbers = range(self._next, self._next + len(rows))
-            self._next += len(rows)
-            self.fleet.begin(rows, [self.jobs[k] for k in numbers])
-            for row, k in zip(rows, numbers, strict=True):
-                self._job[row] = k
-                self._drivers[row] = self._driver(self.jobs[k].machine)
-            for values in (*self._sums.values(), self._steering, self._best, self._since):
-                values[rows] = 0.0
-            self._errors[rows] = 0
-            self._settling.begin(rows)
-        self.active = np.flatnonzero(self._job >= 0)
-        self._observation = self.fleet.world.observation()
-
-    def _driver(self, index: int) -> Driver:
-        """A driver that begins anew."""
-        idle = self._idle.setdefault(index, [])
-        driver = idle.pop() if idle else Driver(self.definitions[index])
+    def seat(self, row: int, machine: int) -> None:
+        """Let a machine drive a row from now on, from its root."""
+        idle = self._idle[machine]
+        driver = idle.pop() if idle else Driver(self._definitions[machine])
         driver.reset()
+        self._drivers[row], self._machine[row] = driver, machine
+
+    def leave(self, row: int) -> None:
+        """The machine of a row is free for other rows."""
+        self._idle[self._machine[row]].append(self._driver(row))
+        self._drivers[row] = None
+
+    def _driver(self, row: int) -> Driver:
+        driver = self._drivers[row]
+        assert driver is not None
         return driver
 
-    def tick(self) -> None:
-        """Drive all rows for one tick."""
-        self._act()
-        world = self.fleet.world
-        step = world.step(self._command, None if len(self.active) == self.fleet.rows else self.active)
-        self._observation = step.observation
-        self._add(step)
-        over = step.terminated | step.truncated | self.fleet.is_stuck(step.info["time_s"] - self._since)
-        done = self.active[over[self.active]]
-        if done.size:
-            for row in done:
-                self._finish(int(row), step)
-            self.fill(done)
-
-    def _act(self) -> None:
-        """Let the machines decide."""
+    def act(self, rows: Index, observation: NDArray[np.floating]) -> tuple[list[Pair], list[Pair]]:
+        """Commands and wanted clearances."""
         commands, wanted = [], []
-        for row, readings in zip(self.active, self._observation[self.active, :_SEEN].tolist(), strict=True):
+        for row, readings in zip(rows.tolist(), observation[rows].tolist(), strict=True):
             driver = self._drivers[row]
             assert driver is not None
             commands.append(driver.act(readings))
             wanted.append(driver.wanted_clearance)
-        self._command[self.active] = commands
-        self.fleet.world.wanted_clearance[self.active] = wanted
+        return commands, wanted
 
-    def _add(self, step: Step) -> None:
-        """Add a tick to the sums."""
-        rows, info, sums = self.active, step.info, self._sums
-        error, speed = (np.asarray(info[name][rows], np.float64) for name in ("clearance_error_m", "speed_mps"))
-        known = np.isfinite(error)
-        settled = self._settling.add(rows, self.fleet.world.wanted_clearance[rows], error, speed)
-        for name, counts in (("", known), ("settled_", settled)):
-            sums[name + "squares"][rows] += np.where(counts, error, 0.0) ** 2
-            sums[name + "samples"][rows] += counts
-        bins = np.clip(np.searchsorted(ERROR_BINS, error[known], "right") - 1, 0, len(ERROR_BINS) - 2)
-        self._errors[rows[known], bins] += 1
-        sums["lateral"][rows] += info["lateral_offset_m"][rows] ** 2
-        sums["speed"][rows] += speed
-        steering = self.fleet.world.sim.command[rows, 0]
-        sums["steering"][rows] += np.abs(steering - self._steering[rows])
-        sums["ticks"][rows] += 1
-        self._steering[rows] = steering
-        gained = info["progress"] * self.fleet.world.track.length
+    def state(self, row: int) -> str:
+        """Name of the active state."""
+        return self._driver(row).active_path
+
+    def watch(self, row: int, trace: Trace | None) -> None:
+        """Call this for each transition that fires in a row; None: nothing."""
+        self._driver(row).trace = trace
+
+
+class _Run:
+    """The state of one call of `BatchRunner.drive`."""
+
+    def __init__(
+        self,
+        runner: BatchRunner,
+        machines: Sequence[MachineDefinition],
+        requests: Sequence[EpisodeRequest],
+        observers: Mapping[int, Sequence[Observer]],
+    ) -> None:
+        self.runner, self.requests, self.observers = runner, requests, observers
+        n = runner.rows
+        self.results: list[EpisodeResult | None] = [None] * len(requests)
+        self.crew = _Drivers(machines, n)
+        self.loop = DriveLoop(n, runner.world, self.crew)
+        self.ended = 0
+        self._next = 0
+        self._number = np.full(n, -1)
+        """Number of the request that each row drives."""
+        self._best, self._since = np.zeros(n), np.zeros(n)
+
+    def fill(self, free: Index) -> None:
+        """Give the next requests to free rows."""
+        rows = free[: len(self.requests) - self._next]
+        if not rows.size:
+            return
+        numbers = range(self._next, self._next + len(rows))
+        self._next += len(rows)
+        self.runner.begin(rows, [self.requests[k] for k in numbers])
+        watched = {}
+        for row, k in zip(rows.tolist(), numbers, strict=True):
+            self._number[row] = k
+            self.crew.seat(row, self.requests[k].machine)
+            if k in self.observers:
+                watched[row] = self.observers[k]
+        self._best[rows] = self._since[rows] = 0.0
+        self.loop.begin(rows, watched)
+
+    def tick(self) -> None:
+        """Drive all rows for one tick; where a drive ends, the next begins."""
+        rows = self.loop.active
+        step = self.loop.tick()
+        over = step.terminated | step.truncated | self._is_stuck(step)
+        done = rows[over[rows]]
+        if done.size:
+            for row in done.tolist():
+                self._finish(row, step)
+            self.fill(done)
+
+    def _is_stuck(self, step: Step) -> NDArray[np.bool_]:
+        """Rows that have waited too long for progress, (n,)."""
+        gained = step.info["progress"] * self.runner.world.track.length
         ahead = gained > self._best + STUCK_M
         self._best = np.where(ahead, gained, self._best)
-        self._since = np.where(ahead, info["time_s"], self._since)
+        self._since = np.where(ahead, step.info["time_s"], self._since)
+        stuck: NDArray[np.bool_] = step.info["time_s"] - self._since > self.runner.patience_s
+        return stuck
 
     def _finish(self, row: int, step: Step) -> None:
         """Write down how the drive of a row went."""
-        info = {name: values[row] for name, values in step.info.items()}
-        sums = {name: float(values[row]) for name, values in self._sums.items()}
-        number = int(self._job[row])
-        job, ticks = self.jobs[number], sums["ticks"]
-        self.drives[number] = Drive(
-            scenario=job.scenario,
-            seed=job.seed,
-            outcome=outcome(info),
-            crash=bool(info["crash"]),
-            progress=float(info["progress"]),
-            route_m=float(self.fleet.world.track.length[row]),
-            time_s=float(info["time_s"]),
-            mean_speed=sums["speed"] / ticks,
-            clearance_rmse=_root_mean(sums["squares"], sums["samples"]),
-            clearance_samples=int(sums["samples"]),
-            settled_rmse=_root_mean(sums["settled_squares"], sums["settled_samples"]),
-            settled_samples=int(sums["settled_samples"]),
-            lateral_rms=math.sqrt(sums["lateral"] / ticks),
-            steering_travel=sums["steering"],
-            gates_passed=int(info["gates_passed"]),
-            gates_total=int(info["gates_total"]),
-            errors=self._errors[row].copy(),
+        number = int(self._number[row])
+        request = self.requests[number]
+        self.results[number] = EpisodeResult(
+            scenario=request.scenario,
+            seed=request.seed,
+            route_m=float(self.runner.world.track.length[row]),
+            **self.loop.metrics.figures(row, row_info(step, row)),
         )
-        driver = self._drivers[row]
-        assert driver is not None
-        self._idle[job.machine].append(driver)
-        self._job[row] = -1
+        self.loop.end(row)
+        self.crew.leave(row)
         self.ended += 1
-
-
-def _root_mean(squares: float, samples: float) -> float:
-    return math.sqrt(squares / samples) if samples else math.nan

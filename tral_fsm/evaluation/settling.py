@@ -2,9 +2,9 @@
 
 A car may begin anywhere in its corridor. Driving to the wall from there says little about how well a clearance is kept,
 but a second of it outweighs all the rest in a mean square. So the error counts as settled from the first arrival within
-5 cm, overshoot and all; who has not arrived after 4 m counts from there on, or the worst machine would look best. Where
-a state wants another clearance or side, or none, it begins anew; doors and corners within a state do not begin it anew,
-they must be mastered.
+5 cm, overshoot and all; a car that has not arrived after 4 m counts from there on, or the worst machine would look
+best. Where a state wants another clearance or side, or none, it begins anew; doors and corners within a state do not
+begin it anew, they must be mastered.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ Array = NDArray[np.float64]
 
 ARRIVED_M = 0.05
 """Error of a car that has arrived. Source: choice; two to four times the error of a machine that keeps it well."""
-LONGEST_M = 4.0
-"""Who has not arrived on this way is taken to be there. Source: measured; the machine `wall` arrives on straights after
-3.4 m at most, from 0.8 m beside its clearance."""
+MAX_WAY_M = 4.0
+"""A car that has not arrived on this way is taken to be there. Source: measured; the machine `wall` arrives on
+straights after 3.4 m at most, from 0.8 m beside its clearance."""
 
 
 class Settling:
@@ -49,7 +49,7 @@ class Settling:
         """
         same = (wanted == self._wanted[rows]).all(axis=1)
         driven = np.where(same, self._driven[rows], 0.0) + np.abs(speed) * CONTROL_PERIOD_S
-        arrived = (same & self._arrived[rows]) | (np.abs(error) <= ARRIVED_M) | (driven >= LONGEST_M)
+        arrived = (same & self._arrived[rows]) | (np.abs(error) <= ARRIVED_M) | (driven >= MAX_WAY_M)
         self._wanted[rows], self._driven[rows], self._arrived[rows] = wanted, driven, arrived
         settled: NDArray[np.bool_] = arrived & np.isfinite(error)
         return settled

@@ -7,28 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-
-def wilson(successes: int, trials: int, z: float = 1.959964) -> tuple[float, float]:
-    """Wilson's score interval of a success rate.
-
-    Args:
-        successes: how often it went well.
-        trials: how often it was tried.
-        z: quantile of the normal distribution; the default gives 95 %.
-
-    Returns:
-        Lower and upper end, in [0, 1]; (0, 1) without a trial.
-
-    Source: Wilson 1927, Probable inference, the law of succession, and statistical inference.
-    """
-    if trials == 0:
-        return 0.0, 1.0
-    rate = successes / trials
-    scale = 1.0 + z * z / trials
-    middle = (rate + z * z / (2 * trials)) / scale
-    half = z / scale * math.sqrt(rate * (1.0 - rate) / trials + z * z / (4 * trials * trials))
-    # Rounding must not put the rate itself outside.
-    return max(0.0, min(rate, middle - half)), min(1.0, max(rate, middle + half))
+from tral_fsm.evaluation.statistics import wilson
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +44,7 @@ class Summary:
 
 
 def summarize(records: Iterable[Mapping[str, Any]]) -> Summary:
-    """Bring the records of episodes (`Episode.record`) into one row of figures."""
+    """Bring the records of episodes (`EpisodeResult.record`) into one row of figures."""
     rows = list(records)
     outcomes = [row["outcome"] for row in rows]
     successes = outcomes.count("success")
@@ -98,7 +77,7 @@ def pooled_rmse(records: Iterable[Mapping[str, Any]], kind: str) -> float | None
     """Root of the mean square over all ticks of all episodes.
 
     Args:
-        records: of episodes (`Episode.record`).
+        records: of episodes (`EpisodeResult.record`).
         kind: "clearance", or "settled".
 
     Returns:

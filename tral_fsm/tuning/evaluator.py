@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-import multiprocessing
-import signal
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_EXCEPTION, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import FIRST_EXCEPTION, Future, wait
 from dataclasses import asdict, dataclass, replace
 from types import TracebackType
 from typing import Any, Self
 
-from tral_env.course.generate import SCENARIOS
 from tral_env.errors import ConfigError, nearest
 from tral_env.randomization import LEVELS
 from tral_fsm.definition.machine import MachineDefinition
-from tral_fsm.evaluation.batch import ROWS, Drive, Fleet, Job
+from tral_fsm.evaluation.batch import ROWS, BatchRunner
+from tral_fsm.evaluation.choices import check_families
+from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
+from tral_fsm.evaluation.pool import ProcessPool, spawned, stop_check
 from tral_fsm.tuning.objective import Objective
 
 Course = tuple[str, int]
@@ -35,12 +34,10 @@ class Task:
     randomization: str = "default"
     camera: str = "projected"
     stuck_s: float | None = 10.0
-    """Who gains less than 0.25 m in this time is given up, s; None: the time limit of the course holds."""
+    """A car that gains less than 0.25 m in this time is given up, s; None: the time limit of the course holds."""
 
     def __post_init__(self) -> None:
-        for name in self.scenarios:
-            if name not in SCENARIOS:
-                raise ConfigError(f"unknown scenario '{name}': {nearest(name, SCENARIOS)}")
+        check_families(self.scenarios)
         if self.randomization not in LEVELS:
             raise ConfigError(f"unknown randomization '{self.randomization}': {nearest(self.randomization, LEVELS)}")
         if not self.scenarios or not self.seeds:
@@ -77,9 +74,9 @@ class Racing:
 class Scored:
     """A machine's drives and what they cost together."""
 
-    drives: tuple[Drive, ...]
+    drives: tuple[EpisodeResult, ...]
     cost: float
-    """Of who dropped out of a race: at least that of the weakest that did not."""
+    """Of a machine that dropped out of a race: at least that of the weakest that did not."""
     full: bool
     """It has driven all courses."""
 
@@ -112,9 +109,8 @@ class Evaluator:
         self.task, self.processes, self.rows = task, processes, rows
         self._on_stage = on_stage
         self._stage = Stage(name="", done=0, total=0)
-        self._fleet: Fleet | None = None
-        self._pool: ProcessPoolExecutor | None = None
-        self._stop: Any = None
+        self._runner: BatchRunner | None = None
+        self._pool: ProcessPool | None = None
         self._ended: Any = None
 
     def __enter__(self) -> Self:
@@ -126,12 +122,11 @@ class Evaluator:
     def close(self) -> None:
         """End the processes; what they drive is given up."""
         if self._pool is not None:
-            self._stop.set()
-            self._pool.shutdown(cancel_futures=True)
+            self._pool.close()
             self._pool = None
-        if self._fleet is not None:
-            self._fleet.close()
-            self._fleet = None
+        if self._runner is not None:
+            self._runner.close()
+            self._runner = None
 
     def stage(self, name: str, total: int, done: int = 0) -> None:
         """Name what is driven from now on, for `on_stage`."""
@@ -144,32 +139,28 @@ class Evaluator:
         if self._on_stage is not None:
             self._on_stage(self._stage)
 
-    def drive(self, machines: Sequence[MachineDefinition], jobs: Sequence[Job]) -> list[Drive]:
-        """Drive all jobs; how each went, in their order."""
-        if self.processes == 1 or len(jobs) == 1:
-            if self._fleet is None:
-                self._fleet = _fleet(self.task, self.rows)
-            return self._fleet.drive(machines, jobs, _changes(self._count))
+    def drive(self, machines: Sequence[MachineDefinition], requests: Sequence[EpisodeRequest]) -> list[EpisodeResult]:
+        """Drive all requests; how each went, in their order."""
+        if self.processes == 1 or len(requests) == 1:
+            if self._runner is None:
+                self._runner = _runner(self.task, self.rows)
+            return self._runner.drive(machines, requests, _changes(self._count))
         if self._pool is None:
             self._start()
         assert self._pool is not None
-        parts = [list(jobs[k :: self.processes]) for k in range(self.processes)]
-        with _deaf():
-            futures: list[Future[list[Drive]]] = [self._pool.submit(_drive, list(machines), part) for part in parts]
+        parts = [list(requests[k :: self.processes]) for k in range(self.processes)]
+        futures: list[Future[list[EpisodeResult]]] = [self._pool.submit(_drive, list(machines), part) for part in parts]
         self._watch(futures)
-        drives: list[Drive | None] = [None] * len(jobs)
+        drives: list[EpisodeResult | None] = [None] * len(requests)
         for k, future in enumerate(futures):
             drives[k :: self.processes] = future.result()
         return [drive for drive in drives if drive is not None]
 
     def _start(self) -> None:
-        # Threads do not survive a fork.
-        context = multiprocessing.get_context("spawn")
-        self._stop, self._ended = context.Event(), context.Value("l", 0)
-        shared = self.task, self.rows, self._stop, self._ended
-        self._pool = ProcessPoolExecutor(self.processes, context, _begin, shared)
+        self._ended = spawned.Value("l", 0)
+        self._pool = ProcessPool(self.processes, _begin, self.task, self.rows, self._ended)
 
-    def _watch(self, futures: Sequence[Future[list[Drive]]]) -> None:
+    def _watch(self, futures: Sequence[Future[list[EpisodeResult]]]) -> None:
         """Count the drives of the processes until all have ended, or one has failed."""
         counted = self._ended.value
         done, left = wait(futures, _LOOK_S, FIRST_EXCEPTION)
@@ -182,12 +173,12 @@ class Evaluator:
                 return
             done, left = wait(futures, _LOOK_S, FIRST_EXCEPTION)
 
-    def on_courses(self, machines: Sequence[MachineDefinition], courses: Iterable[Course]) -> list[list[Drive]]:
+    def on_courses(self, machines: Sequence[MachineDefinition], courses: Iterable[Course]) -> list[list[EpisodeResult]]:
         """Every machine on every course; per machine its drives in the order of the courses."""
         courses = list(courses)
         # Courses outside, so that no machine's drives all come last.
-        jobs = [Job(k, *course) for course in courses for k in range(len(machines))]
-        drives = self.drive(machines, jobs)
+        requests = [EpisodeRequest(k, *course) for course in courses for k in range(len(machines))]
+        drives = self.drive(machines, requests)
         return [drives[k :: len(machines)] for k in range(len(machines))]
 
     def race(
@@ -197,7 +188,7 @@ class Evaluator:
         objective: Objective,
         racing: Racing,
     ) -> list[Scored]:
-        """Score machines; who is among the weaker ones after the first round drives no more.
+        """Score machines; those among the weaker ones after the first round drive no more.
 
         Args:
             machines: the candidates.
@@ -222,21 +213,10 @@ class Evaluator:
         ]
 
 
-@contextlib.contextmanager
-def _deaf() -> Iterator[None]:
-    """Processes that start within never hear Ctrl-C, not even while they import; this one hears it right after."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _fleet(task: Task, rows: int) -> Fleet:
-    return Fleet(task.scenarios, randomization=task.randomization, camera=task.camera, rows=rows, stuck_s=task.stuck_s)
+def _runner(task: Task, rows: int) -> BatchRunner:
+    return BatchRunner(
+        task.scenarios, randomization=task.randomization, camera=task.camera, rows=rows, stuck_s=task.stuck_s
+    )
 
 
 def _changes(count: Callable[[int], None]) -> Callable[[int], None]:
@@ -252,35 +232,26 @@ def _changes(count: Callable[[int], None]) -> Callable[[int], None]:
     return changed
 
 
-class StoppedError(Exception):
-    """A worker was told to give up its drives."""
-
-
 class _Worker:
     """What a process of its own keeps from call to call."""
 
-    fleet: Fleet
-    stop: Any
+    runner: BatchRunner
     ended: Any
 
 
-def _begin(task: Task, rows: int, stop: Any, ended: Any) -> None:
-    """Prepare a process. Ctrl-C is for the one that started it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _Worker.fleet, _Worker.stop, _Worker.ended = _fleet(task, rows), stop, ended
+def _begin(task: Task, rows: int, ended: Any) -> None:
+    """Prepare a process."""
+    _Worker.runner, _Worker.ended = _runner(task, rows), ended
 
 
-def _drive(machines: list[MachineDefinition], jobs: list[Job]) -> list[Drive]:
-    ticks, count = 0, _changes(_add)
+def _drive(machines: list[MachineDefinition], requests: list[EpisodeRequest]) -> list[EpisodeResult]:
+    stop, count = stop_check(), _changes(_add)
 
     def check(ended: int) -> None:
-        nonlocal ticks
-        ticks += 1
-        if ticks % 32 == 0 and _Worker.stop.is_set():
-            raise StoppedError
+        stop(ended)
         count(ended)
 
-    return _Worker.fleet.drive(machines, jobs, check)
+    return _Worker.runner.drive(machines, requests, check)
 
 
 def _add(ended: int) -> None:

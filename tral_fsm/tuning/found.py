@@ -11,7 +11,7 @@ from typing import Any
 
 from tral_env.atomic import write_bytes
 from tral_fsm.definition.machine import MachineDefinition
-from tral_fsm.evaluation.batch import Drive
+from tral_fsm.evaluation.episode import EpisodeResult
 from tral_fsm.formats import by_suffix, write
 from tral_fsm.tuning.holdout import Comparison
 from tral_fsm.tuning.parameters import Parameter
@@ -36,8 +36,8 @@ class Tuned:
     """Of the front."""
     finals: list[tuple[Values | None, float]] = field(default_factory=list)
     """Who drove in the finals and their cost there; None: the old machine."""
-    old_drives: list[Drive] = field(default_factory=list)
-    new_drives: list[Drive] = field(default_factory=list)
+    old_drives: list[EpisodeResult] = field(default_factory=list)
+    new_drives: list[EpisodeResult] = field(default_factory=list)
     """On the held-out courses."""
     comparison: Comparison | None = None
     complete: bool = False

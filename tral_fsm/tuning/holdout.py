@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tral_fsm.evaluation.batch import Drive
-from tral_fsm.evaluation.summary import wilson
+from tral_fsm.evaluation.episode import EpisodeResult
+from tral_fsm.evaluation.statistics import Estimate, bootstrap, mean_of, sign_test, wilson
 from tral_fsm.tuning.objective import Objective
 
-Array = NDArray[np.float64]
-RESAMPLES = 2000
-"""Of the bootstrap. Source: choice; enough for two digits of a 95 % interval."""
-FEWEST = 6
+MIN_COURSES = 6
 """Courses for a verdict: 2 / 2^5 is more than 5 %, 2 / 2^6 is less."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Estimate:
-    """A figure with its 95 % interval."""
-
-    value: float | None
-    low: float | None
-    high: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,10 +63,10 @@ class Comparison:
     def within_noise(self) -> bool:
         """The interval of the cost difference holds 0: nobody can say that the new machine is better.
 
-        Nor on fewer courses than `FEWEST`, where all of them get better by luck alone more often than one time in 20.
+        Nor on fewer courses than `MIN_COURSES`: all of them get better by luck alone more often than one time in 20.
         """
         return (
-            self.old.drives < FEWEST
+            self.old.drives < MIN_COURSES
             or self.cost.low is None
             or self.cost.high is None
             or self.cost.low <= 0.0 <= self.cost.high
@@ -100,33 +86,7 @@ class Comparison:
         return asdict(self) | {"within_noise": self.within_noise, "verdict": self.verdict}
 
 
-def bootstrap(statistic: Callable[[NDArray[np.int64]], Array], n: int, seed: int = 0) -> Estimate:
-    """Percentile interval of a figure over n drives.
-
-    Args:
-        statistic: (b, n) indices of drives -> (b,) the figure of each resample.
-        n: how many drives.
-        seed: of the resampling.
-
-    Source: Efron 1979, Bootstrap methods: another look at the jackknife.
-    """
-    if n == 0:
-        return Estimate(value=None, low=None, high=None)
-    value = float(statistic(np.arange(n)[None])[0])
-    if n == 1:
-        return Estimate(value=value, low=None, high=None)
-    resamples = np.random.default_rng(seed).integers(n, size=(RESAMPLES, n))
-    low, high = np.percentile(statistic(resamples), (2.5, 97.5))
-    return Estimate(value=value, low=float(low), high=float(high))
-
-
-def mean_of(values: Sequence[float]) -> Estimate:
-    """Mean with its bootstrap interval."""
-    array = np.array(values, float)
-    return bootstrap(lambda index: array[index].mean(axis=1), len(array))
-
-
-def figures(drives: Sequence[Drive], objective: Objective) -> Figures:
+def figures(drives: Sequence[EpisodeResult], objective: Objective) -> Figures:
     """How a machine did."""
     successes = sum(drive.success for drive in drives)
     low, high = wilson(successes, len(drives))
@@ -151,7 +111,7 @@ def _pooled(drives: Sequence[tuple[float, int]]) -> Estimate:
     return bootstrap(lambda index: np.sqrt(squares[index].sum(axis=1) / samples[index].sum(axis=1)), len(measured))
 
 
-def compare(old: Sequence[Drive], new: Sequence[Drive], objective: Objective) -> Comparison:
+def compare(old: Sequence[EpisodeResult], new: Sequence[EpisodeResult], objective: Objective) -> Comparison:
     """Old against new.
 
     Args:
@@ -176,10 +136,3 @@ def compare(old: Sequence[Drive], new: Sequence[Drive], objective: Objective) ->
         settled_m=mean_of([b.settled_rmse - a.settled_rmse for a, b in settled]),
         time_per_m=mean_of([(b.time_s - a.time_s) / a.route_m for a, b in both]),
     )
-
-
-def sign_test(a: int, b: int) -> float:
-    """Chance that a fair coin splits a + b throws as unevenly as a to b, or more so; both sides."""
-    n, few = a + b, min(a, b)
-    tail: float = sum(math.comb(n, k) for k in range(few + 1)) / 2**n
-    return min(1.0, 2.0 * tail)

@@ -15,8 +15,8 @@ from tral_fsm.tuning.search.space import Trial, trial
 NAME = "study.jsonl"
 BEFORE = "study.before.jsonl"
 """Generations that were there are kept under this name when a study begins anew."""
-_LONGEST = 300
-"""Of a value in a message, characters."""
+_MAX_SHOWN = 300
+"""Characters of a value in a message."""
 
 
 def refuse_another(what: str, there: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
@@ -38,7 +38,7 @@ def refuse_another(what: str, there: Mapping[str, Any], asked: Mapping[str, Any]
 
 def _short(value: Any) -> str:
     text = repr(value)
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+    return text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}..."
 
 
 class Journal:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.errors import ConfigError, nearest
-from tral_fsm.evaluation.batch import Drive
+from tral_fsm.evaluation.episode import EpisodeResult
 
 Array = NDArray[np.float64]
 Pooling = Literal["mean", "worst", "cvar"]
@@ -50,7 +50,7 @@ class Weights:
         return asdict(self)
 
 
-def parts(drive: Drive) -> Array:
+def parts(drive: EpisodeResult) -> Array:
     """The parts of a drive's cost, (5,) in the order of `PARTS`, not weighted.
 
     Without a measured clearance that part is 0. Time and steering are taken over the metres that were driven, at
@@ -85,7 +85,7 @@ class Objective:
         if not 0.0 < self.tail <= 1.0:
             raise ConfigError(f"Objective.tail = {self.tail!r}: expected a share above 0, at most 1")
 
-    def costs(self, drives: Sequence[Drive]) -> Array:
+    def costs(self, drives: Sequence[EpisodeResult]) -> Array:
         """Cost of each drive, (k,)."""
         return np.array([parts(drive) for drive in drives]).reshape(-1, len(PARTS)) @ self.weights.vector
 
@@ -98,6 +98,6 @@ class Objective:
         count = max(math.ceil(self.tail * len(costs) - 1e-9), 1)
         return float(np.mean(np.sort(costs)[-count:]))
 
-    def cost(self, drives: Sequence[Drive]) -> float:
+    def cost(self, drives: Sequence[EpisodeResult]) -> float:
         """One number out of drives."""
         return self.pool(self.costs(drives))

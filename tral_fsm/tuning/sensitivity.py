@@ -6,47 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.tuning.evaluator import Course, Evaluator
+from tral_fsm.tuning.landscape import Line, Plane
 from tral_fsm.tuning.objective import Objective
 from tral_fsm.tuning.parameters import Parameter, Value, allowed, apply
 from tral_fsm.tuning.search.space import from_unit
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, kw_only=True)
-class Plane:
-    """Cost over two parameters, the others as found."""
-
-    x: Parameter
-    y: Parameter
-    xs: Array
-    """(nx,)"""
-    ys: Array
-    """(ny,)"""
-    cost: Array
-    """(ny, nx); NaN where the definition allows no such machine, in what follows too."""
-    failed: Array
-    """(ny, nx) share of drives that did not arrive."""
-    collided: Array
-    """(ny, nx) share of drives that ended at a wall."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Line:
-    """Cost along one parameter, the others as found."""
-
-    parameter: Parameter
-    values: Array
-    cost: Array
-    failed: Array
-
-
-@dataclass(frozen=True, kw_only=True)
-class Probe:
+class Sensitivity:
     """What lies around."""
 
     plane: Plane | None
@@ -55,7 +25,7 @@ class Probe:
     """Each point has driven so many."""
 
 
-def probe(
+def sensitivity(
     evaluator: Evaluator,
     machine: MachineDefinition,
     parameters: Sequence[Parameter],
@@ -64,7 +34,7 @@ def probe(
     objective: Objective,
     *,
     size: int = 9,
-) -> Probe:
+) -> Sensitivity:
     """Drive a grid over the first two real parameters and a line along each, all in one batch.
 
     Args:
@@ -113,4 +83,4 @@ def probe(
         )
         for begin, k in zip(range(count, len(cost), size), real, strict=True)
     ]
-    return Probe(plane=plane, lines=along, courses=len(courses))
+    return Sensitivity(plane=plane, lines=along, courses=len(courses))

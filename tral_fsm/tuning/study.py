@@ -21,8 +21,9 @@ from tral_fsm.tuning.holdout import compare
 from tral_fsm.tuning.journal import Journal
 from tral_fsm.tuning.objective import Objective, parts
 from tral_fsm.tuning.parameters import Parameter, allowed, apply, find
+from tral_fsm.tuning.search.cma_es import CmaSearch
 from tral_fsm.tuning.search.optuna import OBJECTIVES, OptunaSearch, front
-from tral_fsm.tuning.search.space import CmaSearch, Search, Trial, Values
+from tral_fsm.tuning.search.space import Search, Trial, Values
 
 
 @dataclass(frozen=True, kw_only=True)

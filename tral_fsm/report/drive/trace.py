@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import Self
 
 from tral_env.interface import CORE_LAYOUT
-from tral_fsm.evaluation.rollout import Tick
+from tral_fsm.evaluation.episode import Tick
 
 COLUMNS = (
     "tick", "time_s", "state", "transition", "to", "why",

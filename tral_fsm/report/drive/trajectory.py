@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tral_env.course.draw import draw_plan
 from tral_env.course.plan import Plan
 from tral_env.interface import CORE_LAYOUT, NO_ECHO_M
-from tral_fsm.evaluation.rollout import Episode, Trace
+from tral_fsm.evaluation.episode import Episode, Trace
 from tral_fsm.report.drive.palette import Palette
 
 SIDES = {"left": "#0b3c8c", "front": "black", "right": "#a30000"}

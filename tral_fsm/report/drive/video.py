@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tral_env.errors import RenderError
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, MAX_AGE_S, NO_ECHO_M, STEERING, THROTTLE
-from tral_fsm.evaluation.rollout import Tick
+from tral_fsm.evaluation.episode import Tick
 from tral_fsm.report.drive.palette import Palette
 
 Image = NDArray[np.uint8]

@@ -13,11 +13,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
 
-from tral_fsm.evaluation.batch import ERROR_BINS, Drive
+from tral_fsm.evaluation.episode import EpisodeResult
+from tral_fsm.evaluation.metrics import ERROR_BINS
+from tral_fsm.tuning.landscape import Line, Plane
 from tral_fsm.tuning.objective import PARTS
 from tral_fsm.tuning.parameters import Parameter
 from tral_fsm.tuning.search.space import Trial
-from tral_fsm.tuning.sensitivity import Line, Plane
 
 Array = NDArray[np.float64]
 
@@ -201,7 +202,7 @@ def _column(trials: Sequence[Trial], name: str) -> Array:
     return np.array([each.parts[PARTS.index(name)] for each in trials]) * _UNITS[name][1]
 
 
-def histogram(old: Sequence[Drive], new: Sequence[Drive]) -> Figure:
+def histogram(old: Sequence[EpisodeResult], new: Sequence[EpisodeResult]) -> Figure:
     """Clearance errors of all measured ticks on the held-out courses; the outer hundredth on either side is cut off."""
     whole, ax = figure()
     counts = {name: np.sum([drive.errors for drive in drives], axis=0) for name, drives in (("was", old), ("now", new))}

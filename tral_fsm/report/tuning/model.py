@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from tral_fsm.report.tuning.figures import NEW, OLD, figure
 from tral_fsm.tuning.classical.design import Gains, LinearCar, lqr, margins, step_response
-from tral_fsm.tuning.classical.experiments import Response
+from tral_fsm.tuning.classical.loops import Response
 
 _SPEEDS = np.linspace(0.3, 2.0, 35)
 _DELAYS = np.linspace(0.0, 0.3, 31)

@@ -215,7 +215,7 @@ def schedule(speeds: Sequence[float], kp: float = KP, car: LinearCar | None = No
 
 
 @dataclass(frozen=True, kw_only=True)
-class Swing:
+class LimitCycle:
     """What the relay experiment found."""
 
     speed: float
@@ -231,7 +231,7 @@ class Swing:
         return Gains(p=p, d=p * self.period_s / 8.0)
 
 
-def predicted_swing(speed: float, car: LinearCar | None = None) -> Swing | None:
+def predicted_limit_cycle(speed: float, car: LinearCar | None = None) -> LimitCycle | None:
     """Where p alone swings for ever, in the linear model; None: nowhere, every p grows swings (or none does)."""
     response = loop(Gains(p=1.0, d=0.0), speed, _FREQUENCIES, car)
     phase = np.unwrap(np.angle(response))
@@ -240,7 +240,7 @@ def predicted_swing(speed: float, car: LinearCar | None = None) -> Swing | None:
     if not len(crossings):
         return None
     k = int(crossings[0])
-    return Swing(
+    return LimitCycle(
         speed=speed,
         ultimate_gain=float(1.0 / abs(response[k])),
         period_s=float(2.0 * math.pi / _FREQUENCIES[k]),

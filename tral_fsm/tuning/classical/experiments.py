@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,8 @@ from tral_fsm.control.speed import speed_control
 from tral_fsm.definition.conditions import DistanceSpec
 from tral_fsm.definition.machine import BasicFollowWallSpec, MachineDefinition, TransitionSpec, WallSpec
 from tral_fsm.runtime.policy import MachinePolicy
-from tral_fsm.tuning.classical.design import Gains, Swing
+from tral_fsm.tuning.classical.design import Gains, LimitCycle
+from tral_fsm.tuning.classical.loops import Response, WallState
 
 Array = NDArray[np.float64]
 
@@ -28,22 +28,6 @@ _SIDE = 0.10
 """Side ultrasonics beside the car's middle line, m."""
 _MIDDLE = 0.129
 """Side ultrasonics ahead of the rear axle, m."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Response:
-    """A step in the wanted clearance, driven."""
-
-    time: Array
-    """(k,) s, 0 at the step."""
-    clearance: Array
-    """(n, k) true clearance of n cars as a share of the step: 0 before, 1 wanted after."""
-
-    @property
-    def mean(self) -> Array:
-        """(k,) mean over the cars; the ultrasonic's jitter averages out."""
-        mean: Array = np.nanmean(self.clearance, axis=0)
-        return mean
 
 
 def corridor(length: float, clearance: float = _CLEARANCE) -> Course:
@@ -120,7 +104,9 @@ def true_clearance(pose: Array) -> Array:
     return clearance
 
 
-def relay(speed: float, *, height: float = 0.6, seconds: float = 24.0, cars: int = 8, seed: int = 0) -> Swing | None:
+def relay(
+    speed: float, *, height: float = 0.6, seconds: float = 24.0, cars: int = 8, seed: int = 0
+) -> LimitCycle | None:
     """Swing the car along the wall by full steering one way or the other, and see how wide and how fast it swings.
 
     The steering is `height` towards the wall when the range is above the wanted clearance, else away from it. The swing
@@ -156,10 +142,10 @@ def relay(speed: float, *, height: float = 0.6, seconds: float = 24.0, cars: int
             if (terminated | truncated).any():
                 return None
             track.append(true_clearance(info["pose"]) - wanted)
-    return _swing(np.array(track[len(track) // 3 :]).T, speed, height)
+    return _limit_cycle(np.array(track[len(track) // 3 :]).T, speed, height)
 
 
-def _swing(track: Array, speed: float, height: float) -> Swing | None:
+def _limit_cycle(track: Array, speed: float, height: float) -> LimitCycle | None:
     """Amplitude and period of swings, (n, k); None: they grow, or there are none."""
     centred = track - track.mean(axis=1, keepdims=True)
     half = centred.shape[1] // 2
@@ -169,23 +155,12 @@ def _swing(track: Array, speed: float, height: float) -> Swing | None:
         return None
     period = float(np.median([np.mean(np.diff(up)) for up in ups])) * CONTROL_PERIOD_S
     amplitude = math.sqrt(2.0) * float(np.median(centred.std(axis=1)))
-    return Swing(
+    return LimitCycle(
         speed=speed,
         ultimate_gain=4.0 * height / (math.pi * amplitude),
         period_s=period,
         amplitude_m=amplitude,
     )
-
-
-@dataclass(frozen=True, kw_only=True)
-class WallState:
-    """Gains and speed of a state that follows a wall."""
-
-    name: str
-    gains: Gains
-    speed: float
-    place: tuple[str | int, ...] = ()
-    """In the definition, as `parameters.Site` has it."""
 
 
 def wall_states(machine: MachineDefinition) -> list[WallState]:

@@ -15,7 +15,7 @@ from tral_env.errors import ConfigError, MissingExtraError
 
 _TRIES = 5
 """Of opening a database. Processes that meet at an empty one make its tables at once, and all but one fail."""
-_LONGEST_LINE = 1 << 20
+_MAX_LINE = 1 << 20
 _PASSWORD = re.compile(r"(://[^:/@\s]*:)[^@\s]+(?=@)|([?&]password=)[^&\s]+")
 
 
@@ -52,7 +52,7 @@ def _refuse_others(path: Path) -> None:
     if not path.is_file():
         return
     with path.open("rb") as file:
-        first = file.readline(_LONGEST_LINE)
+        first = file.readline(_MAX_LINE)
     try:
         journal = not first or "op_code" in json.loads(first)
     except (ValueError, TypeError):

@@ -12,57 +12,64 @@ from courses import blind
 
 from tral_env.errors import ConfigError
 from tral_fsm import load_machine
-from tral_fsm.evaluation.batch import Fleet, Job
+from tral_fsm.evaluation.batch import BatchRunner
+from tral_fsm.evaluation.episode import EpisodeRequest
 from tral_fsm.evaluation.rollout import drive
 from tral_fsm.runtime.policy import MachinePolicy
 
 MACHINES = [load_machine("wall"), load_machine("office"), blind(0.5)]
-JOBS = [Job(2, "doors", 3), Job(0, "straight", 3), Job(2, "straight", 1), Job(1, "doors", 4), Job(2, "doors", 5)]
+JOBS = [
+    EpisodeRequest(2, "doors", 3),
+    EpisodeRequest(0, "straight", 3),
+    EpisodeRequest(2, "straight", 1),
+    EpisodeRequest(1, "doors", 4),
+    EpisodeRequest(2, "doors", 5),
+]
 
 
 @pytest.fixture(scope="module")
-def fleet() -> Fleet:
-    return Fleet(["straight", "doors"], rows=3)
+def runner() -> BatchRunner:
+    return BatchRunner(["straight", "doors"], rows=3)
 
 
 @pytest.mark.parametrize("rows", [2, 3])
 def test_each_drive_is_bit_for_bit_the_one_of_the_single_environment(rows: int) -> None:
-    drives = Fleet(["straight", "doors"], rows=rows).drive(MACHINES, JOBS)
+    drives = BatchRunner(["straight", "doors"], rows=rows).drive(MACHINES, JOBS)
     for job, got in zip(JOBS, drives, strict=True):
         with contextlib.closing(gym.make("tral_env:TralCorridor-v0", scenario=job.scenario)) as env:
             alone = drive(env, MachinePolicy(MACHINES[job.machine]), job.seed, scenario=job.scenario).record()
         assert {name: got.record()[name] for name in alone} == alone
 
 
-def test_steering_travel_adds_up_every_change(fleet: Fleet) -> None:
-    (got,) = fleet.drive([blind(0.5)], [Job(0, "straight", 1)])
+def test_steering_travel_adds_up_every_change(runner: BatchRunner) -> None:
+    (got,) = runner.drive([blind(0.5)], [EpisodeRequest(0, "straight", 1)])
     assert got.steering_travel == pytest.approx(0.5)  # once to the left, and it stays there
     assert (got.outcome, got.clearance_samples) == ("collision", 0)
     assert math.isnan(got.clearance_rmse)
 
 
-def test_the_histogram_of_errors_counts_every_measured_tick(fleet: Fleet) -> None:
-    (got,) = fleet.drive(MACHINES, [Job(0, "straight", 3)])
+def test_the_histogram_of_errors_counts_every_measured_tick(runner: BatchRunner) -> None:
+    (got,) = runner.drive(MACHINES, [EpisodeRequest(0, "straight", 3)])
     assert got.errors.sum() == got.clearance_samples > 100
 
 
-def test_the_settled_error_leaves_out_the_way_from_a_start_far_off(fleet: Fleet) -> None:
-    (got,) = fleet.drive(MACHINES, [Job(0, "straight", 4)])  # begins 68 cm beside its clearance
+def test_the_settled_error_leaves_out_the_way_from_a_start_far_off(runner: BatchRunner) -> None:
+    (got,) = runner.drive(MACHINES, [EpisodeRequest(0, "straight", 4)])  # begins 68 cm beside its clearance
     assert got.clearance_rmse > 0.1
     assert got.settled_rmse < 0.03
     assert 0.5 * got.clearance_samples < got.settled_samples < got.clearance_samples
 
 
-def test_a_second_call_finds_the_fleet_as_the_first_did(fleet: Fleet) -> None:
-    first = fleet.drive(MACHINES, JOBS[:2])
-    fleet.drive(MACHINES, JOBS[2:3])
-    assert fleet.drive(MACHINES, JOBS[:2]) == first
+def test_a_second_call_finds_the_fleet_as_the_first_did(runner: BatchRunner) -> None:
+    first = runner.drive(MACHINES, JOBS[:2])
+    runner.drive(MACHINES, JOBS[2:3])
+    assert runner.drive(MACHINES, JOBS[:2]) == first
 
 
 def test_a_car_that_gets_nowhere_is_given_up() -> None:
-    patient, hasty = Fleet(["straight"], rows=1), Fleet(["straight"], rows=1, stuck_s=2.0)
+    patient, hasty = BatchRunner(["straight"], rows=1), BatchRunner(["straight"], rows=1, stuck_s=2.0)
     standing = blind(speed=0.0)
-    (early,) = hasty.drive([standing], [Job(0, "straight", 0)])
+    (early,) = hasty.drive([standing], [EpisodeRequest(0, "straight", 0)])
     assert (early.outcome, early.time_s) == ("timeout", pytest.approx(2.0, abs=0.02))
     ticks: list[int] = []
 
@@ -72,19 +79,19 @@ def test_a_car_that_gets_nowhere_is_given_up() -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):  # still driving after 3.75 s
-        patient.drive([standing], [Job(0, "straight", 0)], enough)
+        patient.drive([standing], [EpisodeRequest(0, "straight", 0)], enough)
 
 
-def test_no_jobs_are_no_drives(fleet: Fleet) -> None:
-    assert fleet.drive(MACHINES, []) == []
+def test_no_jobs_are_no_drives(runner: BatchRunner) -> None:
+    assert runner.drive(MACHINES, []) == []
 
 
 def test_an_unknown_scenario_is_refused() -> None:
     with pytest.raises(ConfigError, match="did you mean 'doors'"):
-        Fleet(["door"])
+        BatchRunner(["door"])
 
 
-def test_the_route_is_as_long_as_the_plan_says(fleet: Fleet) -> None:
-    (got,) = fleet.drive([blind(0.5)], [Job(0, "straight", 1)])
-    plan = fleet.draw(Job(0, "straight", 1))[0][1]
+def test_the_route_is_as_long_as_the_plan_says(runner: BatchRunner) -> None:
+    (got,) = runner.drive([blind(0.5)], [EpisodeRequest(0, "straight", 1)])
+    plan = runner.draw(EpisodeRequest(0, "straight", 1))[0][1]
     assert got.route_m == pytest.approx(np.hypot(*np.diff(plan.route, axis=0).T).sum())

@@ -1,0 +1,38 @@
+"""Seeds as the command line spells them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from tral_env.errors import ConfigError
+
+
+def parse_seeds(text: str, option: str = "--seeds") -> range:
+    """Seeds FIRST:END: from the first one to the one before the end.
+
+    Args:
+        text: what was given.
+        option: its name, for the message.
+
+    Raises:
+        ConfigError: it is something else, or no seed.
+    """
+    first, _, end = text.partition(":")
+    try:
+        seeds = range(int(first), int(end))
+    except ValueError:
+        raise ConfigError(f"{option} {text}: expected FIRST:END, such as 0:8") from None
+    if not seeds or seeds[0] < 0:
+        raise ConfigError(f"{option} {text}: expected FIRST:END, FIRST below END, neither below 0")
+    return seeds
+
+
+def stretches(seeds: Iterable[int]) -> str:
+    """Seeds in words: "0 to 9, 1000 to 1049"."""
+    ends: list[list[int]] = []
+    for seed in sorted(seeds):
+        if ends and seed == ends[-1][1] + 1:
+            ends[-1][1] = seed
+        else:
+            ends.append([seed, seed])
+    return ", ".join(str(first) if first == last else f"{first} to {last}" for first, last in ends)

@@ -1,0 +1,43 @@
+"""Cost around a machine, as data: over a plane of two parameters, and along each one alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_fsm.tuning.parameters import Parameter
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plane:
+    """Cost over two parameters, the others as found."""
+
+    x: Parameter
+    y: Parameter
+    xs: Array
+    """(nx,) values of x."""
+    ys: Array
+    """(ny,) values of y."""
+    cost: Array
+    """(ny, nx); NaN where the definition allows no such machine, here and in the two fields below."""
+    failed: Array
+    """(ny, nx) share of drives that did not arrive."""
+    collided: Array
+    """(ny, nx) share of drives that ended at a wall."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """Cost along one parameter, the others as found."""
+
+    parameter: Parameter
+    values: Array
+    """(n,) values of the parameter."""
+    cost: Array
+    """(n,) cost at each value; NaN where the definition allows no such machine."""
+    failed: Array
+    """(n,) share of drives that did not arrive."""

@@ -1,0 +1,49 @@
+"""Cells of the tables of a search: the terminal and the HTML page show the same texts."""
+
+from __future__ import annotations
+
+from tral_fsm.evaluation.statistics import Estimate
+from tral_fsm.tuning.classical.design import margins
+from tral_fsm.tuning.classical.loops import WallState
+from tral_fsm.tuning.parameters import Parameter
+
+MARGIN_HEADER = (
+    "gains", "speed [m/s]", "p [1/m]", "d [s/m]", "phase margin [deg]", "gain margin", "delay margin [ms]", "damping",
+)  # fmt: skip
+"""Headings of `margin_cells`."""
+
+
+def margin_cells(state: WallState) -> list[str]:
+    """Name, speed, gains and margins of a state, one cell for each heading of `MARGIN_HEADER`."""
+    found = margins(state.gains, state.speed)
+    return [
+        state.name, f"{state.speed:.3g}", f"{state.gains.p:.3g}", f"{state.gains.d:.3g}", f"{found.phase_deg:.0f}",
+        f"{found.gain:.2g}", f"{1000.0 * found.delay_s:.0f}", f"{found.damping:.2f}",
+    ]  # fmt: skip
+
+
+def estimate_cell(value: Estimate, scale: float = 1.0, digits: int = 2, sign: str = "") -> str:
+    """A figure with its interval, such as ``1.20 (1.05 to 1.41)``; ``-`` where nothing was measured."""
+    if value.value is None:
+        return "-"
+    text = f"{scale * value.value:{sign}.{digits}f}"
+    if value.low is None or value.high is None:
+        return text
+    return f"{text} ({scale * value.low:{sign}.{digits}f} to {scale * value.high:{sign}.{digits}f})"
+
+
+def before_cell(parameter: Parameter) -> str:
+    """The value that a parameter had; each different value once where one parameter stands in several places."""
+    return ", ".join(dict.fromkeys(value_cell(site.value) for site in parameter.sites))
+
+
+def value_cell(value: object) -> str:
+    """A value of a parameter with four digits."""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def range_cell(parameter: Parameter) -> str:
+    """The range or the choices in which a parameter was searched."""
+    if parameter.kind == "choice":
+        return ", ".join(str(each) for each in parameter.choices)
+    return f"{parameter.low:.4g} to {parameter.high:.4g}{', by factors' if parameter.log else ''}"
