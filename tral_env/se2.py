@@ -62,10 +62,3 @@ def to_outer_n(frame: Array, point: Array) -> Array:
     cos, sin = np.cos(frame[..., 2]), np.sin(frame[..., 2])
     x, y = point[..., 0], point[..., 1]
     return np.stack([frame[..., 0] + cos * x - sin * y, frame[..., 1] + sin * x + cos * y], axis=-1)
-
-
-def to_inner_n(frame: Array, point: Array) -> Array:
-    """Points (..., 2) as seen from frames (..., 3); rounded as `to_inner` rounds."""
-    cos, sin = np.cos(frame[..., 2]), np.sin(frame[..., 2])
-    dx, dy = point[..., 0] - frame[..., 0], point[..., 1] - frame[..., 1]
-    return np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=-1)

@@ -1,78 +1,93 @@
-"""Who may import whom."""
+"""Who may import whom: the rules hold, and each rule finds what breaks it."""
 
-import ast
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
+import house_rules as rules
 import pytest
+from house_rules import Imports, Rule
 
 ROOT = Path(__file__).parents[2]
-HEAVY = {"mujoco", "torch", "stable_baselines3"}
-WITHOUT_MUJOCO = (
-    "tral_env/interface.py",
-    "tral_env/errors.py",
-    "tral_env/config.py",
-    "tral_env/task.py",
-    "tral_env/actuation.py",
-    "tral_env/noise.py",
-    "tral_env/randomization.py",
-    "tral_env/sensors",
-    "tral_env/hardware",
-    "tral_env/course/layout.py",
-    "tral_env/course/geometry.py",
-    "tral_env/course/generate.py",
-)
+
+BROKEN: dict[Rule, Imports] = {
+    rules.the_waist_needs_numpy_and_spaces_alone: {"tral_env.se2": {"math", "numpy", "scipy.spatial"}},
+    rules.laws_need_the_waist_config_and_course: {"tral_env.sensors.hall": {"tral_env.simulation.sim"}},
+    rules.laws_reach_no_physics: {
+        "tral_env.task": {"tral_env.course.plan"},
+        "tral_env.course.plan": {"tral_env.course.scene"},
+        "tral_env.course.scene": {"mujoco"},
+    },
+    rules.one_module_of_course_and_one_of_perception_meet_physics: {
+        "tral_env.course.scene": {"mujoco"},
+        "tral_env.course.markers": {"mujoco.batch"},
+    },
+    rules.course_needs_the_waist_and_config: {"tral_env.course.route": {"tral_env.actuation"}},
+    rules.the_car_needs_little: {"tral_env.hardware.env": {"tral_env.world"}},
+    rules.the_car_reaches_nothing_heavy: {
+        "tral_env.hardware.camera": {"tral_env.perception.gate"},
+        "tral_env.perception.gate": {"torch.nn"},
+    },
+    rules.simulation_knows_no_world: {"tral_env.simulation.sim": {"tral_env.task"}},
+    rules.shells_know_the_world_and_not_the_simulation: {"tral_env.env": {"tral_env.simulation.sim"}},
+    rules.the_two_environments_do_not_know_each_other: {"tral_env.vector_env": {"tral_env.env"}},
+    rules.the_environment_knows_no_state_machine: {"tral_env.course.plan": {"tral_fsm.control.laws"}},
+    rules.policies_know_the_waist_alone: {"tral_fsm.states.wall": {"tral_env.config"}},
+    rules.nobody_imports_report_and_cli: {"tral_fsm.tuning.holdout": {"tral_fsm.report.summary"}},
+    rules.report_drives_nothing: {"tral_fsm.report.drive.video": {"tral_fsm.runtime.policy"}},
+    rules.no_circle_of_rooms: {
+        "tral_fsm.tuning.holdout": {"tral_fsm.learning.export"},
+        "tral_fsm.learning.export": {"tral_fsm.control.laws"},
+        "tral_fsm.learning.teacher": {"tral_fsm.tuning.study"},
+    },
+    rules.no_circle_of_modules: {
+        "tral_env.course.plan": {"tral_env.course.route"},
+        "tral_env.course.route": {"tral_env.course.plan"},
+    },
+}
+"""The smallest imports that break each rule."""
 
 
-def files(place: str) -> list[Path]:
-    path = ROOT / place
-    return [path] if path.is_file() else sorted(path.rglob("*.py"))
+@cache
+def imports() -> Imports:
+    return rules.imports_of(ROOT)
 
 
-def imported(path: Path) -> set[str]:
-    names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names.add(node.module)
-    return names
+def name(rule: Rule) -> str:
+    return rule.__name__
 
 
-@pytest.mark.parametrize("place", WITHOUT_MUJOCO)
-def test_rooms_that_know_no_mujoco(place: str) -> None:
-    for path in files(place):
-        assert not {name.split(".")[0] for name in imported(path)} & HEAVY, path
+@pytest.mark.parametrize("rule", rules.RULES, ids=name)
+def test_the_house_keeps(rule: Rule) -> None:
+    assert rule(imports()) == []
 
 
-def test_perception_meets_mujoco_in_the_renderer_alone() -> None:
-    users = [path.name for path in files("tral_env/perception") if "mujoco" in imported(path)]
-    assert users == ["camera.py"]
+@pytest.mark.parametrize("rule", rules.RULES, ids=name)
+def test_a_house_that_breaks_it_is_found_out_by(rule: Rule) -> None:
+    assert len(rule(BROKEN[rule])) == 1
 
 
-def test_only_the_scene_builds_models() -> None:
-    users = [path.name for path in files("tral_env") if ".compile()" in path.read_text()]
-    assert users == ["scene.py"]
+def test_a_circle_is_told_by_its_rooms() -> None:
+    assert rules.no_circle_of_rooms(BROKEN[rules.no_circle_of_rooms]) == ["tral_fsm.learning <-> tral_fsm.tuning"]
 
 
-def test_the_environment_does_not_know_the_state_machine() -> None:
-    for path in files("tral_env"):
-        assert not any(name.startswith("tral_fsm") for name in imported(path)), path
+def test_imports_within_functions_count(tmp_path: Path) -> None:
+    room = tmp_path / "tral_env" / "course"
+    room.mkdir(parents=True)
+    (room / "__init__.py").write_text("")
+    (room / "plan.py").write_text("from tral_env.course import route\n")
+    (room / "route.py").write_text("def lay():\n    from tral_env.course.plan import Plan\n    import mujoco.batch\n")
+    assert rules.imports_of(tmp_path) == {
+        "tral_env.course": set(),
+        "tral_env.course.plan": {"tral_env.course.route"},
+        "tral_env.course.route": {"tral_env.course.plan", "mujoco.batch"},
+    }
 
 
-def test_the_state_machine_knows_only_the_waist() -> None:
-    outside = {"bench", "cli", "evaluation", "report", "tuning"}
-    allowed = {"tral_env.interface", "tral_env.errors"}
-    for path in files("tral_fsm"):
-        if path.relative_to(ROOT / "tral_fsm").parts[0] in outside:
-            continue
-        assert {name for name in imported(path) if name.startswith("tral_env")} <= allowed, path
-
-
-def test_the_shells_do_not_know_each_other() -> None:
-    assert "tral_env.vector_env" not in imported(ROOT / "tral_env/env.py")
-    assert "tral_env.env" not in imported(ROOT / "tral_env/vector_env.py")
+def test_models_are_compiled_in_one_module_of_course() -> None:
+    users = [path for path in (ROOT / "tral_env").rglob("*.py") if ".compile()" in path.read_text("utf-8")]
+    assert [path.parent.name for path in users] == ["course"]
 
 
 def test_importing_the_package_loads_nothing_heavy() -> None:

@@ -1,9 +1,8 @@
-"""ArUco markers of DICT_4X4_50 as images and as textures of MuJoCo."""
+"""ArUco markers of DICT_4X4_50 as images."""
 
 from __future__ import annotations
 
 import cv2
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,17 +28,3 @@ def marker_image(marker: int) -> NDArray[np.uint8]:
 def material_name(marker: int) -> str:
     """Name of the material that shows a marker."""
     return f"marker_{marker:02d}"
-
-
-def add_materials(spec: mujoco.MjSpec) -> None:
-    """Add a texture and a material for each of `MARKER_IDS`, to be shown on the +z face of a flat box."""
-    for marker in MARKER_IDS:
-        image = np.repeat(marker_image(marker)[..., None], 3, axis=2)
-        name = material_name(marker)
-        texture = spec.add_texture(
-            name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=image.shape[1], height=image.shape[0], nchannel=3
-        )
-        texture.data = image.tobytes()
-        # Matt, or the lamps' reflections would wash the code out.
-        material = spec.add_material(name=name, specular=0.0, shininess=0.0)
-        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tral_env.assets import asset_path
 from tral_env.config import LineConfig
 from tral_env.course.generate import LIMITS
-from tral_env.course.markers import MARKER_IDS, add_materials, material_name
+from tral_env.course.markers import MARKER_IDS, marker_image, material_name
 from tral_env.course.plan import BOX_KINDS, Array, Plan
 from tral_env.errors import ConfigError, nearest
 from tral_env.geometry import MARKER_MODULES, MARKER_QUIET_MODULES
@@ -100,7 +100,7 @@ def build_model(pool: Pool, *, car: bool = True, looks: bool = True) -> mujoco.M
     spec = mujoco.MjSpec.from_file(str(asset_path("corridor.xml")))
     spec.delete(spec.body("default_course"))
     if looks:
-        add_materials(spec)
+        _add_marker_materials(spec)
         _paint_walls(spec)
     walls = spec.worldbody.add_body(name="walls", childclass="world")
     for name in pool.names:
@@ -121,6 +121,20 @@ def build_model(pool: Pool, *, car: bool = True, looks: bool = True) -> mujoco.M
         for geom in [geom for geom in spec.geoms if geom.group == LOOKS_GROUP]:
             spec.delete(geom)
     return spec.compile()
+
+
+def _add_marker_materials(spec: mujoco.MjSpec) -> None:
+    """Add a texture and a material for each of `MARKER_IDS`, to be shown on the +z face of a flat box."""
+    for marker in MARKER_IDS:
+        image = np.repeat(marker_image(marker)[..., None], 3, axis=2)
+        name = material_name(marker)
+        texture = spec.add_texture(
+            name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=image.shape[1], height=image.shape[0], nchannel=3
+        )
+        texture.data = image.tobytes()
+        # Matt, or the lamps' reflections would wash the code out.
+        material = spec.add_material(name=name, specular=0.0, shininess=0.0)
+        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
 
 
 def _paint_walls(spec: mujoco.MjSpec) -> None:

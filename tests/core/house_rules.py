@@ -1,0 +1,256 @@
+"""The rules of the house, told about a mapping of imports: module -> full names of what it imports.
+
+A room is a folder directly below `tral_env` or `tral_fsm`, or a module beside those folders. A rule is a function from
+imports to violations, each a line of text; no rule names a file, except modules that are rooms of their own.
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Callable, Iterator, Mapping, Set
+from pathlib import Path
+
+Imports = Mapping[str, Set[str]]
+Rule = Callable[[Imports], list[str]]
+
+WAIST = {"tral_env.interface", "tral_env.geometry", "tral_env.se2", "tral_env.errors"}
+WAIST_NEEDS = {"numpy", "gymnasium.spaces"}
+
+PHYSICS = {"mujoco"}
+HEAVY = PHYSICS | {"torch", "stable_baselines3", "matplotlib"}
+LAWS = {f"tral_env.{room}" for room in ("sensors", "actuation", "task", "noise", "config")}
+ON_THE_CAR = {f"tral_env.{room}" for room in ("hardware", "recording", "learned", "ros")}
+CAR_NEEDS = WAIST | ON_THE_CAR | LAWS - {"tral_env.task"} | {"tral_env.perception"}
+SHELLS = {f"tral_env.{room}" for room in ("env", "vector_env", "sb3")}
+STEPS = {"tral_env.simulation", "tral_env.world"} | SHELLS
+SIMULATION_NEEDS = (
+    WAIST
+    | LAWS - {"tral_env.task"}
+    | {f"tral_env.{room}" for room in ("simulation", "course", "perception", "calibration", "randomization", "assets")}
+)
+POLICY = {
+    f"tral_fsm.{room}"
+    for room in ("definition", "estimation", "control", "states", "conditions", "runtime", "formats", "draw")
+}
+DRIVES = STEPS | {f"tral_fsm.{room}" for room in ("runtime", "live", "bench")}
+
+
+def room_of(module: str) -> str:
+    """The room of one of our modules: its first two names."""
+    return ".".join(module.split(".")[:2])
+
+
+def is_ours(name: str) -> bool:
+    return name.split(".")[0] in ("tral_env", "tral_fsm")
+
+
+def _outside(imports: Imports, rooms: Set[str], allowed: Set[str]) -> list[str]:
+    """What rooms import of our own rooms beyond the allowed ones."""
+    return [
+        f"{module} imports {name}"
+        for module, names in sorted(imports.items())
+        if room_of(module) in rooms
+        for name in sorted(names)
+        if is_ours(name) and room_of(name) not in allowed | {room_of(module)}
+    ]
+
+
+def _among(imports: Imports, rooms: Set[str], forbidden: Set[str]) -> list[str]:
+    """What rooms import of forbidden rooms or distributions."""
+    return [
+        f"{module} imports {name}"
+        for module, names in sorted(imports.items())
+        if room_of(module) in rooms
+        for name in sorted(names)
+        if (room_of(name) if is_ours(name) else name.split(".")[0]) in forbidden - {room_of(module)}
+    ]
+
+
+def _reaches(imports: Imports, module: str) -> set[str]:
+    """Distributions that a module imports, itself or by what it imports."""
+    seen, todo, found = {module}, [module], set()
+    while todo:
+        for name in imports.get(todo.pop(), ()):
+            if not is_ours(name):
+                found.add(name.split(".")[0])
+            elif name not in seen:
+                seen.add(name)
+                todo.append(name)
+    return found
+
+
+def the_waist_needs_numpy_and_spaces_alone(imports: Imports) -> list[str]:
+    return [
+        f"{module} imports {name}"
+        for module in sorted(WAIST & imports.keys())
+        for name in sorted(imports[module])
+        if name not in WAIST | WAIST_NEEDS and name.split(".")[0] not in sys.stdlib_module_names | {"numpy"}
+    ]
+
+
+def laws_need_the_waist_config_and_course(imports: Imports) -> list[str]:
+    rooms = {"tral_env.sensors", "tral_env.actuation", "tral_env.task"}
+    return _outside(imports, rooms, WAIST | {"tral_env.config", "tral_env.noise", "tral_env.course"})
+
+
+def laws_reach_no_physics(imports: Imports) -> list[str]:
+    return [
+        f"{module} reaches {name}"
+        for module in sorted(imports)
+        if room_of(module) in LAWS | WAIST
+        for name in sorted(_reaches(imports, module) & PHYSICS)
+    ]
+
+
+def one_module_of_course_and_one_of_perception_meet_physics(imports: Imports) -> list[str]:
+    found = []
+    for room in ("tral_env.course", "tral_env.perception"):
+        users = [m for m, names in sorted(imports.items()) if room_of(m) == room and _top(names) & PHYSICS]
+        found += [f"{room} meets physics in {', '.join(users)}"] if len(users) > 1 else []
+    return found
+
+
+def _top(names: Set[str]) -> set[str]:
+    return {name.split(".")[0] for name in names}
+
+
+def course_needs_the_waist_and_config(imports: Imports) -> list[str]:
+    return _outside(imports, {"tral_env.course"}, WAIST | {"tral_env.config", "tral_env.assets"})
+
+
+def the_car_needs_little(imports: Imports) -> list[str]:
+    return _outside(imports, ON_THE_CAR, CAR_NEEDS)
+
+
+def the_car_reaches_nothing_heavy(imports: Imports) -> list[str]:
+    return [
+        f"{module} reaches {name}"
+        for module in sorted(imports)
+        if room_of(module) in ON_THE_CAR
+        for name in sorted(_reaches(imports, module) & HEAVY)
+    ]
+
+
+def simulation_knows_no_world(imports: Imports) -> list[str]:
+    return _outside(imports, {"tral_env.simulation"}, SIMULATION_NEEDS)
+
+
+def shells_know_the_world_and_not_the_simulation(imports: Imports) -> list[str]:
+    return _among(imports, SHELLS, {"tral_env.simulation"})
+
+
+def the_two_environments_do_not_know_each_other(imports: Imports) -> list[str]:
+    env, vector = {"tral_env.env"}, {"tral_env.vector_env"}
+    return _among(imports, env, vector) + _among(imports, vector, env)
+
+
+def the_environment_knows_no_state_machine(imports: Imports) -> list[str]:
+    return [
+        f"{module} imports {name}"
+        for module, names in sorted(imports.items())
+        if module.split(".")[0] == "tral_env"
+        for name in sorted(names)
+        if name.split(".")[0] == "tral_fsm"
+    ]
+
+
+def policies_know_the_waist_alone(imports: Imports) -> list[str]:
+    return _outside(imports, POLICY, WAIST | POLICY)
+
+
+def nobody_imports_report_and_cli(imports: Imports) -> list[str]:
+    """Only the command line, which is thin, hands work to the report."""
+    rooms = {room_of(module) for module in imports} - {"tral_fsm.cli"}
+    return _among(imports, rooms, {"tral_fsm.report", "tral_fsm.cli"})
+
+
+def report_drives_nothing(imports: Imports) -> list[str]:
+    return _among(imports, {"tral_fsm.report"}, DRIVES)
+
+
+def no_circle_of_rooms(imports: Imports) -> list[str]:
+    rooms: dict[str, set[str]] = {}
+    for module, names in imports.items():
+        if module in ("tral_env", "tral_fsm"):
+            continue  # the front doors show what lies in the rooms
+        ours = {room_of(name) for name in names if is_ours(name)} - {"tral_env", "tral_fsm", room_of(module)}
+        rooms.setdefault(room_of(module), set()).update(ours)
+    return _circles(rooms)
+
+
+def no_circle_of_modules(imports: Imports) -> list[str]:
+    return _circles({module: {name for name in names if is_ours(name)} for module, names in imports.items()})
+
+
+def _circles(graph: Mapping[str, Set[str]]) -> list[str]:
+    """Groups of places each of which is reached from each other one."""
+    reached = {place: _from(graph, place) for place in graph}
+    groups = {
+        tuple(sorted({place} | {other for other in reached[place] if place in reached.get(other, ())}))
+        for place in graph
+        if place in reached[place]
+    }
+    return [" <-> ".join(group) for group in sorted(groups)]
+
+
+def _from(graph: Mapping[str, Set[str]], place: str) -> set[str]:
+    seen: set[str] = set()
+    todo = [place]
+    while todo:
+        for other in graph.get(todo.pop(), ()):
+            if other not in seen:
+                seen.add(other)
+                todo.append(other)
+    return seen
+
+
+RULES: tuple[Rule, ...] = (
+    the_waist_needs_numpy_and_spaces_alone,
+    laws_need_the_waist_config_and_course,
+    laws_reach_no_physics,
+    one_module_of_course_and_one_of_perception_meet_physics,
+    course_needs_the_waist_and_config,
+    the_car_needs_little,
+    the_car_reaches_nothing_heavy,
+    simulation_knows_no_world,
+    shells_know_the_world_and_not_the_simulation,
+    the_two_environments_do_not_know_each_other,
+    the_environment_knows_no_state_machine,
+    policies_know_the_waist_alone,
+    nobody_imports_report_and_cli,
+    report_drives_nothing,
+    no_circle_of_rooms,
+    no_circle_of_modules,
+)
+
+
+def imports_of(root: Path) -> dict[str, set[str]]:
+    """Imports of every module of both packages, also those inside functions."""
+    trees = {
+        _module(path, root): path for package in ("tral_env", "tral_fsm") for path in (root / package).rglob("*.py")
+    }
+    return {
+        module: {_known(name, trees) for name in _imported(ast.parse(path.read_text("utf-8")))} - {module}
+        for module, path in trees.items()
+    }
+
+
+def _module(path: Path, root: Path) -> str:
+    names = path.relative_to(root).with_suffix("").parts
+    return ".".join(names[:-1] if names[-1] == "__init__" else names)
+
+
+def _imported(tree: ast.AST) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def _known(name: str, modules: Set[str] | Mapping[str, object]) -> str:
+    """The module of ours that a name lies in; a name of somebody else's as it is."""
+    while is_ours(name) and name not in modules:
+        name = name.rpartition(".")[0]
+    return name
