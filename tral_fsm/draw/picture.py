@@ -8,8 +8,9 @@ from typing import Literal
 
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.draw import text
-from tral_fsm.draw.layered.layout import Direction, Layout, Point, layout, turn_places
-from tral_fsm.formats import library
+from tral_fsm.draw.layered.arrange import arrange
+from tral_fsm.draw.layered.content import ordinals
+from tral_fsm.draw.layered.shapes import Arrangement, Direction, Point
 
 INK, PALE, INNER = "#22272e", "#f6f8fa", "#eef4ff"
 _TONES = ("#0b5cad", "#b3261e", "#1b7f3b", "#7a3db8", "#a85a00", "#00707a", "#a3195b", "#5a6472", "#5f6b00", "#3f3fbf")
@@ -76,7 +77,7 @@ class Picture:
     title: str
 
 
-def picture(machine: MachineDefinition, resolve: Resolve = library.load, direction: Direction | None = None) -> Picture:
+def picture(machine: MachineDefinition, resolve: Resolve, direction: Direction | None = None) -> Picture:
     """A machine, and below it the machines in it, each once.
 
     Args:
@@ -88,7 +89,7 @@ def picture(machine: MachineDefinition, resolve: Resolve = library.load, directi
     width, height = 0, 0
     panels = list(_panels(machine, resolve))
     for heading, part in panels:
-        laid = layout(part, direction=direction)
+        laid = arrange(part, state_size=text.state_size, label_size=text.label_size, direction=direction)
         top = height
         if len(panels) > 1:
             marks.append(Words((20, top + _HEADING - 4), text.printable(heading), bold=True))
@@ -115,9 +116,9 @@ def _panels(machine: MachineDefinition, resolve: Resolve) -> Iterator[tuple[str,
                 front.append((inner, resolve(inner)))
 
 
-def _marks(machine: MachineDefinition, laid: Layout) -> Iterator[Mark]:
+def _marks(machine: MachineDefinition, laid: Arrangement) -> Iterator[Mark]:
     tone = {state.id: _TONES[i % len(_TONES)] for i, state in enumerate(machine.states)}
-    place = turn_places(machine)
+    place = ordinals(machine)
     start, end = laid.root
     yield Line((start, end), INK, title="root")
     yield Dot(start, 6)
@@ -136,7 +137,7 @@ def _marks(machine: MachineDefinition, laid: Layout) -> Iterator[Mark]:
     yield from words
 
 
-def _boxes(machine: MachineDefinition, laid: Layout, tone: dict[int | str, str]) -> Iterator[Mark]:
+def _boxes(machine: MachineDefinition, laid: Arrangement, tone: dict[int | str, str]) -> Iterator[Mark]:
     left = {transition.source for transition in machine.transitions}
     for state, box in zip(machine.states, laid.boxes, strict=True):
         inner = state.inner is not None
