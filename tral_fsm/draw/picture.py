@@ -6,11 +6,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
+from tral_env.errors import MachineError
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.draw import text
-from tral_fsm.draw.layered.arrange import arrange
 from tral_fsm.draw.layered.content import ordinals
 from tral_fsm.draw.layered.shapes import Arrangement, Direction, Point
+from tral_fsm.draw.layout import layout
 
 INK, PALE, INNER = "#22272e", "#f6f8fa", "#eef4ff"
 _TONES = ("#0b5cad", "#b3261e", "#1b7f3b", "#7a3db8", "#a85a00", "#00707a", "#a3195b", "#5a6472", "#5f6b00", "#3f3fbf")
@@ -77,19 +78,22 @@ class Picture:
     title: str
 
 
-def picture(machine: MachineDefinition, resolve: Resolve, direction: Direction | None = None) -> Picture:
+def picture(machine: MachineDefinition, resolve: Resolve | None = None, direction: Direction | None = None) -> Picture:
     """A machine, and below it the machines in it, each once.
 
     Args:
         machine: a checked definition.
-        resolve: gives the packaged machine of a name.
+        resolve: gives the packaged machine of a name, as `tral_fsm.load_machine`; None: the machine names none.
         direction: where most arrows lead; None: as each picture comes out better.
+
+    Raises:
+        MachineError: a machine is named, and nothing says which one that is.
     """
     marks: list[Mark] = []
     width, height = 0, 0
     panels = list(_panels(machine, resolve))
     for heading, part in panels:
-        laid = arrange(part, state_size=text.state_size, label_size=text.label_size, direction=direction)
+        laid = layout(part, direction=direction)
         top = height
         if len(panels) > 1:
             marks.append(Words((20, top + _HEADING - 4), text.printable(heading), bold=True))
@@ -100,7 +104,7 @@ def picture(machine: MachineDefinition, resolve: Resolve, direction: Direction |
     return Picture(width, height, tuple(marks), text.printable(panels[0][0]))
 
 
-def _panels(machine: MachineDefinition, resolve: Resolve) -> Iterator[tuple[str, MachineDefinition]]:
+def _panels(machine: MachineDefinition, resolve: Resolve | None) -> Iterator[tuple[str, MachineDefinition]]:
     """The machine and those in it, outer ones first; a packaged one once."""
     front: list[tuple[str, MachineDefinition]] = [(machine.name or "machine", machine)]
     seen: set[str] = set()
@@ -113,6 +117,11 @@ def _panels(machine: MachineDefinition, resolve: Resolve) -> Iterator[tuple[str,
                 front.append((f"{inner.name or 'inline'}, in state {text.state_name(state)}", inner))
             elif inner is not None and inner not in seen:
                 seen.add(inner)
+                if resolve is None:
+                    raise MachineError(
+                        f"state {text.state_name(state)} names the machine {inner!r}, and nothing says which one that "
+                        "is: give picture(..., resolve=tral_fsm.load_machine)"
+                    )
                 front.append((inner, resolve(inner)))
 
 

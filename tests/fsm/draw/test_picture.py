@@ -8,6 +8,7 @@ from xml.etree import ElementTree as ET
 import pytest
 from PIL import Image
 
+from tral_env.errors import MachineError
 from tral_fsm import load_machine, machine_names
 from tral_fsm.definition.conditions import TimerSpec
 from tral_fsm.definition.machine import FSMStateSpec, IdleSpec, MachineDefinition, StopSpec, TransitionSpec
@@ -86,6 +87,11 @@ def test_inner_machines_stand_below_each_packaged_one_once() -> None:
 def test_machines_are_looked_up_as_the_caller_says() -> None:
     drawn = picture(holding("mine"), resolve={"mine": INNER}.__getitem__)
     assert "0: halt" in words(drawn)
+
+
+def test_a_name_that_nobody_resolves_is_an_error_that_tells_the_remedy() -> None:
+    with pytest.raises(MachineError, match=r"state 0 names the machine 'gate'.*resolve=tral_fsm\.load_machine"):
+        picture(holding("gate"))
 
 
 @pytest.mark.parametrize(("points", "tip"), [(((0, 0), (50, 0)), (41, 4)), (((0, 50), (0, 0)), (-4, 9))])

@@ -239,7 +239,7 @@ class _Reading:
             self.complain(pointer, f"says {key!r}: {found[key]!r}, but that end is drawn at {place}")
 
     def missing(self, pointer: str, key: str, why: str) -> None:
-        """Told here, and not again by who validates."""
+        """Tell it here; the reader, which validates, does not tell it again."""
         self.problems.complain(f"{pointer}/{key}", f"{key!r} is missing, {why}", self.places[pointer])
 
     def in_order(self) -> None:

@@ -1,7 +1,6 @@
 """A laid-out machine: nothing on top of another, every arrow from outline to outline, always the same."""
 
 from itertools import combinations, pairwise
-from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -10,9 +9,8 @@ from hypothesis import strategies as st
 from tral_fsm import load_machine, machine_names
 from tral_fsm.definition.conditions import DistanceSpec, SensorLevelSpec, TimerSpec
 from tral_fsm.definition.machine import IdleSpec, MachineDefinition, MotorSpec, TransitionSpec
-from tral_fsm.draw import text
-from tral_fsm.draw.layered.arrange import arrange
 from tral_fsm.draw.layered.shapes import Arrangement, Point, Rect
+from tral_fsm.draw.layout import layout
 
 CONDITIONS = st.sampled_from(
     [TimerSpec(seconds=1.0), DistanceSpec(distance=2.5), SensorLevelSpec(sensor="left", above=1.5, readings=3)]
@@ -34,11 +32,6 @@ def machines(draw: st.DrawFn) -> MachineDefinition:
 
 
 DIRECTIONS = st.sampled_from([None, "right", "down"])
-
-
-def arranged(machine: MachineDefinition, **options: Any) -> Arrangement:
-    """As a picture arranges it."""
-    return arrange(machine, **{"state_size": text.state_size, "label_size": text.label_size, **options})
 
 
 def chain(n: int) -> MachineDefinition:
@@ -76,7 +69,7 @@ def ends(machine: MachineDefinition, laid: Arrangement, transition: int) -> tupl
 @given(machines(), DIRECTIONS, st.booleans())
 @settings(max_examples=60)
 def test_nothing_stands_on_top_of_another(machine: MachineDefinition, direction: None, bundled: bool) -> None:
-    laid = arranged(machine, direction=direction, bundled=bundled)
+    laid = layout(machine, direction=direction, bundled=bundled)
     rects = [*laid.boxes, *(route.label for route in laid.routes)]
     assert not [(a, b) for a, b in combinations(rects, 2) if a.overlaps(b)]
 
@@ -84,7 +77,7 @@ def test_nothing_stands_on_top_of_another(machine: MachineDefinition, direction:
 @given(machines(), DIRECTIONS, st.booleans())
 @settings(max_examples=60)
 def test_no_arrow_runs_through_a_box_or_a_label(machine: MachineDefinition, direction: None, bundled: bool) -> None:
-    laid = arranged(machine, direction=direction, bundled=bundled)
+    laid = layout(machine, direction=direction, bundled=bundled)
     rects = [*laid.boxes, *(route.label for route in laid.routes)]
     lines = [*(route.points for route in laid.routes), laid.root]
     assert not [(a, b, r) for line in lines for a, b in pairwise(line) for r in rects if through(a, b, r)]
@@ -95,7 +88,7 @@ def test_no_arrow_runs_through_a_box_or_a_label(machine: MachineDefinition, dire
 def test_every_transition_has_an_arrow_between_its_boxes(
     machine: MachineDefinition, direction: None, bundled: bool
 ) -> None:
-    laid = arranged(machine, direction=direction, bundled=bundled)
+    laid = layout(machine, direction=direction, bundled=bundled)
     assert sorted(i for route in laid.routes for i in route.transitions) == list(range(len(machine.transitions)))
     for route in laid.routes:
         for transition in route.transitions:
@@ -109,7 +102,7 @@ def test_every_transition_has_an_arrow_between_its_boxes(
 @given(machines())
 @settings(max_examples=40)
 def test_all_is_on_the_grid_right_angled_and_on_the_page(machine: MachineDefinition) -> None:
-    laid = arranged(machine)
+    laid = layout(machine)
     assert all(value % 10 == 0 for box in laid.boxes for value in (box.x, box.y, box.w, box.h))
     for line in [*(route.points for route in laid.routes), laid.root]:
         assert all(0 <= x <= laid.width and 0 <= y <= laid.height and x % 10 == y % 10 == 0 for x, y in line)
@@ -124,19 +117,19 @@ def test_all_is_on_the_grid_right_angled_and_on_the_page(machine: MachineDefinit
 @given(machines())
 @settings(max_examples=30)
 def test_no_arrow_ends_where_another_does(machine: MachineDefinition) -> None:
-    laid = arranged(machine)
+    laid = layout(machine)
     points = [point for route in laid.routes for point in (route.points[0], route.points[-1])]
     assert len(points) == len(set(points))
 
 
 @pytest.mark.parametrize("name", machine_names())
 def test_the_same_machine_gives_the_same_arrangement(name: str) -> None:
-    assert arranged(load_machine(name)) == arranged(load_machine(name))
+    assert layout(load_machine(name)) == layout(load_machine(name))
 
 
 @pytest.mark.parametrize("name", machine_names())
 def test_packaged_machines_make_no_wallpaper(name: str) -> None:
-    laid = arranged(load_machine(name))
+    laid = layout(load_machine(name))
     assert max(laid.width, laid.height) <= 2500
     assert laid.width * laid.height <= 4e6
 
@@ -144,36 +137,36 @@ def test_packaged_machines_make_no_wallpaper(name: str) -> None:
 def test_bundled_transitions_share_one_arrow() -> None:
     machine = load_machine("office")
     pairs = {(t.source, t.target) for t in machine.transitions}
-    assert len(arranged(machine).routes) == len(pairs) < len(machine.transitions)
+    assert len(layout(machine).routes) == len(pairs) < len(machine.transitions)
 
 
 def test_each_has_its_own_unless_bundled() -> None:
     machine = load_machine("office")
-    assert [route.transitions for route in arranged(machine, bundled=False).routes] == [
+    assert [route.transitions for route in layout(machine, bundled=False).routes] == [
         (i,) for i in range(len(machine.transitions))
     ]
 
 
 def test_a_chain_is_straight() -> None:
-    laid = arranged(chain(5), direction="right")
+    laid = layout(chain(5), direction="right")
     assert len({box.y for box in laid.boxes}) == 1
     assert [box.x for box in laid.boxes] == sorted(box.x for box in laid.boxes)
     assert all(len(route.points) == 2 for route in laid.routes)
 
 
 def test_a_long_chain_leads_down_rather_than_off_the_page() -> None:
-    assert arranged(chain(12), state_size=lambda state: (200, 40)).direction == "down"
+    assert layout(chain(12), state_size=lambda state: (200, 40)).direction == "down"
 
 
 def test_boxes_have_at_least_the_size_that_is_asked_for() -> None:
-    laid = arranged(chain(3), state_size=lambda state: (100 * (int(state.id) + 1), 70))
+    laid = layout(chain(3), state_size=lambda state: (100 * (int(state.id) + 1), 70))
     assert [(box.w >= 100 * (i + 1), box.h >= 70) for i, box in enumerate(laid.boxes)] == [(True, True)] * 3
 
 
 def test_a_large_machine_is_laid_out_in_bearable_time() -> None:
     n = 120
     ways = [(i, (7 * i + 3) % n) for i in range(n)] + [(i, (i + 1) % n) for i in range(n)]
-    laid = arranged(
+    laid = layout(
         MachineDefinition(
             root=0,
             states=tuple(IdleSpec(id=i) for i in range(n)),
