@@ -116,7 +116,7 @@ def draw(
     from tral_fsm.draw.png import png, scale_of
     from tral_fsm.draw.svg import svg
 
-    drawn = picture(load_machine(source), direction=direction)
+    drawn = picture(load_machine(source), load_machine, direction)
     _replace(out, png(drawn) if suffix == ".png" else svg(drawn).encode("utf-8"))
     if suffix == ".png" and scale_of(drawn) < 0.5:
         typer.echo(f"The picture of {drawn.width} x {drawn.height} px is too large for a .png: try .svg", err=True)

@@ -185,12 +185,12 @@ def _conditions(level: _Level) -> Iterator[Problem]:
 
 def _of_owner(condition: ConditionSpec, owner: StateSpec, pointer: str) -> Iterator[Problem]:
     """What a condition asks its owner the owner can answer."""
-    who = f"leaves state {owner.id!r} ({owner.type}), which"
+    leaving = f"leaves state {owner.id!r} ({owner.type}), which"
     if condition.asks_owner_finished and not owner.finishable:
         hint = f": {owner.never_finishes_hint}" if owner.never_finishes_hint else ""
-        yield Problem(pointer, f"{condition.type} {who} never says that it is finished{hint}")
+        yield Problem(pointer, f"{condition.type} {leaving} never says that it is finished{hint}")
     if condition.asks_owner_target and not owner.takes_target:
-        yield Problem(pointer, f"{condition.type} {who} takes no target. {_targetable()}")
+        yield Problem(pointer, f"{condition.type} {leaving} takes no target. {_targetable()}")
 
 
 def _targetable() -> str:
@@ -205,16 +205,16 @@ def _shadowed(level: _Level) -> Iterator[Problem]:
     for index, way in level.transitions:
         if not way.when.type:
             continue
-        who = f"transition {way.id!r} can never fire"
+        dead = f"transition {way.id!r} can never fire"
         if way.when.never():
-            yield Problem(f"/transitions/{index}", f"{who}: its condition holds in no tick")
+            yield Problem(f"/transitions/{index}", f"{dead}: its condition holds in no tick")
         same = (way.source, repr(way.when))  # text, since a condition of somebody's own may hold what has no hash
         if way.source in always_before:
             other = always_before[way.source]
-            yield Problem(f"/transitions/{index}", f"{who}: {other!r}, checked before it, fires always")
+            yield Problem(f"/transitions/{index}", f"{dead}: {other!r}, checked before it, fires always")
         elif same in same_before:
             other = same_before[same]
-            yield Problem(f"/transitions/{index}", f"{who}: {other!r}, checked before it, has the same condition")
+            yield Problem(f"/transitions/{index}", f"{dead}: {other!r}, checked before it, has the same condition")
         same_before.setdefault(same, way.id)
         if way.when.always():
             always_before.setdefault(way.source, way.id)

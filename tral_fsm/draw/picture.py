@@ -6,10 +6,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
+from tral_env.errors import MachineError
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.draw import text
-from tral_fsm.draw.layered.layout import Direction, Layout, Point, layout, turn_places
-from tral_fsm.formats import library
+from tral_fsm.draw.layered.content import ordinals
+from tral_fsm.draw.layered.shapes import Arrangement, Direction, Point
+from tral_fsm.draw.layout import layout
 
 INK, PALE, INNER = "#22272e", "#f6f8fa", "#eef4ff"
 _TONES = ("#0b5cad", "#b3261e", "#1b7f3b", "#7a3db8", "#a85a00", "#00707a", "#a3195b", "#5a6472", "#5f6b00", "#3f3fbf")
@@ -76,13 +78,16 @@ class Picture:
     title: str
 
 
-def picture(machine: MachineDefinition, resolve: Resolve = library.load, direction: Direction | None = None) -> Picture:
+def picture(machine: MachineDefinition, resolve: Resolve | None = None, direction: Direction | None = None) -> Picture:
     """A machine, and below it the machines in it, each once.
 
     Args:
         machine: a checked definition.
-        resolve: gives the packaged machine of a name.
+        resolve: gives the packaged machine of a name, as `tral_fsm.load_machine`; None: the machine names none.
         direction: where most arrows lead; None: as each picture comes out better.
+
+    Raises:
+        MachineError: a machine is named, and nothing says which one that is.
     """
     marks: list[Mark] = []
     width, height = 0, 0
@@ -99,7 +104,7 @@ def picture(machine: MachineDefinition, resolve: Resolve = library.load, directi
     return Picture(width, height, tuple(marks), text.printable(panels[0][0]))
 
 
-def _panels(machine: MachineDefinition, resolve: Resolve) -> Iterator[tuple[str, MachineDefinition]]:
+def _panels(machine: MachineDefinition, resolve: Resolve | None) -> Iterator[tuple[str, MachineDefinition]]:
     """The machine and those in it, outer ones first; a packaged one once."""
     front: list[tuple[str, MachineDefinition]] = [(machine.name or "machine", machine)]
     seen: set[str] = set()
@@ -112,12 +117,17 @@ def _panels(machine: MachineDefinition, resolve: Resolve) -> Iterator[tuple[str,
                 front.append((f"{inner.name or 'inline'}, in state {text.state_name(state)}", inner))
             elif inner is not None and inner not in seen:
                 seen.add(inner)
+                if resolve is None:
+                    raise MachineError(
+                        f"state {text.state_name(state)} names the machine {inner!r}, and nothing says which one that "
+                        "is: give picture(..., resolve=tral_fsm.load_machine)"
+                    )
                 front.append((inner, resolve(inner)))
 
 
-def _marks(machine: MachineDefinition, laid: Layout) -> Iterator[Mark]:
+def _marks(machine: MachineDefinition, laid: Arrangement) -> Iterator[Mark]:
     tone = {state.id: _TONES[i % len(_TONES)] for i, state in enumerate(machine.states)}
-    place = turn_places(machine)
+    place = ordinals(machine)
     start, end = laid.root
     yield Line((start, end), INK, title="root")
     yield Dot(start, 6)
@@ -136,7 +146,7 @@ def _marks(machine: MachineDefinition, laid: Layout) -> Iterator[Mark]:
     yield from words
 
 
-def _boxes(machine: MachineDefinition, laid: Layout, tone: dict[int | str, str]) -> Iterator[Mark]:
+def _boxes(machine: MachineDefinition, laid: Arrangement, tone: dict[int | str, str]) -> Iterator[Mark]:
     left = {transition.source for transition in machine.transitions}
     for state, box in zip(machine.states, laid.boxes, strict=True):
         inner = state.inner is not None

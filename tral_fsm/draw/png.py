@@ -14,7 +14,7 @@ from tral_fsm.draw.text import SIZE
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_LARGEST = 12000.0
+_MAX_DOTS = 12000.0
 """Dots along a side: more fit into no screen, and soon into no memory. Source: choice."""
 _COLOURS = 128
 _DPI = 72
@@ -23,7 +23,7 @@ _DPI = 72
 
 def scale_of(picture: Picture, scale: float = 1.5) -> float:
     """Dots a px: as wanted, or fewer where the image would become larger than 12000 x 12000."""
-    return min(scale, _LARGEST / max(picture.width, picture.height))
+    return min(scale, _MAX_DOTS / max(picture.width, picture.height))
 
 
 def png(picture: Picture, scale: float = 1.5) -> bytes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import get_args
 
 from tral_fsm.definition.conditions import ConditionSpec
@@ -18,7 +18,7 @@ LINE = 14
 """From one line of text to the next, px."""
 _WRAP = 26
 """Characters of a line."""
-_LONGEST = 40
+_MAX_CHARACTERS = 40
 """Characters of a name or a value; the rest of a longer one is left out."""
 _GLUE = "\N{NO-BREAK SPACE}"
 """Holds together what stays in one line: a parameter with its value and its unit."""
@@ -56,6 +56,18 @@ def state_lines(state: StateSpec) -> list[str]:
     return lines + _wrapped(", ".join(_glued(parameters(state, always=False))))
 
 
+def state_size(state: StateSpec) -> tuple[int, int]:
+    """Room that the text of a state takes with its margins, px."""
+    lines = state_lines(state)
+    wide, high = size(lines)
+    return max(wide, width(state_name(state), bold=True)) + 20, high + LINE + 16
+
+
+def label_size(transitions: Sequence[TransitionSpec], ordinals: Sequence[str]) -> tuple[int, int]:
+    """Room that the text of bundled transitions takes, px."""
+    return size([line for t, place in zip(transitions, ordinals, strict=True) for line in transition_lines(t, place)])
+
+
 def transition_lines(transition: TransitionSpec, place: str = "") -> list[str]:
     """When a transition fires.
 
@@ -90,7 +102,7 @@ def _glued(words: Iterable[str]) -> list[str]:
 
 def _cut(word: str) -> str:
     flat = printable(word)
-    return flat if len(flat) <= _LONGEST else flat[: _LONGEST - 1] + "…"
+    return flat if len(flat) <= _MAX_CHARACTERS else flat[: _MAX_CHARACTERS - 1] + "…"
 
 
 def _wrapped(text: str) -> list[str]:

@@ -22,7 +22,7 @@ from tral_fsm.formats.scxml import reader as scxml
 from tral_fsm.formats.scxml import writer as scxml_writer
 from tral_fsm.formats.umlet import uxf, xml2json
 
-LARGEST = 2 * 1024 * 1024
+MAX_BYTES = 2 * 1024 * 1024
 """Bytes of a file that is read. The largest reference machine has 13,000. Source: choice."""
 
 
@@ -76,8 +76,8 @@ def read(content: str | bytes, source: str, suffix: str = "") -> MachineDefiniti
     plain = Plain()
     try:
         text = content if isinstance(content, str) else _decoded(content)
-        if len(content) > LARGEST:
-            raise xml_tree.XMLError(f"got {len(content)} bytes, at most {LARGEST} are read")
+        if len(content) > MAX_BYTES:
+            raise xml_tree.XMLError(f"got {len(content)} bytes, at most {MAX_BYTES} are read")
         plain = _plain(text, suffix, problems)
     except MachineError as error:
         raise FormatError(source, [Problem("", str(error))]) from error
@@ -169,6 +169,6 @@ def _content(path: Path) -> bytes:
     """No more of a file than is needed to see that it is too large."""
     try:
         with path.open("rb") as file:
-            return file.read(LARGEST + 1)
+            return file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:  # a ValueError: a null in its name
         raise MachineError(f"{str(path)[:200]}: cannot be read: {getattr(error, 'strerror', error)}") from error

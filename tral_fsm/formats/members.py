@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-LONGEST = 65_536
+MAX_CHARACTERS = 65_536
 """Characters of one element. Source: choice; the machine office inline has a third of it."""
 
 _BETWEEN = re.compile(r"[\s,]*")
@@ -28,8 +28,8 @@ def parse(text: str, complain: Callable[[str], None]) -> dict[str, Any]:
     Returns:
         The members that could be read. A value that is no JSON is a word: the rest of its line.
     """
-    if len(text) > LONGEST:
-        complain(f"got {len(text)} characters, at most {LONGEST} are read")
+    if len(text) > MAX_CHARACTERS:
+        complain(f"got {len(text)} characters, at most {MAX_CHARACTERS} are read")
         return {}
     text = _CONTROL.sub(" ", text)
     decoder = _decoder(complain)

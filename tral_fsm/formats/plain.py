@@ -9,7 +9,7 @@ from typing import Any
 
 from tral_fsm.definition.checks import Problem
 
-MOST_PROBLEMS = 100
+MAX_PROBLEMS = 100
 """So many problems of a file are told. Source: choice; nobody reads more."""
 
 _POINTER = re.compile(r"/(?:states|transitions)/\d+")
@@ -21,7 +21,7 @@ class EnoughProblemsError(Exception):
 
 @dataclass
 class Problems:
-    """What is wrong with a file, up to `MOST_PROBLEMS`."""
+    """What is wrong with a file, up to `MAX_PROBLEMS`."""
 
     found: list[Problem] = field(default_factory=list)
 
@@ -37,7 +37,7 @@ class Problems:
             EnoughProblemsError: that was the last one.
         """
         self.found.append(Problem(pointer, message, place))
-        if len(self.found) >= MOST_PROBLEMS:
+        if len(self.found) >= MAX_PROBLEMS:
             raise EnoughProblemsError
 
 

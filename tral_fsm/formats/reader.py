@@ -16,15 +16,15 @@ from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
 from tral_fsm.definition.machine import STATES, MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.definition.plugins import load_plugins
 from tral_fsm.definition.validated import Id, Spec
-from tral_fsm.formats.plain import MOST_PROBLEMS, EnoughProblemsError, Plain, Problems, located
+from tral_fsm.formats.plain import MAX_PROBLEMS, EnoughProblemsError, Plain, Problems, located
 
 M = TypeVar("M", bound=Spec)
 
 _ENDS = ("id", "from", "to")
 _MAX_DEPTH = 32
-_MOST_PARTS = 500
+_MAX_PARTS = 500
 """States or transitions of one machine, and conditions that one combines. Source: choice; office has 40."""
-_MOST_IN_ALL = 2000
+_MAX_PARTS_OF_FILE = 2000
 """Of all in a file together."""
 
 
@@ -56,9 +56,9 @@ def definition(plain: Plain, source: str, problems: Problems | None = None) -> M
 def told(problems: Iterable[Problem], places: Mapping[str, str]) -> list[Problem]:
     """Problems with their places, none twice, no more than can be read."""
     found = list(dict.fromkeys(located(problem, places) for problem in problems))
-    if len(found) < MOST_PROBLEMS:
+    if len(found) < MAX_PROBLEMS:
         return found
-    return [*found[:MOST_PROBLEMS], Problem("", f"there may be more than these {MOST_PROBLEMS} problems")]
+    return [*found[:MAX_PROBLEMS], Problem("", f"there may be more than these {MAX_PROBLEMS} problems")]
 
 
 class Reader:
@@ -147,8 +147,8 @@ class Reader:
             self.complain(f"{pointer}/{key}", f"got {_show(items)}, expected an array")
             return []
         self.parts += len(items)
-        if len(items) > _MOST_PARTS or self.parts > _MOST_IN_ALL:
-            allowed = f"at most {_MOST_PARTS} are allowed, {_MOST_IN_ALL} in the whole file"
+        if len(items) > _MAX_PARTS or self.parts > _MAX_PARTS_OF_FILE:
+            allowed = f"at most {_MAX_PARTS} are allowed, {_MAX_PARTS_OF_FILE} in the whole file"
             self.complain(f"{pointer}/{key}", f"got {len(items)} of them: {allowed}")
             return []
         return [(f"{pointer}/{key}/{index}", item) for index, item in enumerate(items)]

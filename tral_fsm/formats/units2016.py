@@ -30,7 +30,7 @@ NAMES = {"WandFolgen": "BasicFollowWall"}
 _INTEGER = re.compile(r"-?\d{1,18}", re.ASCII)
 
 
-_DEEPEST = 40
+_MAX_DEPTH = 40
 """Deeper parts are left as they are: the reader refuses them."""
 
 
@@ -69,7 +69,7 @@ def _machine(value: dict[str, Any], depth: int) -> dict[str, Any]:
 
 def _part(item: Any, known: Mapping[str, type[Spec]], depth: int) -> Any:
     """A state or transition: numbers out of their quotes, hall units to metres."""
-    if not isinstance(item, dict) or depth > _DEEPEST:
+    if not isinstance(item, dict) or depth > _MAX_DEPTH:
         return item
     found = {key: _whole(value) if key in ("id", "from", "to") else value for key, value in item.items()}
     name = found.get("type")

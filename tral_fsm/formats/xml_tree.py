@@ -13,9 +13,9 @@ from xml.parsers import expat
 
 from tral_env.errors import MachineError
 
-MOST_ELEMENTS = 50_000
+MAX_ELEMENTS = 50_000
 """A machine of a hundred states has some thousand elements. Source: choice."""
-DEEPEST = 100
+MAX_DEPTH = 100
 """Elements within elements. Source: choice."""
 
 _BEFORE_ROOT = re.compile(r"\s*(?:(?:<\?.*?\?>|<!--.*?-->)\s*)*", re.DOTALL)
@@ -66,10 +66,10 @@ class _Builder:
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         self.count += 1
-        if self.count > MOST_ELEMENTS:
-            raise XMLError(f"more than {MOST_ELEMENTS} XML elements")
-        if len(self.open) >= DEEPEST:
-            raise XMLError(f"XML elements nested more than {DEEPEST} deep")
+        if self.count > MAX_ELEMENTS:
+            raise XMLError(f"more than {MAX_ELEMENTS} XML elements")
+        if len(self.open) >= MAX_DEPTH:
+            raise XMLError(f"XML elements nested more than {MAX_DEPTH} deep")
         named = {_clark(name): value for name, value in attributes.items()}
         node = Node(_clark(tag), named, self.parser.CurrentLineNumber)
         if self.open:

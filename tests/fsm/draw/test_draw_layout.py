@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from tral_fsm import load_machine, machine_names
 from tral_fsm.definition.conditions import DistanceSpec, SensorLevelSpec, TimerSpec
 from tral_fsm.definition.machine import IdleSpec, MachineDefinition, MotorSpec, TransitionSpec
-from tral_fsm.draw.layered.layout import Layout, Point, Rect, layout
+from tral_fsm.draw.layered.shapes import Arrangement, Point, Rect
+from tral_fsm.draw.layout import layout
 
 CONDITIONS = st.sampled_from(
     [TimerSpec(seconds=1.0), DistanceSpec(distance=2.5), SensorLevelSpec(sensor="left", above=1.5, readings=3)]
@@ -59,7 +60,7 @@ def through(a: Point, b: Point, rect: Rect) -> bool:
     )
 
 
-def ends(machine: MachineDefinition, laid: Layout, transition: int) -> tuple[Rect, Rect]:
+def ends(machine: MachineDefinition, laid: Arrangement, transition: int) -> tuple[Rect, Rect]:
     box = dict(zip((state.id for state in machine.states), laid.boxes, strict=True))
     way = machine.transitions[transition]
     return box[way.source], box[way.target]
@@ -122,7 +123,7 @@ def test_no_arrow_ends_where_another_does(machine: MachineDefinition) -> None:
 
 
 @pytest.mark.parametrize("name", machine_names())
-def test_the_same_machine_gives_the_same_layout(name: str) -> None:
+def test_the_same_machine_gives_the_same_arrangement(name: str) -> None:
     assert layout(load_machine(name)) == layout(load_machine(name))
 
 

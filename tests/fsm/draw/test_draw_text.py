@@ -20,7 +20,6 @@ from tral_fsm.definition.conditions import (
 )
 from tral_fsm.definition.machine import FSMStateSpec, MotorSpec, StopSpec, TransitionSpec
 from tral_fsm.draw import text
-from tral_fsm.draw.layered.layout import drawn_label, drawn_state
 
 FRONT = SensorLevelSpec(sensor="front", below=0.5)
 
@@ -95,6 +94,6 @@ def test_words_are_never_wider_than_reckoned(words: str, bold: bool) -> None:
 
 def test_room_of_a_state_and_a_label_holds_all_their_lines() -> None:
     state = MotorSpec(id="drive", speed=0.5)
-    assert drawn_state(state)[1] >= 3 * text.LINE
+    assert text.state_size(state)[1] >= 3 * text.LINE
     transitions = [TransitionSpec(id=i, source=0, target=1, when=TimerSpec(seconds=1.0)) for i in range(2)]
-    assert drawn_label(transitions, ["1. ", "2. "])[1] == 2 * text.LINE
+    assert text.label_size(transitions, ["1. ", "2. "])[1] == 2 * text.LINE

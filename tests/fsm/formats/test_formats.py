@@ -9,7 +9,7 @@ import pytest
 
 from tral_env.errors import MachineError
 from tral_fsm import FormatError, MachineDefinition, load_machine
-from tral_fsm.formats import FORMATS, LARGEST, by_suffix, read, write
+from tral_fsm.formats import FORMATS, MAX_BYTES, by_suffix, read, write
 from tral_fsm.formats.units2016 import HALL_UNITS
 
 WALL = load_machine("wall")
@@ -97,7 +97,7 @@ class TestRefused:
     @pytest.mark.parametrize(
         ("content", "told"),
         [
-            ("{" + " " * LARGEST + "}", "at most 2097152 are read"),
+            ("{" + " " * MAX_BYTES + "}", "at most 2097152 are read"),
             ("<diagram>" + "<a>" * 50_000, "XML elements nested more than 100 deep"),
             ("<diagram>" + "<a/>" * 60_000 + "</diagram>", "more than 50000 XML elements"),
             ("[" * 100_000, "nested too deeply"),

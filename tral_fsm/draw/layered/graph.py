@@ -163,3 +163,8 @@ def layered(
             last = len(slots) - 1
         links.append(Link(index, last, far))
     return Graph(slots, links, 2 * max(rank) + 1)
+
+
+def round_up(length: int, step: int = GRID) -> int:
+    """The next multiple of a step that is not less than a length."""
+    return -(-length // step) * step

@@ -5,23 +5,23 @@ from __future__ import annotations
 from tral_fsm.draw.layered.graph import Graph
 
 _SWEEPS = 12
-_MANY = 1000
+_MAX_SLOTS = 1000
 """With more slots there are fewer sweeps, so that the time stays bearable. Source: choice."""
 
 
 def untangled(graph: Graph) -> tuple[list[list[int]], int]:
     """Slots of each layer in order across, and how often arrows cross."""
     layers = _first(graph)
-    best, least = layers, crossings(graph, layers)
-    for sweep in range(max(2, min(_SWEEPS, _SWEEPS * _MANY // len(graph.slots)))):
+    best, fewest = layers, crossings(graph, layers)
+    for sweep in range(max(2, min(_SWEEPS, _SWEEPS * _MAX_SLOTS // len(graph.slots)))):
         _sort_by_neighbours(graph, layers, down=sweep % 2 == 0)
         _swap(graph, layers)
         now = crossings(graph, layers)
-        if now < least:
-            best, least = [list(layer) for layer in layers], now
-        if not least:
+        if now < fewest:
+            best, fewest = [list(layer) for layer in layers], now
+        if not fewest:
             break
-    return best, least
+    return best, fewest
 
 
 def _first(graph: Graph) -> list[list[int]]:

@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Sequence
 
 from tral_fsm.draw.layered.graph import GRID, Graph
-from tral_fsm.draw.layered.place import gap, link_ends
+from tral_fsm.draw.layered.positions import gap, link_ends
 
 _PASSES = 4
 

@@ -11,11 +11,11 @@ from typing import Any
 from tral_fsm.formats import members, units2016
 from tral_fsm.formats.plain import Plain, Problems
 
-STICKS = 9.0
+MAX_GAP_PX = 9.0
 """An end belongs to a state whose outline is no farther away, in pixels at 100 %. Source: UMLet."""
-GRID = 10.0
+FULL_ZOOM = 10.0
 """The zoom_level that is 100 %."""
-MOST_ELEMENTS = 1500
+MAX_ELEMENTS = 1500
 """Of a diagram. Source: choice; that of the machine office has 60."""
 
 _STATE = ("UMLState", "State", "StateSubDiagram")
@@ -53,7 +53,7 @@ class Diagram:
     """A whole file."""
 
     elements: Sequence[Element]
-    zoom: float = GRID
+    zoom: float = FULL_ZOOM
     text: str = ""
     """The text of the diagram itself."""
 
@@ -86,12 +86,12 @@ def plain(diagram: Diagram, problems: Problems) -> Plain:
     Returns:
         Values as in TRAL JSON, and the element from which each comes.
     """
-    if len(diagram.elements) > MOST_ELEMENTS:
-        problems.complain("", f"got {len(diagram.elements)} elements, at most {MOST_ELEMENTS} are read")
+    if len(diagram.elements) > MAX_ELEMENTS:
+        problems.complain("", f"got {len(diagram.elements)} elements, at most {MAX_ELEMENTS} are read")
         return Plain()
     for number, element in enumerate(diagram.elements, 1):
-        if len(element.text) > members.LONGEST:
-            told = f"got {len(element.text)} characters, at most {members.LONGEST} are read"
+        if len(element.text) > members.MAX_CHARACTERS:
+            told = f"got {len(element.text)} characters, at most {members.MAX_CHARACTERS} are read"
             problems.complain("", told, f"{element.kind[:60]} (element {number})")
             return Plain()
     return _Reading(diagram, problems).machine()
@@ -139,7 +139,7 @@ class _Reading:
 
     def scaled(self, box: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
         """A box in pixels at 100 %."""
-        x, y, width, height = (length * GRID / self.diagram.zoom for length in box)
+        x, y, width, height = (length * FULL_ZOOM / self.diagram.zoom for length in box)
         return x, y, width, height
 
     def head(self) -> dict[str, Any]:
@@ -207,7 +207,7 @@ class _Reading:
         if element.box is None or not element.points:
             return None, None
         x, y = element.box[:2]
-        scale = GRID / self.diagram.zoom
+        scale = FULL_ZOOM / self.diagram.zoom
         points = [
             ((x + a) * scale, (y + b) * scale) if element.legacy else (x * scale + a, y * scale + b)
             for a, b in (element.points[0], element.points[-1])
@@ -218,7 +218,7 @@ class _Reading:
     def near(self, point: tuple[float, float]) -> _Outline | None:
         """The outline that a point sticks to: the nearest, a state's before a comment's; None: none, or two as near."""
         found = [(outline.distance(point), outline) for outline in self.outlines]
-        near = [(outline.kind in _COMMENT, distance, outline) for distance, outline in found if distance <= STICKS]
+        near = [(outline.kind in _COMMENT, distance, outline) for distance, outline in found if distance <= MAX_GAP_PX]
         near.sort(key=lambda one: one[:2])
         if not near or (len(near) > 1 and near[0][:2] == near[1][:2]):
             return None
@@ -239,7 +239,7 @@ class _Reading:
             self.complain(pointer, f"says {key!r}: {found[key]!r}, but that end is drawn at {place}")
 
     def missing(self, pointer: str, key: str, why: str) -> None:
-        """Told here, and not again by who validates."""
+        """Tell it here; the reader, which validates, does not tell it again."""
         self.problems.complain(f"{pointer}/{key}", f"{key!r} is missing, {why}", self.places[pointer])
 
     def in_order(self) -> None:

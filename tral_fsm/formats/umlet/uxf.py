@@ -9,11 +9,11 @@ from collections.abc import Iterator
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.formats.plain import Plain, Problems
 from tral_fsm.formats.umlet import writer as uxf_writer
-from tral_fsm.formats.umlet.elements import GRID, Diagram, Element
+from tral_fsm.formats.umlet.elements import FULL_ZOOM, Diagram, Element
 from tral_fsm.formats.umlet.elements import plain as understand
 from tral_fsm.formats.xml_tree import Node
 
-_LONGEST_POINTS = 10_000
+_MAX_POINTS_TEXT = 10_000
 """Characters; an arrow with more corners has no place."""
 ROOTS = ("diagram", "umlet_diagram")
 """Tags of a whole file, new and legacy."""
@@ -29,7 +29,7 @@ def plain(root: Node, problems: Problems) -> Plain:
     zoom = number(root.child_text("zoom_level") or "10")
     if zoom is None or zoom <= 0.0:
         problems.complain("", f"got zoom_level {root.child_text('zoom_level')[:30]!r}, expected a number above 0")
-        zoom = GRID
+        zoom = FULL_ZOOM
     elements = [_element(node) for node in _elements(root)]
     return understand(Diagram(elements, zoom, root.child_text("help_text")), problems)
 
@@ -60,7 +60,7 @@ def element(kind: str, legacy: bool, sides: list[float | None], text: str, point
     """An element from its parts: x, y, width, height as numbers, points as text `x;y;x;y`."""
     x, y, width, height = sides
     known = x is not None and y is not None and width is not None and height is not None
-    known_points = kind == "Relation" and len(points) < _LONGEST_POINTS
+    known_points = kind == "Relation" and len(points) < _MAX_POINTS_TEXT
     values = [number(part) for part in points.split(";")] if known_points else []
     pairs = tuple((a, b) for a, b in zip(values[::2], values[1::2], strict=False) if a is not None and b is not None)
     whole = len(pairs) * 2 == len(values) and len(pairs) > 1

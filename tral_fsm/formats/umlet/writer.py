@@ -11,7 +11,8 @@ from typing import Any
 from xml.sax.saxutils import escape
 
 from tral_fsm.definition.machine import MachineDefinition, StateSpec, TransitionSpec
-from tral_fsm.draw.layered.layout import Layout, Route, layout
+from tral_fsm.draw.layered.arrange import arrange
+from tral_fsm.draw.layered.shapes import Arrangement, Route
 from tral_fsm.formats.tral_json import members, state_json
 from tral_fsm.formats.xml_tree import json_text, legal
 
@@ -44,7 +45,7 @@ def dumps(machine: MachineDefinition) -> str:
     Returns:
         XML text, laid out: an arrow for each transition, its ends on the outlines of its states.
     """
-    drawn = layout(machine, direction="right", bundled=False, state_size=_state_size, label_size=_label_size)
+    drawn = arrange(machine, state_size=_state_size, label_size=_label_size, direction="right", bundled=False)
     boxes = [Box(box.x, box.y, box.w, box.h) for box in drawn.boxes]
     found = [element("UMLState", box, _state_text(state)) for box, state in zip(boxes, machine.states, strict=True)]
     found += _root(drawn)
@@ -57,7 +58,7 @@ def dumps(machine: MachineDefinition) -> str:
     return diagram(found, _head(machine))
 
 
-def _root(drawn: Layout) -> list[str]:
+def _root(drawn: Arrangement) -> list[str]:
     """The initial node and its arrow."""
     x, y = drawn.root[0]
     node = Box(x - _NODE, y - _NODE / 2, _NODE, _NODE)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from tral_fsm.formats.plain import Plain, Problems
-from tral_fsm.formats.umlet.elements import GRID, Diagram, Element
+from tral_fsm.formats.umlet.elements import FULL_ZOOM, Diagram, Element
 from tral_fsm.formats.umlet.elements import plain as understand
 from tral_fsm.formats.umlet.uxf import ROOTS, element, number
 
@@ -31,7 +31,7 @@ def plain(value: Any, problems: Problems) -> Plain:
     zoom = number(_text(root.get("zoom_level")) or "10")
     if zoom is None or zoom <= 0.0:
         problems.complain("/diagram/zoom_level", "expected a number above 0")
-        zoom = GRID
+        zoom = FULL_ZOOM
     elements = [_element(item) for item in _elements(root, problems)]
     return understand(Diagram(elements, zoom, _text(root.get("help_text"))), problems)
 

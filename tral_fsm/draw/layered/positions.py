@@ -9,7 +9,7 @@ from tral_fsm.draw.layered.graph import GRID, Graph
 
 _SWEEPS = 40
 _STRAIGHTENING = 16
-_MANY = 1000
+_MAX_SLOTS = 1000
 """With more slots there are fewer sweeps, so that the time stays bearable. Source: choice."""
 _PASSING, _ENDING = 4.0, 1.0
 """How much a bend counts between two passing pieces of an arrow, and at a box. Source: choice."""
@@ -19,7 +19,7 @@ Wish = tuple[float, float]
 """A place and how much it counts."""
 
 
-def places(graph: Graph, layers: Sequence[Sequence[int]]) -> list[float]:
+def positions(graph: Graph, layers: Sequence[Sequence[int]]) -> list[float]:
     """Positions across of each slot's middle or line, multiples of the grid.
 
     Args:
@@ -30,7 +30,7 @@ def places(graph: Graph, layers: Sequence[Sequence[int]]) -> list[float]:
     for layer in layers:
         for one, two in itertools.pairwise(layer):
             position[two] = position[one] + gap(graph, one, two)
-    finding, straightening = (max(2, min(n, n * _MANY // len(graph.slots))) for n in (_SWEEPS, _STRAIGHTENING))
+    finding, straightening = (max(2, min(n, n * _MAX_SLOTS // len(graph.slots))) for n in (_SWEEPS, _STRAIGHTENING))
     for sweep in range(finding + straightening):
         ends = link_ends(graph, position)
         straighten = sweep >= finding

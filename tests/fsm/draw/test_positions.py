@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tral_fsm.draw.layered.place import settled
+from tral_fsm.draw.layered.positions import settled
 
 
 def test_wishes_that_keep_the_gaps_come_true() -> None:
