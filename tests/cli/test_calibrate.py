@@ -18,12 +18,12 @@ from tral_env.calibration.board_poses import seeded_poses
 from tral_env.calibration.boards import Board
 from tral_env.calibration.camera_info import read_camera_info, write_camera_info
 from tral_env.calibration.image_sources import frames
+from tral_env.calibration.record import difference_px
 from tral_env.calibration.solve import Limits
 from tral_env.config import WIDE_LENS, CameraConfig
 from tral_env.errors import RenderError
 from tral_env.simulation.board_scene import MARGIN, BoardStage, pixels_per_metre
 from tral_fsm.cli import app
-from tral_fsm.report.calibration import difference_px
 
 SHOTS = 18
 

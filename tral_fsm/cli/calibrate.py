@@ -196,7 +196,7 @@ def _look(
                 if len(collection.views) >= asked.max_views:
                     break
         except KeyboardInterrupt:
-            # The natural end of a camera: the one who holds the board has seen enough.
+            # Ctrl-C is the natural end of a camera.
             if not live:
                 raise
 
@@ -220,7 +220,8 @@ def _write(
     result: Calibration, truth: CameraConfig | None, asked: Calibrating, board: Board, out: Path
 ) -> dict[str, Any]:
     from tral_env.calibration.camera_info import write_camera_info
-    from tral_fsm.report.calibration import calibration_figure, calibration_record
+    from tral_env.calibration.record import calibration_record
+    from tral_fsm.report.calibration import calibration_figure
 
     file = out / (GOOD if result.good else POOR)
     report = {
