@@ -12,7 +12,7 @@ from tral_env.interface import MAX_AGE_S
 from tral_fsm.evaluation.episode import Tick
 from tral_fsm.evaluation.rollout import drive
 from tral_fsm.report.drive.palette import COLOURS, Palette
-from tral_fsm.report.drive.video import FPS, HEIGHT, INSET_WIDTH, WIDTH, DriveVideo, _gate_line, compose
+from tral_fsm.report.drive.video import FPS, HEIGHT, INSET_WIDTH, WIDTH, DriveVideo, compose, gate_line
 
 
 class Painted:
@@ -111,8 +111,8 @@ def test_a_drive_that_goes_on_says_no_outcome() -> None:
 
 def test_the_gate_is_told_with_its_age() -> None:
     readings = {"gate_id": 2.0, "gate_x": 1.5, "gate_y": -0.25, "gate_heading": 0.0, "gate_age": 0.4}
-    assert _gate_line(readings) == "gate 2: 1.50 m ahead, -0.25; 0.4 s ago"
-    assert _gate_line({**readings, "gate_age": MAX_AGE_S}) == "no gate in sight"
+    assert gate_line(readings) == "gate 2: 1.50 m ahead, -0.25; 0.4 s ago"
+    assert gate_line({**readings, "gate_age": MAX_AGE_S}) == "no gate in sight"
 
 
 def test_states_keep_the_colour_of_their_first_appearance() -> None:

@@ -1,4 +1,4 @@
-"""What a larger course costs: the same cars in corridors with more and more walls."""
+"""Cost of a larger course: the same cars in corridors with more and more walls."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ QUICK = Plan(rows=(1, 256), threads=(2,), landmarks=("HalfCheetah-v5",), rounds=
 
 @dataclass(kw_only=True)
 class Contestant:
-    """One thing whose steps are counted."""
+    """An environment or a bare loop whose steps are counted."""
 
     name: str
     step: Callable[[], int]
@@ -112,7 +112,7 @@ def native(scenario: str, rows: int, threads: int) -> Contestant:
 
 
 RECORDED_TICKS = 160
-"""Two seconds: the cars have reached their speed, and hardly one a wall."""
+"""Ticks that are recorded, 2 s: the cars have reached their speed, and few of them a wall."""
 
 
 @lru_cache(maxsize=8)
@@ -283,7 +283,7 @@ def ratios(field_: list[Contestant]) -> dict[str, float]:
 
 
 KEPT = 8
-"""Courses where resets with kept ones are timed: once they are built, their number does not matter."""
+"""Courses that are kept where such resets are timed. Source: choice; built once, their number does not matter."""
 
 
 def reset_cost(scenario: str, rows: int = 64, courses: int | None = None) -> float:

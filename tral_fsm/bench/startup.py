@@ -1,4 +1,4 @@
-"""What it costs to begin, measured in fresh interpreters: seconds to import and to make, memory of a row."""
+"""Cost of a start, measured in fresh interpreters: seconds to import and to make, memory of a row."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ except OSError:  # elsewhere than on Linux, where the peak would be that of the 
     kilobytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024 if sys.platform == "darwin" else 1)
 print(json.dumps({"mb": kilobytes / 1024}))
 """
-_FEW, _MANY = 16, 272
+_ROWS, _MORE_ROWS = 16, 272
+"""Sizes of the two environments whose memory is compared."""
 
 
 def startup_cost(scenario: str) -> dict[str, float]:
@@ -42,8 +43,8 @@ def startup_cost(scenario: str) -> dict[str, float]:
         ``import_s``: importing tral_env; ``make_and_reset_s``: `gym.make` and the first reset, imports included;
         ``memory_mb_per_row`` of the native vector environment.
     """
-    few, many = (_run(_MEMORY, scenario, str(rows))["mb"] for rows in (_FEW, _MANY))
-    return {**_run(_BEGIN, scenario), "memory_mb_per_row": (many - few) / (_MANY - _FEW)}
+    few, many = (_run(_MEMORY, scenario, str(rows))["mb"] for rows in (_ROWS, _MORE_ROWS))
+    return {**_run(_BEGIN, scenario), "memory_mb_per_row": (many - few) / (_MORE_ROWS - _ROWS)}
 
 
 def _run(script: str, *arguments: str) -> dict[str, float]:

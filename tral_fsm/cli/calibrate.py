@@ -183,7 +183,7 @@ def _look(
                 if len(collection.views) >= asked.max_views:
                     break
         except KeyboardInterrupt:
-            # The natural end of a camera: the one who holds the board has seen enough.
+            # Ctrl-C is the natural end of a camera.
             if not live:
                 raise
 

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from tral_env.calibration.solve import Calibration
     from tral_env.config import CameraConfig
 
-_WORST = 5
-"""Views that are listed; calibration.json has them all."""
-_NAMED = 3
+_MAX_WORST = 5
+"""Views that are listed; calibration.json lists all."""
+_MAX_NAMED = 3
 """Images that are named for each reason of rejection."""
 
 
@@ -99,18 +99,22 @@ def print_calibration(result: Calibration, truth: CameraConfig | None = None) ->
     """
     print_figures(_parameter_table(result, truth))
     console = Console(highlight=False, soft_wrap=True)
-    worst = np.argsort(-result.errors_px, kind="stable")[:_WORST]
+    worst = np.argsort(-result.errors_px, kind="stable")[:_MAX_WORST]
     named = ", ".join(f"{result.views[i].name} {result.errors_px[i]:.2f}" for i in worst)
     console.print(
         f"RMS {result.rms_px:.3f} px over {len(result.views)} views; held out {result.held_out_px:.3f} px", markup=False
     )
     if truth is not None:
-        mean, most = difference_px(result.camera, truth)
-        console.print(f"Pixels of the two lenses differ by {mean:.2f} px on average, {most:.2f} at most", markup=False)
+        mean, maximum = difference_px(result.camera, truth)
+        console.print(
+            f"Pixels of the two lenses differ by {mean:.2f} px on average, {maximum:.2f} at most", markup=False
+        )
     console.print(f"Worst views [px]: {named}", markup=False)
     for reason in dict.fromkeys(one.reason for one in result.rejected):
         ones = [one for one in result.rejected if one.reason == reason]
-        listed = "; ".join(f"{one.name}: {one.detail}" for one in ones[:_NAMED]) + ("; ..." * (len(ones) > _NAMED))
+        listed = "; ".join(f"{one.name}: {one.detail}" for one in ones[:_MAX_NAMED]) + (
+            "; ..." * (len(ones) > _MAX_NAMED)
+        )
         console.print(f"Rejected, {reason}: {len(ones)} ({listed})", markup=False)
     console.print(Text("good", style="bold green") if result.good else Text("poor", style="bold red"))
     for line in result.advice:

@@ -12,8 +12,6 @@ from tral_fsm.cli.console import check_name
 from tral_fsm.cli.files import prepare_folder
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from tral_env.course.layout import Course
 
 
@@ -38,7 +36,11 @@ def command(
     families = [scenario] if scenario else list(SCENARIOS)
     if out.suffix == ".png":
         prepare_folder(out.parent)
-        draw_sheet(families, seed).savefig(out, dpi=110)
+        from tral_env.course.geometry import build_plan
+        from tral_fsm.report.courses import course_sheet
+
+        plans = {f"{family}, seed {seed}": build_plan(seeded_course(family, seed)) for family in families}
+        course_sheet(plans).savefig(out, dpi=110)
     elif out.suffix == ".json":
         _export(scenario, seed, out)
     else:
@@ -72,23 +74,3 @@ def seeded_course(scenario: str, seed: int) -> Course:
 
     # The env draws its course first from this very generator.
     return generate(scenario, seeding.np_random(seed)[0])
-
-
-def draw_sheet(families: list[str], seed: int) -> Figure:
-    """A seeded course of each family from above: a large one, or a sheet of three columns."""
-    from matplotlib.figure import Figure
-
-    from tral_env.course.draw import draw_plan
-    from tral_env.course.geometry import build_plan
-
-    columns = min(3, len(families))
-    rows = -(-len(families) // columns)
-    size = (10.0, 8.0) if len(families) == 1 else (5.0 * columns, 4.0 * rows)
-    figure = Figure(figsize=size, layout="constrained")
-    for i, family in enumerate(families):
-        ax = figure.add_subplot(rows, columns, i + 1)
-        plan = build_plan(seeded_course(family, seed))
-        draw_plan(plan, ax)
-        ax.set_aspect("equal")
-        ax.set_title(f"{family}, seed {seed}: {plan.length:.1f} m", loc="left", fontsize=10)
-    return figure

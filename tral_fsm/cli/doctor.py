@@ -25,11 +25,13 @@ _CORE = (
     "typer",
     "rich",
     "matplotlib",
+    "jinja2",
+    "cmaes",
     "imageio-ffmpeg",
 )
 _EXTRAS = {"rl": ("torch", "stable-baselines3"), "car": ("smbus2",), "tune": ("optuna",)}
 _PROBE_TIMEOUT_S = 60.0
-_LONGEST = 100
+_MAX_LENGTH = 100
 """Characters of a message that are shown."""
 
 _NO_OPENGL = (
@@ -86,7 +88,7 @@ def command(as_json: Annotated[bool, typer.Option("--json", help="Findings as JS
 
 
 def examine() -> list[Finding]:
-    """Look at everything."""
+    """Check Python, packages, physics, OpenGL, encoder and extras."""
     python = ".".join(str(part) for part in sys.version_info[:3])
     return [
         Finding(topic="core", name="python", ok=sys.version_info >= (3, 11), needed=True, detail=python),
@@ -128,7 +130,7 @@ def _python(code: str, **environment: str) -> tuple[bool, str]:
 
 
 def _shortened(text: str) -> str:
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+    return text if len(text) <= _MAX_LENGTH else f"{text[: _MAX_LENGTH - 3]}..."
 
 
 _DRIVE_A_SECOND = """

@@ -49,7 +49,7 @@ def check(
 
 
 def _checked(file: str) -> dict[str, Any]:
-    """What there is to say about a file."""
+    """The findings about one file, as plain values."""
     from tral_fsm import FormatError, load_machine
 
     entry: dict[str, Any] = {"file": file, "ok": False, "readable": True, "problems": []}

@@ -47,7 +47,7 @@ def command(
 
 
 def _entry(name: str, spec: type[StateSpec] | type[ConditionSpec]) -> dict[str, Any]:
-    """What there is to say about a type, as plain values."""
+    """A type with its parameters, as plain values."""
     from tral_fsm.definition.machine import StateSpec
 
     schema = spec.model_json_schema()

@@ -1,1 +1,1 @@
-"""What a drive looks like: figures, plots, videos."""
+"""Pictures, videos and pages, drawn from data that others have driven."""

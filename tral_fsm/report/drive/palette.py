@@ -30,10 +30,10 @@ COLOURS: tuple[tuple[int, int, int], ...] = (
 
 
 class Palette:
-    """Gives states their colours in the order in which they first drive."""
+    """Colours of states, given in the order of their first tick."""
 
     def __init__(self, states: Iterable[str] = ()) -> None:
-        """Colours for these states, more as they come."""
+        """Give the first colours to these states."""
         self._index: dict[str, int] = {}
         for state in states:
             self.rgb(state)

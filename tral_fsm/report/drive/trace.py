@@ -1,4 +1,4 @@
-"""trace.csv: a drive tick by tick: what was read, which state answered, which transition fired, and why."""
+"""trace.csv, a drive tick by tick: readings, active state, transitions and their reasons."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ COLUMNS = (
     "left_m", "front_m", "right_m", "distance_m", "speed_mps", "steering", "throttle",
     "wanted_side", "wanted_clearance_m",
 )  # fmt: skip
-"""Header of the table. Where several transitions fired in a tick, inner ones first, they stand behind each other."""
+"""Header of the table; several transitions of one tick stand in one cell, inner machines first."""
 
 _READ = {
     name: CORE_LAYOUT.column(name)
     for name in ("ultrasonic_left", "ultrasonic_front", "ultrasonic_right", "distance", "speed")
 }
-_BETWEEN = " | "
+_SEPARATOR = " | "
 
 
 def row(tick: Tick) -> list[str]:
     """A tick as a row of the table.
 
     Args:
-        tick: of a drive.
+        tick: one tick of a drive.
 
     Returns:
-        Texts, as many as `COLUMNS`; empty where there is nothing.
+        One text for each of `COLUMNS`; empty where the tick has no value.
     """
     side, clearance = tick.wanted
     numbers = [*(tick.observation[column] for column in _READ.values()), *tick.action]
@@ -40,9 +40,9 @@ def row(tick: Tick) -> list[str]:
         str(tick.index),
         f"{tick.info['time_s']:.4f}",
         tick.state,
-        _BETWEEN.join(str(t.transition) for t in tick.transits),
-        _BETWEEN.join(str(t.target) for t in tick.transits),
-        _BETWEEN.join(t.why for t in tick.transits),
+        _SEPARATOR.join(str(t.transition) for t in tick.transits),
+        _SEPARATOR.join(str(t.target) for t in tick.transits),
+        _SEPARATOR.join(t.why for t in tick.transits),
         *(f"{float(number):.4f}" for number in numbers),
         "" if math.isnan(side) else "left" if side > 0 else "right",
         "" if math.isnan(clearance) else f"{clearance:.4f}",
@@ -50,7 +50,7 @@ def row(tick: Tick) -> list[str]:
 
 
 class TraceFile:
-    """Writes the table as the drive goes: what has happened stands in the file, even if the run is killed."""
+    """Writes each tick as it ends, so that the file is complete up to the last tick even if the run is killed."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -25,8 +25,8 @@ SIDES = {"left": "#0b3c8c", "front": "black", "right": "#a30000"}
 """Ultrasonics and the colours of their ranges."""
 
 _WIDTH_IN = 12.0
-_NAMES_AT_MOST = 12
-_TRANSITS_AT_MOST = 18
+_MAX_STATES, _MAX_TRANSITS = 12, 18
+"""States and transitions that the legends name."""
 
 
 def save_trajectory(episode: Episode, plan: Plan, path: Path) -> None:
@@ -56,7 +56,7 @@ def trajectory_figure(episode: Episode, plan: Plan) -> Figure:
 
 
 def title(episode: Episode) -> str:
-    """One line that says how the episode went."""
+    """Outcome and figures of an episode in one line."""
     parts = [
         f"{episode.scenario or 'course'}, seed {episode.seed}: {episode.outcome.replace('_', ' ')}",
         f"{100 * episode.progress:.0f} % in {episode.time_s:.1f} s",
@@ -127,12 +127,12 @@ def _legend_of_ranges(ax: Axes, trace: Trace) -> None:
     """The ultrasonics, and the names of the numbered transitions."""
     handles, labels = ax.get_legend_handles_labels()
     transits = outer_transits(trace)
-    for number, _, name in transits[:_TRANSITS_AT_MOST]:
+    for number, _, name in transits[:_MAX_TRANSITS]:
         handles.append(Patch(alpha=0.0))
         labels.append(f"{number} {name if len(name) <= 26 else name[:24] + '...'}")
-    if len(transits) > _TRANSITS_AT_MOST:
+    if len(transits) > _MAX_TRANSITS:
         handles.append(Patch(alpha=0.0))
-        labels.append(f"and {len(transits) - _TRANSITS_AT_MOST} more")
+        labels.append(f"and {len(transits) - _MAX_TRANSITS} more")
     place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.005, 1.0)}
     legend = ax.legend(handles, labels, fontsize=7, frameon=False, labelspacing=0.25, handlelength=1.2, **place)
     for text in legend.get_texts():
@@ -163,7 +163,7 @@ def _draw_events(ax: Axes, episode: Episode) -> None:
 
 def _legend_of_states(ax: Axes, palette: Palette) -> None:
     handles, _ = ax.get_legend_handles_labels()
-    patches = [Patch(color=palette.unit(name), label=name) for name in palette.states[:_NAMES_AT_MOST] if name]
+    patches = [Patch(color=palette.unit(name), label=name) for name in palette.states[:_MAX_STATES] if name]
     place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.005, 1.0)}
     legend = ax.legend(handles=[*patches, *handles], fontsize=8, frameon=False, **place)
     for text in legend.get_texts():

@@ -1,4 +1,4 @@
-"""drive.mp4: the car from behind, what it sees inset, its ranges and its active state drawn over."""
+"""drive.mp4: the car from behind; over it the onboard camera, the ranges and the active state."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ INSET_WIDTH, INSET_HEIGHT = 288, 216
 FPS = 20
 """Frames per second; the video runs in real time."""
 INSET_EVERY = 2
-"""The inset is renewed every second frame: ten times a second, about as often as the camera exposes."""
+"""Frames between two renewals of the inset, which makes 10 Hz. Source: choice; near the camera's own rate."""
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _WHITE = (255, 255, 255)
@@ -37,7 +37,7 @@ _SIDES = {"left": (-1, 0), "front": (0, -1), "right": (1, 0)}
 
 
 class Views(Protocol):
-    """What can be looked at: the unwrapped env."""
+    """An env that renders its views."""
 
     def render_view(self, view: str, width: int, height: int) -> Image:
         """RGB image (height, width, 3) of a view: chase, top or onboard."""
@@ -98,7 +98,7 @@ class DriveVideo:
         return compose(chase, self._onboard, tick, self._palette.rgb(tick.state), over)
 
     def close(self) -> None:
-        """Finish the file. Without a frame, or if the encoder broke off, there is none."""
+        """Finish the file. Without a frame, or after the encoder broke off, no file is left."""
         whole = self._frames > 0 and inspect.getgeneratorstate(self._writer) == inspect.GEN_SUSPENDED
         self._writer.close()
         if whole:
@@ -114,7 +114,7 @@ class DriveVideo:
                 self._writer.send(image)
 
     def __enter__(self) -> DriveVideo:
-        """Nothing more than the video itself."""
+        """Return the video."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, tb: TracebackType | None) -> None:
@@ -220,10 +220,10 @@ def _draw_gauges(image: Image, tick: Tick, readings: dict[str, float]) -> None:
         cv2.line(image, (middle, y - 12), (middle, y + 4), _GREY, 1)
         cv2.rectangle(image, (middle, y - 9), (middle + int(70 * sign * value), y + 1), _GREEN, cv2.FILLED)
     seen = readings["gate_age"] < MAX_AGE_S
-    _text(image, _gate_line(readings), (left + 10, top + 78), 0.42, _WHITE if seen else _GREY)
+    _text(image, gate_line(readings), (left + 10, top + 78), 0.42, _WHITE if seen else _GREY)
 
 
-def _gate_line(readings: dict[str, float]) -> str:
+def gate_line(readings: dict[str, float]) -> str:
     """The gate as the camera last saw it, and how long ago."""
     if readings["gate_age"] >= MAX_AGE_S:
         return "no gate in sight"

@@ -54,9 +54,11 @@ def convergence(trials: Sequence[Trial], old: Trial) -> Figure:
     cost = np.array([each.cost for each in trials])
     full = np.array([each.full for each in trials])
     failed = np.array([each.successes < each.drives for each in trials])
-    ax.scatter(drives[~full], cost[~full], s=9, color=QUIET, label="dropped out of its race")
+    if not full.all():
+        ax.scatter(drives[~full], cost[~full], s=9, color=QUIET, label="dropped out of its race")
     for mask, colour, name in ((full & ~failed, NEW, "all drives arrived"), (full & failed, BAD, "some failed")):
-        ax.scatter(drives[mask], cost[mask], s=13, color=colour, alpha=0.7, label=name)
+        if mask.any():
+            ax.scatter(drives[mask], cost[mask], s=13, color=colour, alpha=0.7, label=name)
     best = np.minimum.accumulate(np.where(full, cost, np.inf))
     ax.step(drives, best, where="post", color="black", linewidth=1.4, label="best so far")
     ax.axhline(old.cost, color=OLD, linestyle="--", label="machine as it was")
@@ -66,12 +68,12 @@ def convergence(trials: Sequence[Trial], old: Trial) -> Figure:
             formatter(lambda value, _: f"{value:.3g}" if f"{value:e}"[0] in "1235" else "")
     ax.set_xlabel("drives")
     ax.set_ylabel("cost")
-    ax.legend(fontsize=8, ncols=5, loc="lower left", bbox_to_anchor=(-0.05, 1.0), frameon=False, handletextpad=0.3)
+    _legend_above(ax, left=-0.05, ncols=5, handletextpad=0.3)
     return whole
 
 
 def plane(found: Plane, marks: Mapping[str, tuple[float, float]]) -> Figure:
-    """Cost over two parameters; a cell in which drives end at a wall has a cross, in which others fail a dot.
+    """Cost over two parameters; a cell with drives that end at a wall has a cross, one with other failures a dot.
 
     Args:
         found: the grid.
@@ -90,6 +92,23 @@ def plane(found: Plane, marks: Mapping[str, tuple[float, float]]) -> Figure:
         vmax=max(top, low + 1e-6),
     )
     whole.colorbar(shown, ax=ax, label="cost; grey: more than any that arrives", extend="max")
+    _draw_failures(ax, found)
+    _draw_marks(ax, found, marks)
+    if found.x.log:
+        ax.set_xscale("log")
+    if found.y.log:
+        ax.set_yscale("log")
+    for axis, values in ((ax.xaxis, found.xs), (ax.yaxis, found.ys)):
+        _ticks(axis, values[::2])
+    ax.grid(False)
+    ax.set_xlabel(named(found.x), parse_math=False)
+    ax.set_ylabel(named(found.y), parse_math=False)
+    _legend_above(ax, ncols=3, markerscale=0.7)
+    return whole
+
+
+def _draw_failures(ax: Axes, found: Plane) -> None:
+    """A cross in each cell in which drives end at a wall, a dot in each in which drives fail otherwise."""
     x, y = np.meshgrid(found.xs, found.ys)
     hit = found.collided > 0.0
     missed = (found.failed > 0.0) & ~hit
@@ -97,6 +116,10 @@ def plane(found: Plane, marks: Mapping[str, tuple[float, float]]) -> Figure:
         ax.scatter(x[hit], y[hit], s=20 + 50 * found.collided[hit], marker="x", color=BAD, label="drives hit a wall")
     if missed.any():
         ax.scatter(x[missed], y[missed], s=14, color=BAD, label="drives do not arrive")
+
+
+def _draw_marks(ax: Axes, found: Plane, marks: Mapping[str, tuple[float, float]]) -> None:
+    """Named points; one outside the plane stands in the legend alone."""
     for k, (name, (at, up)) in enumerate(marks.items()):
         inside = found.xs[0] <= at <= found.xs[-1] and found.ys[0] <= up <= found.ys[-1]
         style: dict[str, Any] = {
@@ -107,17 +130,12 @@ def plane(found: Plane, marks: Mapping[str, tuple[float, float]]) -> Figure:
         }
         ax.plot(*((at, up) if inside else (np.nan, np.nan)), label=name if inside else f"{name} (outside)",
                 linestyle="none", zorder=5, **style)  # fmt: skip
-    if found.x.log:
-        ax.set_xscale("log")
-    if found.y.log:
-        ax.set_yscale("log")
-    for axis, values in ((ax.xaxis, found.xs), (ax.yaxis, found.ys)):
-        _ticks(axis, values[::2])
-    ax.grid(False)
-    ax.set_xlabel(named(found.x), parse_math=False)
-    ax.set_ylabel(named(found.y), parse_math=False)
-    ax.legend(fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False)
-    return whole
+
+
+def _legend_above(ax: Axes, left: float = 0.0, **style: Any) -> None:
+    """A legend over the plot, where it hides nothing that is drawn."""
+    place: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (left, 1.0), "frameon": False}
+    ax.legend(fontsize=8, **place, **style)
 
 
 def _ticks(axis: Axis, values: Array) -> None:
@@ -194,7 +212,7 @@ def pareto(
         )
     ax.set_xlabel(_UNITS["time"][0])
     ax.set_ylabel(_UNITS["clearance"][0])
-    ax.legend(fontsize=8)
+    _legend_above(ax, ncols=3, markerscale=0.7)
     return whole
 
 
