@@ -1,6 +1,6 @@
-"""Which figures of `DetectorLaw` fit the rendered detector best?
+"""Which figures of `DetectionModel` fit the rendered detector best?
 
-Renders one marker from everywhere, at each of the law's levels of image degradation, and prints the figures beside
+Renders one marker from everywhere, at each of the model's levels of image degradation, and prints the figures beside
 those in use.
 
     python benchmarks/detector_fit.py [--views 2400] [--seed 1] [--codes 50]
@@ -18,8 +18,8 @@ from marker_accuracy import LENS, WEBCAM, Array, Columns, draw_views, rendered
 from rich.console import Console
 from rich.table import Table
 
-from tral_env.interface import wrap_angle
-from tral_env.perception.detection_model import LAW
+from tral_env.perception.detection_model import DETECTION_MODEL
+from tral_env.se2 import wrap
 
 STEEPEST = 1.0
 """Views more slanted than this, rad, do not count: their errors are no longer those of a size in the image."""
@@ -28,7 +28,7 @@ FAR_PX = 40.0
 those that matter."""
 IDS_IN_COURSES = 43
 STRAY = 0.015
-"""Share of headings that are wrong for no reason that the law knows."""
+"""Share of headings that are wrong for no reason that the model knows."""
 
 
 def fit(views: Columns, seen: Columns) -> dict[str, float]:
@@ -38,7 +38,7 @@ def fit(views: Columns, seen: Columns) -> dict[str, float]:
     half, slope = _fit_rate(views["size"][counted], found[counted])
     extent = LENS.fx * LENS.marker_size / views["distance"] * np.sqrt(np.cos(views["angle"]))
     far = counted & found & (extent < FAR_PX)
-    soft = LAW.softness(extent, LAW.sharp_share)
+    soft = DETECTION_MODEL.softness(extent, DETECTION_MODEL.sharp_share)
     size_error = seen["range"][far] * extent[far] / soft[far]
     bearing = seen["bearing"][far] * LENS.fx / soft[far]
     hit = counted & found
@@ -56,15 +56,19 @@ def fit(views: Columns, seen: Columns) -> dict[str, float]:
 
 
 def weakness(rng: np.random.Generator, count: int) -> list[float]:
-    """Of the ids that courses have: how much larger strongly degraded ones must be, as `DetectorLaw` has it."""
+    """Of the ids that courses have: how much larger strongly degraded ones must be, as `DetectionModel` has it."""
     views = draw_views(LENS, rng, 12 * count)
     limit = (views["nominal"] >= 3.0) & (np.abs(views["angle"]) < STEEPEST)
     views = {name: values[limit][:count] for name, values in views.items()}
-    usual, share, slope = LAW.half_found_px[-1], LAW.code_share[-1], LAW.found_slope[-1]
+    usual, share, slope = (
+        DETECTION_MODEL.half_found_px[-1],
+        DETECTION_MODEL.code_share[-1],
+        DETECTION_MODEL.found_slope[-1],
+    )
     out = []
     for marker in range(IDS_IN_COURSES):
         views["id"] = np.full(len(views["id"]), float(marker))
-        seen = rendered(LENS, views, {"strong": (LAW.levels[-1], WEBCAM)}, rng)["strong"]
+        seen = rendered(LENS, views, {"strong": (DETECTION_MODEL.levels[-1], WEBCAM)}, rng)["strong"]
         half, _ = _fit_rate(views["size"], ~np.isnan(seen["range"]), slopes=(slope,))
         out.append(round((half / usual - 1) / share, 1))
     return out
@@ -77,7 +81,7 @@ def _best(likelihood: Callable[..., float], *grids: Iterable[float]) -> tuple[fl
 
 def _fit_rate(size: Array, found: np.ndarray, slopes: Iterable[float] = np.arange(0.2, 1.5, 0.05)) -> tuple[float, ...]:
     def likelihood(half: float, slope: float) -> float:
-        rate = np.clip(LAW.always_found / (1 + np.exp(-slope * (size - half))), 1e-6, 1 - 1e-6)
+        rate = np.clip(DETECTION_MODEL.always_found / (1 + np.exp(-slope * (size - half))), 1e-6, 1 - 1e-6)
         return float(np.log(np.where(found, rate, 1 - rate)).sum())
 
     return _best(likelihood, np.arange(6, 28, 0.1), slopes)
@@ -85,7 +89,7 @@ def _fit_rate(size: Array, found: np.ndarray, slopes: Iterable[float] = np.arang
 
 def _fit_heading(distance: Array, angle: Array, error: Array, soft: Array) -> tuple[float, ...]:
     depth, sine = LENS.marker_size / distance, np.abs(np.sin(angle))
-    face_on, mirrored = LENS.fx * depth, wrap_angle(error + 2 * angle)
+    face_on, mirrored = LENS.fx * depth, wrap(error + 2 * angle)
     erf = np.vectorize(math.erf)
 
     def likelihood(noise: float, gain: float, flip: float) -> float:
@@ -110,11 +114,11 @@ def main() -> None:
     arguments = parser.parse_args()
     rng = np.random.default_rng(arguments.seed)
     views = draw_views(LENS, rng, arguments.views)
-    seen = rendered(LENS, views, {f"{level:g}": (level, WEBCAM) for level in LAW.levels}, rng)
+    seen = rendered(LENS, views, {f"{level:g}": (level, WEBCAM) for level in DETECTION_MODEL.levels}, rng)
     fitted = {level: fit(views, errors) for level, errors in seen.items()}
     table = Table("figure", *(f"level {level}: fitted / in use" for level in fitted))
     for name in fitted["0"]:
-        pairs = zip(fitted.values(), getattr(LAW, name), strict=True)
+        pairs = zip(fitted.values(), getattr(DETECTION_MODEL, name), strict=True)
         table.add_row(name, *(f"{figures[name]:.3g} / {used:g}" for figures, used in pairs))
     console = Console()
     console.print(table)

@@ -20,9 +20,9 @@ from marker_accuracy import CAR, LENS, LEVELS, Array, Columns, Hall, Marker, fro
 from numpy.typing import NDArray
 from rich.console import Console
 
-from tral_env.interface import wrap_angle
-from tral_env.perception.gate import Sighting, sight
+from tral_env.perception.gate import Detection, nearest_gate_and_marker
 from tral_env.perception.projected import Scenery
+from tral_env.se2 import wrap
 from tral_fsm.bench.host import host
 
 RESULTS = Path(__file__).parent / "results" / "gate_accuracy.json"
@@ -53,39 +53,39 @@ def gate_of(views: Columns, row: int) -> list[Marker]:
     return [(left + i, x + s * side[0], y + s * side[1], z, axis + math.pi) for i, s in ((0, 1), (1, -1))]
 
 
-def rendered(views: Columns, rng: np.random.Generator) -> dict[str, Sighting]:
+def rendered(views: Columns, rng: np.random.Generator) -> dict[str, Detection]:
     """What the detector makes of the gates, by level."""
     hall, n = Hall(LENS), len(views["x"])
-    seen = {name: Sighting.nothing(n) for name in LEVELS}
+    seen = {name: Detection.nothing(n) for name in LEVELS}
     for row in range(n):
         hall.show(gate_of(views, row))
         for name, fault in LEVELS.items():
             poses = hall.search(fault, rng)
             valid = np.ones((1, len(poses.ids)), bool)
-            found = sight(poses.ids[None], poses.x[None], poses.y[None], poses.heading[None], valid)
+            found = nearest_gate_and_marker(poses.ids[None], poses.x[None], poses.y[None], poses.heading[None], valid)
             seen[name].put(np.array([row]), found)
     hall.close()
     return seen
 
 
-def projected(views: Columns, level: float, rng: np.random.Generator) -> Sighting:
+def projected(views: Columns, level: float, rng: np.random.Generator) -> Detection:
     """What the projected camera makes of them."""
     n = len(views["x"])
     scenery = Scenery(n)
     for row in range(n):
         scenery.place(row, hall_plan(gate_of(views, row)))
     seen = from_the_origin(scenery, LENS, level, rng)
-    return sight(seen.ids, seen.x, seen.y, seen.heading, seen.valid)
+    return nearest_gate_and_marker(seen.ids, seen.x, seen.y, seen.heading, seen.valid)
 
 
-def summary(views: Columns, seen: Sighting, rows: NDArray[np.bool_]) -> dict[str, Any]:
+def summary(views: Columns, seen: Detection, rows: NDArray[np.bool_]) -> dict[str, Any]:
     """Rate, errors of the middle along and across the line of sight, and of the axis; median and 95 % quantile."""
     hit = rows & seen.gate_seen
     x, y = views["x"][hit] - CAR.camera_x, views["y"][hit]
     off_x, off_y = seen.gate_x[hit] - views["x"][hit], seen.gate_y[hit] - y
     distance = np.hypot(x, y)
     along, across = (off_x * x + off_y * y) / distance, (off_y * x - off_x * y) / distance
-    axis = np.asarray(wrap_angle(seen.gate_heading[hit] - views["axis"][hit]))
+    axis = np.asarray(wrap(seen.gate_heading[hit] - views["axis"][hit]))
     return {
         "rate": round(float(hit.sum() / max(rows.sum(), 1)), 3),
         "along_cm": quantiles(100 * np.abs(along)),

@@ -172,7 +172,7 @@ def batch(seeds: list[int], settings: Settings) -> list[dict[str, Any]]:
     """Drive seeds side by side."""
     runner = BatchRunner(["gates"], rows=len(seeds), camera=settings.camera, randomization=settings.randomization)
     requests = [EpisodeRequest(0, "gates", seed) for seed in seeds]
-    watches = [Watch(request.seed, runner.draw(request)[0][1]) for request in requests]
+    watches = [Watch(request.seed, runner.draw(request)[0].plan) for request in requests]
     stop = stop_check()
     try:
         observers = {k: [watch, stop] for k, watch in enumerate(watches)}

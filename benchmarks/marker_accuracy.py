@@ -27,12 +27,11 @@ from rich.table import Table
 
 from tral_env.config import WIDE_LENS, CameraConfig, CarConfig
 from tral_env.course.plan import BOX_KINDS, Plan
-from tral_env.course.scene import Pool, build_model, dress
-from tral_env.interface import wrap_angle
+from tral_env.course.scene import Pool, apply_materials, build_model
 from tral_env.perception.aruco import Detector, MarkerPoses, marker_poses
 from tral_env.perception.camera import OnboardCamera
-from tral_env.perception.degrade import WebcamLaw, degrade
-from tral_env.perception.detection_model import LAW
+from tral_env.perception.degrade import ImageCorruption, degrade
+from tral_env.perception.detection_model import DETECTION_MODEL
 from tral_env.perception.projected import (
     NOISE_PLACES,
     NORMALS,
@@ -42,11 +41,12 @@ from tral_env.perception.projected import (
     project,
     project_points,
 )
+from tral_env.se2 import wrap
 from tral_fsm.bench.host import host
 
 Array = NDArray[np.float64]
 Columns = dict[str, Array]
-Fault = tuple[float, WebcamLaw]
+Fault = tuple[float, ImageCorruption]
 Marker = tuple[int, float, float, float, float]
 """Id, x, y, z, yaw of the normal."""
 
@@ -59,7 +59,7 @@ MARGIN_PX = 3.0
 IDS = (*range(10), 40, 41, 42)
 """Of gates and of the turn at a crossing. Codes differ: blurred, 0 and 9 are lost before the others."""
 
-CLEAR, WEBCAM = WebcamLaw(exposure=0, blur_px=0, glare=0, noise=0), WebcamLaw()
+CLEAR, WEBCAM = ImageCorruption(exposure=0, blur_px=0, glare=0, noise=0), ImageCorruption()
 LEVELS: dict[str, Fault] = {"off": (0.0, WEBCAM), "mild": (1.0, WEBCAM), "strong": (3.0, WEBCAM)}
 SINGLE: dict[str, Fault] = {
     "exposure": (3.0, replace(CLEAR, exposure=WEBCAM.exposure)),
@@ -84,15 +84,15 @@ class Hall:
 
     def show(self, markers: list[Marker]) -> None:
         """Render markers."""
-        dress(self.model, hall_plan(markers), self.pool)
+        apply_materials(self.model, hall_plan(markers), self.pool)
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
         self.image = self.camera.capture(self.model, self.data)
 
     def search(self, fault: Fault, rng: np.random.Generator) -> MarkerPoses:
         """The markers in the image, after a fault."""
-        level, law = fault
-        return marker_poses(self.detector.detect(degrade(self.image, level, rng, law)), self.lens, CAR)
+        level, corruption = fault
+        return marker_poses(self.detector.detect(degrade(self.image, level, rng, corruption)), self.lens, CAR)
 
     def close(self) -> None:
         """Free the OpenGL context."""
@@ -196,7 +196,7 @@ def errors(views: Columns, pose: Array) -> Columns:
     return {
         "range": (ahead * cos + left * sin) / distance - 1.0,
         "bearing": (left * cos - ahead * sin) / distance,
-        "heading": np.asarray(wrap_angle(pose[:, 2] - views["heading"])),
+        "heading": np.asarray(wrap(pose[:, 2] - views["heading"])),
     }
 
 
@@ -332,7 +332,7 @@ def main() -> None:
         for title in set(result[name]) - {"timing"}:
             show(console, f"{name} lens, by {title} (median / 95 %)", result[name][title])
         show(console, f"{name} lens: time of a frame", [result[name]["timing"]])
-    result |= {"law": asdict(LAW), "views": arguments.views, "seed": arguments.seed, "host": host()}
+    result |= {"law": asdict(DETECTION_MODEL), "views": arguments.views, "seed": arguments.seed, "host": host()}
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     arguments.out.write_text(json.dumps(result) + "\n", encoding="utf-8")
     console.print(f"written: {arguments.out}")

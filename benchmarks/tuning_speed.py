@@ -69,7 +69,8 @@ def measure(policy: str, scenario: str, drives: int, rows: int, ready: Any = Non
     runner = BatchRunner([scenario], rows=rows, stuck_s=10.0)
     for job in jobs[:SEEDS]:
         runner.draw(job)
-    runner.world.sim.batch = timed = Timed(runner.world.sim.batch)
+    physics = runner.world.sim.physics
+    physics.batch = timed = Timed(physics.batch)
     if ready is not None:
         ready.wait()
     began, cpu = time.monotonic(), time.process_time()

@@ -67,7 +67,7 @@ class ActuationParameters:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drive:
+class ActuatorInputs:
     """What the model's actuators get for one control tick; each (n,)."""
 
     steering_angle: Array
@@ -279,7 +279,7 @@ class Actuation:
         self._phase[rows] = DRIVE
         self._held[rows] = 0
 
-    def apply(self, rows: Rows, command: Array, speed: Array) -> Drive:
+    def apply(self, rows: Rows, command: Array, speed: Array) -> ActuatorInputs:
         """One control tick of the named cars.
 
         Args:
@@ -305,7 +305,7 @@ class Actuation:
         voltage, battery_v = self._motor(rows, delayed[:, THROTTLE], speed)
         scrub = scrub_torque(speed, self._scrub[rows], self._servo.scrub_speed)
         held = angle + self._lead * (before - angle)
-        return Drive(steering_angle=held, voltage=voltage, scrub_torque=scrub, battery_v=battery_v)
+        return ActuatorInputs(steering_angle=held, voltage=voltage, scrub_torque=scrub, battery_v=battery_v)
 
     def _delayed(self, rows: Rows, command: Array) -> Array:
         """Command of `latency_s` ago; between two ticks the two neighbours are mixed linearly."""

@@ -13,6 +13,20 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
 from tral_env.errors import ConfigError, nearest
+from tral_env.geometry import (
+    FULL_LOCK_DEG,
+    HALL_METRES_PER_TICK,
+    HEIGHT_M,
+    LENGTH_M,
+    MARKER_SIZE_M,
+    SCRUB_SPEED,
+    SONAR_FRONT_M,
+    SONAR_SIDE_M,
+    TRACK_M,
+    WHEEL_RADIUS_M,
+    WHEELBASE_M,
+    WIDTH_M,
+)
 
 Config = TypeVar("Config")
 
@@ -56,25 +70,25 @@ def as_config(kind: type[Config], value: Config | Mapping[str, Any] | None) -> C
 class CarConfig:
     """Geometry of the car. Frame: ground below the middle of the rear axle, x forward, y left, z up."""
 
-    wheelbase: float = 0.258
+    wheelbase: float = WHEELBASE_M
     """Distance of the axles, m. Source: ucboard."""
-    track: float = 0.155
+    track: float = TRACK_M
     """Distance of the wheels of an axle, m. Source: ucboard."""
-    wheel_radius: float = 0.032
-    """m. Source: PSES."""
-    full_lock_deg: float = 22.0
+    wheel_radius: float = WHEEL_RADIUS_M
+    """Radius of each wheel, m. Source: PSES."""
+    full_lock_deg: float = FULL_LOCK_DEG
     """Steering angle of the bicycle model at command 1, deg: a turning radius of 0.64 m. Source: echtzeitsysteme."""
-    length: float = 0.40
-    """Outline, m. Source: PSES."""
-    width: float = 0.20
-    """Outline, m. Source: PSES."""
-    height: float = 0.18
-    """Outline, m. Source: PSES."""
+    length: float = LENGTH_M
+    """Length of the outline, m. Source: PSES."""
+    width: float = WIDTH_M
+    """Width of the outline, m. Source: PSES."""
+    height: float = HEIGHT_M
+    """Height of the outline, m. Source: PSES."""
     mass: float = 1.9
     """kg, ready to drive: kit 1.45 kg with motor and pack, computer and sensors 0.45 kg. Source: choice."""
-    sonar_side: float = 0.10
+    sonar_side: float = SONAR_SIDE_M
     """Side ultrasonics stand this far from the middle line, midway between the axles, m. Source: ucboard."""
-    sonar_front: float = 0.175
+    sonar_front: float = SONAR_FRONT_M
     """Front ultrasonic stands this far ahead of midway between the axles, m. Source: ucboard."""
     sonar_height: float = 0.10
     """m above the floor. Source: choice."""
@@ -116,7 +130,7 @@ class ServoConfig:
     scrub_torque: float = 0.075
     """Friction of both front tyres about their kingpins at standstill, N m: 0.9 * 9.3 N of axle load on a patch of 9 mm
     mean radius. With the saver's 0.65 N m/rad it holds back 6.6 deg. Source: choice, fits the fault in the report."""
-    scrub_speed: float = 0.06
+    scrub_speed: float = SCRUB_SPEED
     """Rolling this fast the scrub has fallen to 71 %, m/s: a patch of 2 cm turning at 3 rad/s. Source: choice."""
 
     def __post_init__(self) -> None:
@@ -134,7 +148,7 @@ class EscConfig:
     """Brake and neutral must each last this long before the other direction drives, s. Source: ucboard."""
     motor_resistance: float = 0.918
     """Ohm. Source: fit, time constant 0.3 s."""
-    back_emf: float = 0.0790 / 0.032
+    back_emf: float = 0.0790 / WHEEL_RADIUS_M
     """V at a rolling speed of 1 m/s. Source: fit to Velocity.csv of echtzeitsysteme."""
     battery_v: float = 7.2
     """Nominal voltage of the pack, V. Source: ucboard."""
@@ -202,8 +216,8 @@ class UltrasonicConfig:
 class HallConfig:
     """Hall sensor on the rear left wheel."""
 
-    metres_per_tick: float = 0.02513
-    """m: 8 magnets on a wheel of 0.032 m. Source: ucboard."""
+    metres_per_tick: float = HALL_METRES_PER_TICK
+    """Way of a tick, m: 8 magnets on a wheel of 0.032 m. Source: ucboard."""
     timeout_s: float = 0.25
     """Without a tick for this long the car is taken to stand, s. Source: choice."""
     stamp_s: float = 1e-4
@@ -276,7 +290,7 @@ class CameraConfig:
     """k1, k2, p1, p2, k3 of OpenCV's model."""
     rate_hz: float = 15.0
     """Frames per second. Source: choice, webcams of the era gave 10 to 30."""
-    marker_size: float = 0.18
+    marker_size: float = MARKER_SIZE_M
     """Edge of an ArUco marker's black square, m. Source: era."""
 
     def __post_init__(self) -> None:
@@ -321,7 +335,7 @@ class TaskConfig:
     success_reward: float = 5.0
     """Reward for the goal."""
     failure_reward: float = -2.0
-    """Reward for a collision or a missed gate. Small: who fears a crash more than it likes rolling stands still."""
+    """Reward for a collision or a missed gate. Small: fear of a crash must not outweigh the joy of rolling."""
     steering_cost: float = 0.01
     """Cost of the square of the change of the steering command in a tick."""
     time_cost: float = 0.005

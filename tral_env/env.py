@@ -15,12 +15,12 @@ from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space
-from tral_env.perception.degrade import WebcamLaw
+from tral_env.perception.degrade import ImageCorruption
 from tral_env.randomization import Randomization
 from tral_env.simulation.sim import Simulation
 from tral_env.simulation.views import VIEWS, Views
 from tral_env.simulation.vision import Webcam
-from tral_env.world import Corridor, CorridorConfig
+from tral_env.world import CorridorConfig, World
 
 _ROW = np.zeros(1, np.int64)
 
@@ -80,7 +80,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         lens: CameraConfig | str | None = None,
         task: TaskConfig | None = None,
         courses: int | None = None,
-        image_faults: WebcamLaw | None = None,
+        image_faults: ImageCorruption | None = None,
     ) -> None:
         """See the class."""
         given = {name: value for name, value in locals().items() if name not in ("self", "__class__")}
@@ -103,18 +103,18 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
             image_faults=image_faults,
             pixels=self._pixels,
         )
-        self.corridor = Corridor(1, config)
+        self.world = World(1, config)
         self.action_space = action_space()
-        self.observation_space: spaces.Space[Any] = self.corridor.layout.space()
+        self.observation_space: spaces.Space[Any] = self.world.layout.space()
         self._views = Views()
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start a new episode; see the class for the options."""
         super().reset(seed=seed)
-        car = self.corridor.reset(_ROW, [self.np_random], options)
-        info = self._info(self.corridor.info())
+        car = self.world.reset(_ROW, [self.np_random], options)
+        info = self._info(self.world.info())
         info["car"] = {name: float(values[0]) for name, values in car.items()}
-        return self._observation(self.corridor.observation()[0]), info
+        return self._observation(self.world.observation()[0]), info
 
     def step(self, action: NDArray[np.floating]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive for 12.5 ms.
@@ -125,7 +125,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         action = np.asarray(action, np.float64)
         if action.shape != (2,) or not np.isfinite(action).all():
             raise ConfigError(f"action {action!r}: expected two finite numbers: steering, throttle")
-        step = self.corridor.step(action[None])
+        step = self.world.step(action[None])
         info = self._info(step.info)
         terminated, truncated = bool(step.terminated[0]), bool(step.truncated[0])
         if terminated or truncated:
@@ -138,7 +138,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     def _info(self, info: dict[str, Any]) -> dict[str, Any]:
         """Info of the only car: Python numbers and bools, and arrays of its own."""
         single = {name: values[0].item() if values.ndim == 1 else values[0].copy() for name, values in info.items()}
-        if np.isnan(self.corridor.wanted_clearance[0, 0]):
+        if np.isnan(self.world.wanted_clearance[0, 0]):
             del single["clearance_error_m"]
         return single
 
@@ -149,12 +149,12 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
             side: +1 left wall, -1 right wall, NaN none.
             metres: from the side ultrasonic to the wall.
         """
-        self.corridor.wanted_clearance[0] = side, metres
+        self.world.wanted_clearance[0] = side, metres
 
     @property
     def plan(self) -> Plan:
         """Geometry of the course being driven."""
-        plan = self.corridor.plans[0]
+        plan = self.world.plans[0]
         if plan is None:
             raise ConfigError("there is no course before the first reset()")
         return plan
@@ -162,7 +162,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     @property
     def course(self) -> Course:
         """The course being driven."""
-        course = self.corridor.courses[0]
+        course = self.world.courses[0]
         if course is None:
             raise ConfigError("there is no course before the first reset()")
         return course
@@ -183,11 +183,11 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
             ConfigError: unknown view.
             RenderError: no OpenGL on this machine.
         """
-        return self._views.render(self.corridor.sim, view, 0, width, height)
+        return self._views.render(self.world.sim, view, 0, width, height)
 
     def close(self) -> None:
         """Free what OpenGL holds."""
-        self.corridor.close()
+        self.world.close()
         self._views.close()
 
 
@@ -213,7 +213,7 @@ class TralCorridorPixelsEnv(TralCorridorEnv):
         self._image_size = tuple(image_size)
         width, height = self._image_size
         image = spaces.Box(0, 255, (height, width, 3), np.uint8)
-        self.observation_space = spaces.Dict({"image": image, "readings": self.corridor.layout.space()})
+        self.observation_space = spaces.Dict({"image": image, "readings": self.world.layout.space()})
         self._image = np.zeros(image.shape, np.uint8)
         self._exposures = -1
         self._sim: Simulation | None = None
@@ -225,7 +225,7 @@ class TralCorridorPixelsEnv(TralCorridorEnv):
         return super().reset(seed=seed, options=options)
 
     def _observation(self, readings: NDArray[np.float32]) -> Any:
-        sim = self.corridor.sim
+        sim = self.world.sim
         webcam = self._webcam
         if self._exposures < 0 or webcam is None:
             webcam = self._place_webcam(sim)
@@ -240,8 +240,8 @@ class TralCorridorPixelsEnv(TralCorridorEnv):
         if webcam is None or sim is not self._sim:
             if webcam is not None:
                 webcam.close()
-            law = self.corridor.config.image_faults.scaled(self._image_size[0] / sim.lens.width)
-            webcam = Webcam(1, sim.pool, sim.lens.scaled(*self._image_size), law)
+            faults = self.world.config.image_faults.scaled(self._image_size[0] / sim.lens.width)
+            webcam = Webcam(1, sim.pool, sim.lens.scaled(*self._image_size), faults)
             self._webcam, self._sim = webcam, sim
         degradation = float(sim.parameters["image_degradation"][0])
         webcam.place(0, sim.plan(0), degradation, int(sim.image_seeds[0]))

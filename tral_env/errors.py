@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 class TralError(Exception):
@@ -47,8 +47,10 @@ class MissingExtraError(TralError, ImportError):
         )
 
 
-_MOST, _LONGEST = 60, 40
-"""So many names are looked at and told, of so many letters: whoever writes thousands must not make an error slow."""
+_MAX_NAMES = 60
+"""Names that are looked at and told: a file with thousands must not make an error slow."""
+_MAX_LETTERS = 40
+"""Letters of a name that are looked at and told."""
 
 
 def nearest(got: object, allowed: Iterable[object]) -> str:
@@ -61,8 +63,27 @@ def nearest(got: object, allowed: Iterable[object]) -> str:
     Returns:
         A clause for the end of an error message, such as ``did you mean 'corners'? Allowed: corners, doors``.
     """
-    names = [str(name)[:_LONGEST] for name in allowed]
-    match = difflib.get_close_matches(str(got)[:_LONGEST], names[:_MOST], n=1)
+    names = [str(name)[:_MAX_LETTERS] for name in allowed]
+    match = difflib.get_close_matches(str(got)[:_MAX_LETTERS], names[:_MAX_NAMES], n=1)
     hint = f"did you mean '{match[0]}'? " if match else ""
-    more = f", ... ({len(names)} in all)" if len(names) > _MOST else ""
-    return f"{hint}Allowed: {', '.join(names[:_MOST])}{more}"
+    more = f", ... ({len(names)} in all)" if len(names) > _MAX_NAMES else ""
+    return f"{hint}Allowed: {', '.join(names[:_MAX_NAMES])}{more}"
+
+
+def problem_list(head: str, problems: Iterable[object]) -> str:
+    """Word an error that tells several problems at once: a head, then each problem in a line of its own."""
+    return "\n  ".join([head, *map(str, problems)])
+
+
+def problem_report(source: str, problems: Sequence[object]) -> str:
+    """Word an error that tells all that is wrong with a source: a file, a course, a machine.
+
+    Args:
+        source: what the problems are of.
+        problems: each is told by its text.
+
+    Returns:
+        A text such as ``my.json: 2 problems``, and a line below it for each problem.
+    """
+    count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
+    return problem_list(f"{source}: {count}", problems)

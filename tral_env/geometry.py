@@ -1,7 +1,8 @@
 """The car's measures and its markers' sizes, once: plain numbers that anyone may import.
 
-Frame: ground below the middle of the rear axle, x forward, y left, z up. Sources: "ucboard" and "PSES" are the data sheet
-and the URDF that the Project Seminar Real-Time Systems at TU Darmstadt published for the same cars; "choice" is ours.
+Frame: ground below the middle of the rear axle, x forward, y left, z up. Sources: "ucboard" and "PSES" are the data
+sheet and the URDF that the Project Seminar Real-Time Systems at TU Darmstadt published for the same cars; "choice" is
+ours; "era" is what groups of those years measured, see docs/.
 """
 
 from __future__ import annotations
@@ -13,17 +14,23 @@ WHEELBASE_M = 0.258
 TRACK_M = 0.155
 """Distance of the wheels of an axle. Source: ucboard."""
 WHEEL_RADIUS_M = 0.032
-"""Source: PSES."""
+"""Radius of each wheel. Source: PSES."""
 FULL_LOCK_DEG = 22.0
 """Steering angle of the bicycle model at command 1: a turning radius of 0.64 m. Source: echtzeitsysteme."""
 FULL_LOCK = math.radians(FULL_LOCK_DEG)
-"""The same in rad."""
+"""Steering angle of the bicycle model at command 1, rad."""
 LENGTH_M = 0.40
-"""Outline. Source: PSES."""
+"""Length of the car's outline. Source: PSES."""
 WIDTH_M = 0.20
-"""Outline. Source: PSES."""
+"""Width of the car's outline. Source: PSES."""
 HEIGHT_M = 0.18
-"""Outline. Source: PSES."""
+"""Height of the car's outline. Source: PSES."""
+
+STEERING_PLAY = 0.3
+"""Standing, the tyres' scrub holds the wheels this far from where the servo wants them, in units of steering: 0.075 N m
+over the servo saver's 0.65 N m/rad, 6.6 deg of the 22. Source: choice, fits the fault in the report."""
+SCRUB_SPEED = 0.06
+"""Rolling this fast the scrub has fallen to 71 %, m/s: a patch of 2 cm turning at 3 rad/s. Source: choice."""
 
 SONAR_SIDE_M = 0.10
 """Side ultrasonics stand this far from the middle line, midway between the axles. Source: ucboard."""
@@ -38,9 +45,21 @@ MARKER_SIZE_M = 0.18
 """Edge of an ArUco marker's black square. Source: era."""
 MARKER_BOARD_WIDTH_M = 0.24
 """Edge of its board: a quiet zone of one module (0.03 m) on each side of the marker."""
+MARKER_MODULES = 6
+"""Cells along the edge of a marker's black square."""
+MARKER_QUIET_MODULES = 1
+"""White cells between the black square and the edge of its board."""
 
 HALL_METRES_PER_TICK = 0.02513
 """Way of a tick of the hall sensor: 8 magnets on the rear left wheel. Source: ucboard."""
+
+
+def steering_play(speed: float) -> float:
+    """Play of the steering at a speed [m/s], in units of steering: play / sqrt(1 + (v / v0)^2).
+
+    It is the law of `tral_env.actuation.scrub_torque`, over the stiffness of the servo saver and the full lock.
+    """
+    return STEERING_PLAY / math.sqrt(1.0 + (speed / SCRUB_SPEED) ** 2)
 
 
 def curvature(steering: float) -> float:

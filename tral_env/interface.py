@@ -33,8 +33,6 @@ NOTHING_SEEN_ID = -1.0
 
 GATE_MARKER_IDS = range(0, 40)
 """Gate k is the pair of markers 2k (left post) and 2k + 1 (right post), seen in driving direction."""
-MARKER_BOARD_WIDTH_M = 0.24
-"""Markers are on boards: a marker of 0.18 m with a quiet zone of one module (0.03 m) on each side."""
 TURN_MARKER_IDS: Mapping[str, int] = {"left": 40, "right": 41, "straight": 42}
 """Markers that tell a turn at a crossing."""
 
@@ -284,8 +282,3 @@ class Policy(Protocol):
             (2,) or (n, 2): steering, throttle.
         """
         ...
-
-
-def wrap_angle(angle: FloatArray) -> FloatArray:
-    """Bring angles [rad] of any shape into [-pi, pi)."""
-    return (angle + np.pi) % (2.0 * np.pi) - np.pi

@@ -25,8 +25,8 @@ Range = tuple[float, float]
 _FACTORS = ("lock_scale", "servo_speed_scale", "servo_strength_scale", "mass_scale", "wheel_radius_scale")
 _ABOVE_0 = {*_FACTORS, "friction", "battery_v", "sonar_cadence_s"}
 _FROM_0 = {"latency_s", "camera_latency_s", "battery_resistance_ohm", "image_degradation"}
-_LONGEST_LATENCY_S = EscConfig().max_latency_s
-_MOST_DEGRADATION = 10.0
+_MAX_LATENCY_S = EscConfig().max_latency_s
+_MAX_DEGRADATION = 10.0
 _SHARES = {"sonar_together", "sonar_outlier_rate", "hall_miss_rate", "hall_double_rate"}
 
 
@@ -117,10 +117,10 @@ def _check_range(name: str, pair: Any) -> None:
         raise ConfigError(f"{got} (low, high), finite, low <= high")
     if (name in _ABOVE_0 and low <= 0) or (name in _FROM_0 and low < 0):
         raise ConfigError(f"{got} numbers {'above' if name in _ABOVE_0 else 'from'} 0")
-    if name == "latency_s" and high > _LONGEST_LATENCY_S:
-        raise ConfigError(f"{got} at most {_LONGEST_LATENCY_S:g} s")
-    if name == "image_degradation" and high > _MOST_DEGRADATION:
-        raise ConfigError(f"{got} at most {_MOST_DEGRADATION:g}")
+    if name == "latency_s" and high > _MAX_LATENCY_S:
+        raise ConfigError(f"{got} at most {_MAX_LATENCY_S:g} s")
+    if name == "image_degradation" and high > _MAX_DEGRADATION:
+        raise ConfigError(f"{got} at most {_MAX_DEGRADATION:g}")
     if name in _SHARES and not 0 <= low <= high <= 1:
         raise ConfigError(f"{got} shares between 0 and 1")
 

@@ -1,12 +1,13 @@
-"""Poses in the plane: compose, invert, transform, wrap. Each law for one car in floats, and for arrays of them.
+"""Poses in the plane: compose, invert, transform, wrap.
 
-A pose is x [m], y [m], yaw [rad, counter-clockwise] of a frame in another one. Functions on floats serve what is ticked
-for one car at a time; their twins that end in `_n` take arrays of poses (..., 3) and points (..., 2).
+A pose is x [m], y [m], yaw [rad, counter-clockwise] of a frame in another one. Functions on floats serve one car at a
+time; their twins that end in `_n` take arrays of poses (..., 3) and points (..., 2). `wrap` and `rotate` take either.
 """
 
 from __future__ import annotations
 
 import math
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,16 +15,18 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Pose = tuple[float, float, float]
 """x [m], y [m], yaw [rad]."""
+Number = TypeVar("Number", float, NDArray[np.float64], NDArray[np.floating])
+"""A float, or an array of any shape."""
 
 
-def wrap(angle: float) -> float:
+def wrap(angle: Number) -> Number:
     """Bring an angle [rad] into [-pi, pi)."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
-def wrap_n(angle: Array) -> Array:
-    """Bring angles [rad] of any shape into [-pi, pi)."""
-    return (angle + np.pi) % (2.0 * np.pi) - np.pi
+def rotate(cos: Number, sin: Number, x: Number, y: Number) -> tuple[Number, Number]:
+    """A vector turned by an angle of which cosine and sine are known: R v."""
+    return cos * x - sin * y, sin * x + cos * y
 
 
 def to_outer(frame: Pose, x: float, y: float) -> tuple[float, float]:
@@ -51,16 +54,18 @@ def relative(frame: Pose, pose: Pose) -> Pose:
 
 def rotate_n(yaw: Array, vector: Array) -> Array:
     """Vectors (..., 2) turned by angles (...) [rad]."""
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    x, y = vector[..., 0], vector[..., 1]
-    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+    return np.stack(rotate(np.cos(yaw), np.sin(yaw), vector[..., 0], vector[..., 1]), axis=-1)
 
 
 def to_outer_n(frame: Array, point: Array) -> Array:
-    """Points (..., 2) that are given in frames (..., 3), in the frame around them."""
-    return frame[..., :2] + rotate_n(frame[..., 2], point)
+    """Points (..., 2) that are given in frames (..., 3), in the frame around them; rounded as `to_outer` rounds."""
+    cos, sin = np.cos(frame[..., 2]), np.sin(frame[..., 2])
+    x, y = point[..., 0], point[..., 1]
+    return np.stack([frame[..., 0] + cos * x - sin * y, frame[..., 1] + sin * x + cos * y], axis=-1)
 
 
 def to_inner_n(frame: Array, point: Array) -> Array:
-    """Points (..., 2) as seen from frames (..., 3)."""
-    return rotate_n(-frame[..., 2], point - frame[..., :2])
+    """Points (..., 2) as seen from frames (..., 3); rounded as `to_inner` rounds."""
+    cos, sin = np.cos(frame[..., 2]), np.sin(frame[..., 2])
+    dx, dy = point[..., 0] - frame[..., 0], point[..., 1] - frame[..., 1]
+    return np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=-1)

@@ -15,9 +15,9 @@ from tral_env.config import CameraConfig, CarConfig, TaskConfig
 from tral_env.course.layout import Course
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, action_space
-from tral_env.perception.degrade import WebcamLaw
+from tral_env.perception.degrade import ImageCorruption
 from tral_env.randomization import Randomization
-from tral_env.world import Corridor, CorridorConfig, Step, is_count
+from tral_env.world import CorridorConfig, Step, World, is_count
 
 Array = NDArray[np.floating]
 
@@ -57,7 +57,7 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         lens: CameraConfig | str | None = None,
         task: TaskConfig | None = None,
         courses: int | None = None,
-        image_faults: WebcamLaw | None = None,
+        image_faults: ImageCorruption | None = None,
     ) -> None:
         """See the class."""
         for name, count in (("num_envs", num_envs), ("nthread", nthread)):
@@ -78,8 +78,8 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
             image_faults=image_faults,
         )
         self.num_envs = num_envs
-        self.corridor = Corridor(num_envs, config, nthread=nthread)
-        self.single_observation_space = self.corridor.layout.space()
+        self.world = World(num_envs, config, nthread=nthread)
+        self.single_observation_space = self.world.layout.space()
         self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -102,9 +102,9 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
             options = {name: value for name, value in options.items() if name != "reset_mask"}
         rows = self._everyone if mask is None else self._rows(mask)
         self._seed(seed, rows)
-        cars = self.corridor.reset(rows, self._rngs, options)
+        cars = self.world.reset(rows, self._rngs, options)
         self._done[rows] = False
-        return self.corridor.observation(), _masked(self.corridor.info() | {"car": _masked(cars)})
+        return self.world.observation(), _masked(self.world.info() | {"car": _masked(cars)})
 
     def _rows(self, mask: Any) -> NDArray[np.int64]:
         mask = np.asarray(mask)
@@ -145,7 +145,7 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         if actions.shape != (self.num_envs, 2) or not np.isfinite(actions).all():
             raise ConfigError(f"actions of shape {actions.shape}: expected ({self.num_envs}, 2) finite numbers")
         ended = self._done.copy()
-        step = self.corridor.step(actions, np.flatnonzero(~ended) if ended.any() else None)
+        step = self.world.step(actions, np.flatnonzero(~ended) if ended.any() else None)
         if ended.any():
             if self._mode is AutoresetMode.NEXT_STEP:
                 return self._after_next_step_reset(step, ended)
@@ -157,10 +157,10 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
             info["final_obs"], info["_final_obs"] = observation.copy(), self._done.copy()
             final = step.info | {"is_success": step.info["success"]}
             info["final_info"], info["_final_info"] = _masked(final, self._done), self._done.copy()
-            self.corridor.reset(np.flatnonzero(self._done), self._rngs)
+            self.world.reset(np.flatnonzero(self._done), self._rngs)
             self._done = np.zeros(self.num_envs, bool)
-            observation = self.corridor.observation()
-            info |= _masked(self.corridor.info())
+            observation = self.world.observation()
+            info |= _masked(self.world.info())
         return observation, step.reward, step.terminated, step.truncated, info
 
     def _resting(self, step: Step, ended: NDArray[np.bool_]) -> Step:
@@ -178,17 +178,17 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         self, step: Step, again: NDArray[np.bool_]
     ) -> tuple[Array, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Rows that were done start anew, and this step is theirs to do so."""
-        self.corridor.reset(np.flatnonzero(again), self._rngs)
+        self.world.reset(np.flatnonzero(again), self._rngs)
         terminated, truncated = step.terminated & ~again, step.truncated & ~again
         self._done = terminated | truncated
         reward = np.where(again, 0.0, step.reward)
-        fresh = self.corridor.info()
+        fresh = self.world.info()
         info = {name: np.where(_like(again, values), fresh[name], values) for name, values in step.info.items()}
-        return self.corridor.observation(), reward, terminated, truncated, _masked(info)
+        return self.world.observation(), reward, terminated, truncated, _masked(info)
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free what OpenGL holds."""
-        self.corridor.close()
+        self.world.close()
 
 
 def _autoreset_mode(mode: str | AutoresetMode) -> AutoresetMode:

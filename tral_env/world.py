@@ -1,11 +1,11 @@
-"""Cars on their courses: simulation and task together, n at once. Both environments are thin shells over this."""
+"""Cars on their courses: simulation and task together, n at once."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,17 +20,14 @@ from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import Layout
-from tral_env.perception.degrade import WebcamLaw
+from tral_env.perception.degrade import ImageCorruption
 from tral_env.randomization import Randomization, level
-from tral_env.simulation.culling import WINDOW_BOXES, crowd
+from tral_env.simulation.culling import LOCAL_BOXES, max_boxes_in_reach
 from tral_env.simulation.sim import Simulation
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Flags = NDArray[np.bool_]
-
-Drawn = tuple[Course, Plan, dict[str, float]]
-"""What is drawn for an episode: the course, its plan, the car's parameters."""
 
 CAMERAS = ("projected", "rendered")
 RESET_OPTIONS = ("course", "car")
@@ -58,7 +55,7 @@ class CorridorConfig:
     """Only its full lock can be other than that of `assets/car.xml`."""
     lens: CameraConfig = field(default_factory=CameraConfig)
     task: TaskConfig = field(default_factory=TaskConfig)
-    image_faults: WebcamLaw = field(default_factory=WebcamLaw)
+    image_faults: ImageCorruption = field(default_factory=ImageCorruption)
     """How much of each fault a level of `image_degradation` brings to a rendered image: streaks and covered patches
     are off until they are asked for here."""
     pixels: bool = False
@@ -74,7 +71,7 @@ class CorridorConfig:
             raise ConfigError(f"courses = {self.courses!r}: expected a whole number, 1 or more, or None")
         if self.courses is not None and self.course is not None:
             raise ConfigError(f"courses = {self.courses!r} with a course of your own: expected one of them")
-        if self.camera == "projected" and not self.pixels and self.image_faults != WebcamLaw():
+        if self.camera == "projected" and not self.pixels and self.image_faults != ImageCorruption():
             raise ConfigError(
                 f"image_faults = {self.image_faults!r} with camera='projected', which takes no image: expected "
                 "camera='rendered', or TralCorridorPixels-v0, whose observation has an image"
@@ -94,7 +91,7 @@ class CorridorConfig:
         car: CarConfig | Mapping[str, Any] | None = None,
         lens: CameraConfig | str | Path | Mapping[str, Any] | None = None,
         task: TaskConfig | Mapping[str, Any] | None = None,
-        image_faults: WebcamLaw | Mapping[str, Any] | None = None,
+        image_faults: ImageCorruption | Mapping[str, Any] | None = None,
         **others: Any,
     ) -> CorridorConfig:
         """A configuration from the arguments of an environment: None for defaults, mappings for what JSON was.
@@ -109,7 +106,7 @@ class CorridorConfig:
             car=as_config(CarConfig, car),
             lens=load_lens(lens),
             task=as_config(TaskConfig, task),
-            image_faults=as_config(WebcamLaw, image_faults),
+            image_faults=as_config(ImageCorruption, image_faults),
             **others,
         )
 
@@ -149,6 +146,15 @@ def _checked(options: Mapping[str, Any]) -> Mapping[str, Any]:
     return options
 
 
+class Drawn(NamedTuple):
+    """What is drawn for an episode."""
+
+    course: Course
+    plan: Plan
+    car: dict[str, float]
+    """Parameters of the car, name -> value; see `Randomization`."""
+
+
 @dataclass(frozen=True)
 class Step:
     """What a tick brought, arrays of (n, ...)."""
@@ -160,7 +166,7 @@ class Step:
     info: dict[str, Array | Flags | Index]
 
 
-class Corridor:
+class World:
     """n cars on n courses."""
 
     def __init__(self, n: int, config: CorridorConfig, *, nthread: int = 1, pool: Pool | None = None) -> None:
@@ -177,7 +183,7 @@ class Corridor:
         self._randomization = level(config.randomization)
         fixed = config.fixed_course()
         self._fixed = None if fixed is None else (fixed, build_plan(fixed))
-        self._near = 0 if self._fixed is None else crowd(self._fixed[1])
+        self._near = 0 if self._fixed is None else max_boxes_in_reach(self._fixed[1])
         own = Pool.for_scenario(config.scenario) if self._fixed is None else Pool.of(self._fixed[1])
         self.sim = self._simulation(own if pool is None else own.union(pool))
         self.track = task.empty_track(n)
@@ -238,7 +244,7 @@ class Corridor:
             return self._parameters()
         drawn = [self._draw(rngs[row], fixed, cars(int(row))) for row in rows]
         if given is not None:
-            self._fit([drawn[0][1]], rows, crowd(drawn[0][1]))
+            self._fit([drawn[0].plan], rows, max_boxes_in_reach(drawn[0].plan))
         self.begin(rows, drawn, rngs)
         return self._parameters()
 
@@ -247,17 +253,18 @@ class Corridor:
 
         Args:
             rows: (k,) which cars.
-            drawn: k courses, their plans and the parameters of the cars.
+            drawn: k courses with their plans and cars.
             rngs: generator of each of all n rows, for the noise; only those of the rows are used.
 
         Raises:
             ConfigError: a course does not fit beside the other rows.
         """
-        self._fit([plan for _, plan, _ in drawn], rows)
-        for row, (course, plan, _) in zip(rows, drawn, strict=True):
-            self.courses[row], self.plans[row] = course, plan
-            task.lay(self.track, int(row), plan)
-        self.sim.reset(rows, [plan for _, plan, _ in drawn], [car for _, _, car in drawn], rngs)
+        plans = [one.plan for one in drawn]
+        self._fit(plans, rows)
+        for row, one in zip(rows, drawn, strict=True):
+            self.courses[row], self.plans[row] = one.course, one.plan
+            task.lay(self.track, int(row), one.plan)
+        self.sim.reset(rows, plans, [one.car for one in drawn], rngs)
         self._line_up(rows)
         self._started = True
 
@@ -289,7 +296,7 @@ class Corridor:
 
     def _draw(self, rng: np.random.Generator, fixed: tuple[Course, Plan] | None, randomization: Randomization) -> Drawn:
         course, plan = self._generate(rng) if fixed is None else fixed
-        return course, plan, randomization.draw(rng)
+        return Drawn(course, plan, randomization.draw(rng))
 
     def _generate(self, rng: np.random.Generator) -> tuple[Course, Plan]:
         """A new course, or one of those that are kept."""
@@ -306,10 +313,10 @@ class Corridor:
         needed = self.sim.pool
         for plan in plans:
             needed = needed.union(Pool.of(plan))
-        if needed == self.sim.pool and near <= max(self._near, WINDOW_BOXES):
+        if needed == self.sim.pool and near <= max(self._near, LOCAL_BOXES):
             return
         if len(rows) != self.n:
-            told = f", {near} boxes near the car" if near > WINDOW_BOXES else ""
+            told = f", {near} boxes near the car" if near > LOCAL_BOXES else ""
             raise ConfigError(
                 f"this course needs {needed}{told}, but the cars were built for {self.sim.pool}: "
                 "give the course to make_vec(course=...), or reset all cars at once"

@@ -1,32 +1,34 @@
-"""State machines that drive: definition, states, transitions, policy."""
+"""State machines that drive: what a machine file says, how a machine runs, and how it is measured and tuned."""
 
-from tral_fsm.conditions import detections as sightings
-from tral_fsm.conditions import retry_limit as again
+from tral_fsm import conditions, states
+from tral_fsm.conditions import Condition
+from tral_fsm.control.command import Command
 from tral_fsm.definition.checks import FormatError, Problem, check
 from tral_fsm.definition.machine import MachineDefinition
-from tral_fsm.estimation.estimator import MachineState
+from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.formats.library import load as load_machine
 from tral_fsm.formats.library import names as machine_names
+from tral_fsm.runtime.driver import Driver
 from tral_fsm.runtime.machine import Machine, Transit
 from tral_fsm.runtime.policy import MachinePolicy, load_policy
-from tral_fsm.states import corridor, scurve
-from tral_fsm.states import wall as following
+from tral_fsm.states import State
 
 __all__ = [
+    "CarEstimate",
+    "Command",
+    "Condition",
+    "Driver",
     "FormatError",
     "Machine",
     "MachineDefinition",
     "MachinePolicy",
-    "MachineState",
     "Problem",
+    "State",
     "Transit",
-    "again",
     "check",
-    "corridor",
-    "following",
+    "conditions",
     "load_machine",
     "load_policy",
     "machine_names",
-    "scurve",
-    "sightings",
+    "states",
 ]

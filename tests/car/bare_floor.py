@@ -7,11 +7,11 @@ import math
 import mujoco
 import numpy as np
 
-from tral_env.actuation import Actuation, Drive
+from tral_env.actuation import Actuation, ActuatorInputs
 from tral_env.assets import asset_path
 from tral_env.config import CarConfig
 from tral_env.interface import CONTROL_PERIOD_S
-from tral_env.simulation.sim import STEERING_LEAD_STEPS
+from tral_env.simulation.actuators import STEERING_LEAD_STEPS
 
 CAR = CarConfig()
 ROW = np.array([0])
@@ -63,7 +63,7 @@ class DrivenCar:
     def angle_deg(self, joint: str) -> float:
         return math.degrees(self.data.joint(f"car/{joint}").qpos[0])
 
-    def drive(self, steering: float, throttle: float, seconds: float) -> Drive:
+    def drive(self, steering: float, throttle: float, seconds: float) -> ActuatorInputs:
         """Hold a command; log angle and speed of every tick."""
         for _ in range(round(seconds / CONTROL_PERIOD_S)):
             drive = self.actuation.apply(ROW, np.array([[steering, throttle]]), np.array([self.wheel_speed]))

@@ -17,13 +17,13 @@ from typer.testing import CliRunner, Result
 from tral_env.calibration.board_poses import seeded_poses
 from tral_env.calibration.boards import Board
 from tral_env.calibration.camera_info import read_camera_info, write_camera_info
-from tral_env.calibration.image_sources import frames
+from tral_env.calibration.image_sources import read_images
+from tral_env.calibration.record import difference_px
 from tral_env.calibration.solve import Limits
 from tral_env.config import WIDE_LENS, CameraConfig
 from tral_env.errors import RenderError
-from tral_env.simulation.board_scene import MARGIN, BoardStage, pixels_per_metre
+from tral_env.simulation.board_scene import MARGIN, BoardScene, pixels_per_metre
 from tral_fsm.cli import app
-from tral_fsm.report.calibration import difference_px
 
 SHOTS = 18
 
@@ -145,10 +145,10 @@ def test_a_video_is_looked_at_frame_by_frame(shots: Path, tmp_path: Path) -> Non
 
 def test_ctrl_c_ends_the_looking_of_a_camera(shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def watched(*_: object) -> Iterator[tuple[str, np.ndarray]]:
-        yield from frames([str(path) for path in sorted(shots.glob("0*.png"))])
+        yield from read_images([str(path) for path in sorted(shots.glob("0*.png"))])
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("tral_env.calibration.image_sources.frames", watched)
+    monkeypatch.setattr("tral_env.calibration.image_sources.read_images", watched)
     result = tral("/dev/video0", "--out", tmp_path)
     assert result.exit_code == 1
     assert "Ctrl-C: enough" in result.stderr
@@ -208,7 +208,7 @@ def test_what_is_shown_in_a_narrow_terminal_is_whole_and_an_error_begins_a_line(
 
 
 def test_the_simulated_camera_calibrates_itself_and_says_how_far_off_it_is(tmp_path: Path) -> None:
-    stage = BoardStage(Board(), WIDE_LENS)
+    stage = BoardScene(Board(), WIDE_LENS)
     try:
         stage.capture(seeded_poses(Board(), WIDE_LENS, 1, 0)[0])
     except RenderError as error:

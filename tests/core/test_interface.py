@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tral_env.errors import ConfigError
-from tral_env.interface import CORE_LAYOUT, OPTIONAL_GROUPS, Layout, action_space, wrap_angle
+from tral_env.interface import CORE_LAYOUT, OPTIONAL_GROUPS, Layout, action_space
 
 
 def test_nothing_seen_lies_within_the_bounds_of_every_field() -> None:
@@ -58,11 +56,3 @@ def test_the_table_names_every_field_once() -> None:
 def test_the_action_is_steering_and_throttle() -> None:
     assert action_space().shape == (2,)
     assert action_space().low.tolist() == [-1.0, -1.0]
-
-
-@given(st.floats(-100, 100))
-def test_wrapped_angles_keep_their_direction(angle: float) -> None:
-    wrapped = float(wrap_angle(np.array(angle)))
-    assert -np.pi <= wrapped < np.pi
-    assert np.isclose(np.cos(wrapped), np.cos(angle), atol=1e-9)
-    assert np.isclose(np.sin(wrapped), np.sin(angle), atol=1e-9)

@@ -5,17 +5,17 @@ import pytest
 
 from tral_env.errors import ConfigError
 from tral_env.noise import NoiseTape
-from tral_env.perception.camera_pipeline import Sightings
-from tral_env.perception.gate import Sighting
+from tral_env.perception.camera_pipeline import CameraPipeline
+from tral_env.perception.gate import Detection
 from tral_env.randomization import LEVELS, Randomization, level
 from tral_env.sensors.ranging import Ranging
 
 ROW = np.array([0])
 
 
-def sighting(gate: float, marker: float, x: float = 1.0) -> Sighting:
+def sighting(gate: float, marker: float, x: float = 1.0) -> Detection:
     one, none = np.array([x]), np.array([0.0])
-    return Sighting(np.array([gate]), one, none, none, np.array([marker]), one, none, none)
+    return Detection(np.array([gate]), one, none, none, np.array([marker]), one, none, none)
 
 
 def test_a_range_is_published_when_the_next_ranging_begins() -> None:
@@ -29,7 +29,7 @@ def test_a_range_is_published_when_the_next_ranging_begins() -> None:
 
 
 def test_an_image_is_known_after_its_latency_and_grows_old() -> None:
-    eyes = Sightings(1, rate_hz=15.0)
+    eyes = CameraPipeline(1, rate_hz=15.0)
     eyes.reset(ROW, np.array([0.05]))
     assert eyes.due(ROW, np.array([0.0])).tolist() == [0]
     eyes.expose(ROW, np.array([0.0]), sighting(3.0, 7.0))
@@ -42,7 +42,7 @@ def test_an_image_is_known_after_its_latency_and_grows_old() -> None:
 
 @pytest.mark.parametrize("rate_hz", [15.0, 60.0])
 def test_images_of_a_slow_camera_arrive_one_by_one(rate_hz: float) -> None:
-    eyes = Sightings(1, rate_hz)
+    eyes = CameraPipeline(1, rate_hz)
     eyes.reset(ROW, np.array([0.4]))
     ages = []
     for time_s in np.arange(160)[:, None] * 0.0125:
@@ -54,13 +54,13 @@ def test_images_of_a_slow_camera_arrive_one_by_one(rate_hz: float) -> None:
 
 
 def test_a_camera_of_15_hz_exposes_15_images_a_second() -> None:
-    eyes = Sightings(1, rate_hz=15.0)
+    eyes = CameraPipeline(1, rate_hz=15.0)
     images = sum(len(eyes.due(ROW, np.array([tick * 0.0125]))) for tick in range(800))
     assert images == 150
 
 
 def test_an_empty_image_does_not_forget_what_was_seen() -> None:
-    eyes = Sightings(1, rate_hz=15.0)
+    eyes = CameraPipeline(1, rate_hz=15.0)
     eyes.expose(ROW, np.array([0.0]), sighting(3.0, 7.0))
     eyes.deliver(np.array([0.1]))
     eyes.expose(ROW, np.array([0.1]), sighting(-1.0, 8.0, x=2.0))

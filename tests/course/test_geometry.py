@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from probe import CELL, flat, flooded, hidden, leaks, overlaps
 
 from tral_env.course.frames import place
-from tral_env.course.furniture import BOARD_WIDTH, WALL_THICKNESS
+from tral_env.course.furniture import WALL_THICKNESS
 from tral_env.course.generate import SCENARIOS, generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, example_names, example_path
 from tral_env.course.plan import BOX_KINDS
+from tral_env.geometry import MARKER_BOARD_WIDTH_M
 
 families = pytest.mark.parametrize("family", list(SCENARIOS))
 
@@ -103,7 +104,7 @@ def test_gate_markers_face_the_car_left_then_right_flush_with_the_boards_edges()
     np.testing.assert_allclose(plan.marker_position[:, 1:], [(0.52, 0.25), (-0.52, 0.25)])
     assert (plan.marker_position[:, 0] < flat(plan, "post")[:, 0]).all()
     np.testing.assert_allclose(np.cos(plan.marker_yaw), -1)
-    assert pytest.approx(0.8 / 2 + BOARD_WIDTH / 2) == 0.52
+    assert pytest.approx(0.8 / 2 + MARKER_BOARD_WIDTH_M / 2) == 0.52
 
 
 def test_a_turned_gate_turns_about_its_middle():

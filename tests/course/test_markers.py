@@ -12,7 +12,7 @@ from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, example_path
 from tral_env.course.markers import MARKER_IDS, marker_image
 from tral_env.course.plan import Plan
-from tral_env.course.scene import Pool, build_model, dress
+from tral_env.course.scene import Pool, apply_materials, build_model
 
 LENS = CameraConfig()
 DETECTOR = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50))
@@ -28,7 +28,7 @@ def photograph(plan: Plan, pose: tuple[float, float, float]) -> np.ndarray:
     """What the front camera sees from a pose, grey values."""
     pool = Pool.of(plan)
     model = build_model(pool)
-    dress(model, plan, pool)
+    apply_materials(model, plan, pool)
     data = mujoco.MjData(model)
     x, y, yaw = pose
     data.qpos[:7] = [x, y, 0, np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]

@@ -83,7 +83,7 @@ def test_random_drives_stay_finite_and_in_bounds(scenario: str) -> None:
         assert np.isfinite(reward).all()
         assert (observation >= env.observation_space.low).all()
         assert (observation <= env.observation_space.high).all()
-    assert not env.corridor.sim.batch.warning[..., 1].any()
+    assert not env.world.sim.batch.warning[..., 1].any()
 
 
 def test_a_straight_drive_succeeds_and_says_so() -> None:
@@ -139,7 +139,7 @@ def test_the_wanted_clearance_makes_an_error_of_clearance() -> None:
     for _ in range(200):
         env.unwrapped.want_clearance(1.0, 0.5)
         *_, info = env.step(np.array([0.0, 0.3], np.float32))
-    reading = CORE_LAYOUT.unpack(env.unwrapped.corridor.observation()[0])
+    reading = CORE_LAYOUT.unpack(env.unwrapped.world.observation()[0])
     assert info["clearance_error_m"] == pytest.approx(reading["ultrasonic_left"] - 0.5, abs=0.03)
 
 
@@ -157,7 +157,7 @@ def test_a_copy_of_an_environment_drives_as_the_first_one_does() -> None:
 
 def test_a_spec_with_configurations_survives_json() -> None:
     given = {"randomization": LEVELS["hard"], "lens": WIDE_LENS, "task": TaskConfig(grace_s=1.0)}
-    again = gym.make(EnvSpec.from_json(corridor(**given).spec.to_json())).unwrapped.corridor.config
+    again = gym.make(EnvSpec.from_json(corridor(**given).spec.to_json())).unwrapped.world.config
     assert (level(again.randomization), again.lens, again.task) == tuple(given.values())
 
 

@@ -107,8 +107,8 @@ def test_a_kept_course_is_the_one_that_its_number_as_seed_gives() -> None:
     whole = []
     for seed in range(3):
         drawn.reset(seed=seed)
-        whole.append(drawn.corridor.courses[0])
-    assert {whole.index(course) for course in env.corridor.courses} == {0, 1, 2}
+        whole.append(drawn.world.courses[0])
+    assert {whole.index(course) for course in env.world.courses} == {0, 1, 2}
 
 
 def test_a_row_with_kept_courses_drives_as_it_does_alone() -> None:
@@ -128,8 +128,8 @@ def test_course_k_of_those_that_are_kept_is_that_of_seed_k() -> None:
     env.reset(seed=0)
     alone = TralCorridorVectorEnv(2, scenario="obstacles", randomization="hard")
     alone.reset(seed=[0, 1])
-    assert {one.model_dump_json() for one in env.corridor.courses} == {
-        one.model_dump_json() for one in alone.corridor.courses
+    assert {one.model_dump_json() for one in env.world.courses} == {
+        one.model_dump_json() for one in alone.world.courses
     }
 
 

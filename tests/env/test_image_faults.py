@@ -17,12 +17,12 @@ from tral_env.course.scene import Pool, build_model
 from tral_env.errors import ConfigError, RenderError
 from tral_env.interface import CORE_LAYOUT
 from tral_env.perception.aruco import Detector
-from tral_env.perception.degrade import PATCH_GREYS, WebcamLaw
+from tral_env.perception.degrade import PATCH_GREYS, ImageCorruption
 from tral_env.simulation.vision import RenderedVision, Webcam
 from tral_env.world import CorridorConfig
 
 GATE_AHEAD = Course(name="gate", segments=(Segment(length=6, gates=(Gate(id=2, at=4, offset=0.0, width=0.7),)),))
-PATCH = WebcamLaw(exposure=0, blur_px=0, glare=0, noise=0, patch=0.3)
+PATCH = ImageCorruption(exposure=0, blur_px=0, glare=0, noise=0, patch=0.3)
 LEVEL_1 = {"car": {"image_degradation": 1.0}}
 GATE_ID = CORE_LAYOUT.column("gate_id")
 ROW, LEVELLED = np.zeros(1, np.int64), np.zeros(3)
@@ -89,14 +89,14 @@ def test_a_gate_is_seen_unless_the_patch_lies_on_one_of_its_markers(
 
 
 def test_the_readings_come_from_the_images_with_the_faults() -> None:
-    law = WebcamLaw(patch=0.5)
-    env = gym.make("TralCorridor-v0", course=GATE_AHEAD, camera="rendered", randomization="none", image_faults=law)
+    faults = ImageCorruption(patch=0.5)
+    env = gym.make("TralCorridor-v0", course=GATE_AHEAD, camera="rendered", randomization="none", image_faults=faults)
     webcam, told = None, set()
     try:
         for seed in range(16):
             env.reset(seed=seed, options=LEVEL_1)
-            sim = env.unwrapped.corridor.sim
-            webcam = webcam or Webcam(1, sim.pool, sim.lens, law)
+            sim = env.unwrapped.world.sim
+            webcam = webcam or Webcam(1, sim.pool, sim.lens, faults)
             webcam.place(0, sim.plan(0), 1.0, int(sim.image_seeds[0]))
             found = Detector().detect(webcam.image(0, sim.qpos[0], LEVELLED)).ids
             for _ in range(4):  # until the image of the reset is told, and before the next one is taken
@@ -114,7 +114,7 @@ def test_the_readings_come_from_the_images_with_the_faults() -> None:
 
 
 def test_the_pixels_show_the_faults_that_are_asked_for_and_no_others() -> None:
-    clear = WebcamLaw(exposure=0, blur_px=0, glare=0, noise=0)
+    clear = ImageCorruption(exposure=0, blur_px=0, glare=0, noise=0)
     clean, patched = pixels(image_faults=clear), pixels(image_faults=PATCH)
     low, high = box(patched, clean)
     assert np.all(high - low + 1 <= 0.3 * 120)
@@ -130,14 +130,14 @@ def test_the_pixels_show_the_faults_wherever_the_readings_come_from() -> None:
 
 
 def test_the_same_seed_gives_the_same_image() -> None:
-    faults = WebcamLaw(streak_px=2.0, patch=0.2)
+    faults = ImageCorruption(streak_px=2.0, patch=0.2)
     image = pixels(image_faults=faults)
     assert np.array_equal(image, pixels(image_faults=faults))
     assert not np.array_equal(image, pixels(4, image_faults=faults))
 
 
 def test_without_it_an_image_is_as_it_was_with_the_default_law() -> None:
-    assert np.array_equal(pixels(), pixels(image_faults=WebcamLaw()))
+    assert np.array_equal(pixels(), pixels(image_faults=ImageCorruption()))
 
 
 def test_a_row_among_others_looks_through_the_same_faults_as_alone() -> None:
@@ -162,7 +162,7 @@ def test_a_row_among_others_looks_through_the_same_faults_as_alone() -> None:
 def test_the_spec_with_faults_survives_json(name: str, camera: str) -> None:
     env = gym.make(name, scenario="gates", camera=camera, image_faults=PATCH)
     again = gym.make(EnvSpec.from_json(env.spec.to_json()))
-    assert again.unwrapped.corridor.config.image_faults == PATCH
+    assert again.unwrapped.world.config.image_faults == PATCH
 
 
 @pytest.mark.parametrize("make", [gym.make, gym.make_vec])
@@ -174,15 +174,15 @@ def test_the_projected_camera_refuses_faults_and_names_the_remedy(make: object) 
 
 
 def test_the_default_faults_are_those_that_the_projected_camera_has_too() -> None:
-    assert CorridorConfig.of(image_faults=WebcamLaw()) == CorridorConfig()
+    assert CorridorConfig.of(image_faults=ImageCorruption()) == CorridorConfig()
 
 
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ({"pach": 0.1}, "WebcamLaw has no 'pach': did you mean 'patch'"),
-        ({"patch": 2.0}, "WebcamLaw.patch = 2.0: expected a number from 0 to 1"),
-        (0.1, "got 0.1: expected a WebcamLaw, or a mapping of its values"),
+        ({"pach": 0.1}, "ImageCorruption has no 'pach': did you mean 'patch'"),
+        ({"patch": 2.0}, "ImageCorruption.patch = 2.0: expected a number from 0 to 1"),
+        (0.1, "got 0.1: expected a ImageCorruption, or a mapping of its values"),
     ],
 )
 def test_faults_that_cannot_be_are_named(given: object, told: str) -> None:

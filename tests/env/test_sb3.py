@@ -49,8 +49,8 @@ def test_the_same_seed_gives_the_same_start() -> None:
 def test_courses_are_drawn_among_those_that_are_kept() -> None:
     env = make_vec_env(8, seed=0, scenario="crossing", courses=2, monitor=False)
     env.reset()
-    corridor = env.get_attr("corridor")[0]
-    first = {course.model_dump_json() for course in corridor.courses}
+    world = env.get_attr("world")[0]
+    first = {course.model_dump_json() for course in world.courses}
     alone = [generate_plan("crossing", np.random.default_rng(k))[0].model_dump_json() for k in range(2)]
     assert first == set(alone)
     for _ in range(120):  # into the walls, so that some begin anew
@@ -58,7 +58,7 @@ def test_courses_are_drawn_among_those_that_are_kept() -> None:
         if done.any():
             break
     assert done.any()
-    assert {course.model_dump_json() for course in corridor.courses} <= first
+    assert {course.model_dump_json() for course in world.courses} <= first
 
 
 def test_cars_are_told_at_reset_and_can_be_given_one_value_a_row() -> None:

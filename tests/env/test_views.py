@@ -89,7 +89,7 @@ def test_a_rendered_gate_is_seen_where_the_projected_one_is() -> None:
         env.reset(seed=1)
         for _ in range(80):
             observation, *_ = env.step(np.array([0.0, 0.35], np.float32))
-        readings.append(env.unwrapped.corridor.layout.unpack(observation))
+        readings.append(env.unwrapped.world.layout.unpack(observation))
         env.close()
     projected, rendered = readings
     assert rendered["gate_id"] == projected["gate_id"] >= 0
@@ -142,7 +142,7 @@ def test_unknown_views_are_answered_with_the_nearest() -> None:
     env = tral_env.env.TralCorridorEnv(scenario="straight")
     env.reset(seed=0)
     with pytest.raises(ConfigError, match="did you mean 'onboard'"):
-        Views().render(env.corridor.sim, "onbord", 0, 8, 8)
+        Views().render(env.world.sim, "onbord", 0, 8, 8)
 
 
 def test_without_opengl_the_error_names_the_remedy() -> None:

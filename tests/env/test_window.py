@@ -8,9 +8,9 @@ from tral_env.course.generate import SCENARIOS, generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Door, Segment
 from tral_env.course.scene import Placement
-from tral_env.simulation import culling as window
-from tral_env.simulation.culling import REACH_M, Window, crowd
-from tral_env.world import Corridor, CorridorConfig
+from tral_env.simulation import culling
+from tral_env.simulation.culling import REACH_M, LocalGeoms, max_boxes_in_reach
+from tral_env.world import CorridorConfig, World
 from tral_fsm import load_policy
 
 
@@ -21,16 +21,16 @@ def line_of_boxes(count: int) -> Placement:
     return Placement(pos, np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)), np.full((count, 3), 0.1))
 
 
-def surrounded(count: int, x: float) -> tuple[Window, np.ndarray]:
-    all_around = Window(1, count)
+def surrounded(count: int, x: float) -> tuple[LocalGeoms, np.ndarray]:
+    all_around = LocalGeoms(1, count)
     all_around.place(0, line_of_boxes(count))
-    pos, _, _ = all_around.look(np.array([0]), np.array([[x, 0.0]]))
+    pos, _, _ = all_around.nearest(np.array([0]), np.array([[x, 0.0]]))
     return all_around, pos[0, :, 0]
 
 
 def test_the_nearest_boxes_stand_in_the_order_of_the_course():
     _, x = surrounded(100, 30.0)
-    assert len(x) == window.WINDOW_BOXES == 48
+    assert len(x) == culling.LOCAL_BOXES == 48
     assert_array_equal(x, np.arange(6, 54))
 
 
@@ -48,14 +48,14 @@ def test_a_course_of_few_boxes_is_there_as_a_whole():
 
 
 def test_a_box_is_as_near_as_its_nearest_side():
-    around = Window(1, 60)
+    around = LocalGeoms(1, 60)
     placed = line_of_boxes(60)
     placed.geom_pos[:, 0] = 100.0 + np.arange(60)
     placed.geom_pos[59, :2] = 0.0, 20.0
     placed.geom_size[59, :2] = 0.1, 15.0
     placed.geom_quat[59] = np.cos(np.pi / 4), 0.0, 0.0, np.sin(np.pi / 4)  # long along x: its side is 19.9 m away
     around.place(0, placed)
-    _, _, half = around.look(np.array([0]), np.zeros((1, 2)))
+    _, _, half = around.nearest(np.array([0]), np.zeros((1, 2)))
     assert half[0, -1, 1] == 15.0
 
 
@@ -68,23 +68,23 @@ def dense() -> Course:
 def ranges(near: str) -> np.ndarray:
     """Readings of a drive through a dense course, that was named at the start or at the reset."""
     fixed = CorridorConfig(scenario="straight", randomization="none", course=dense() if near == "start" else None)
-    world = Corridor(1, fixed)
+    world = World(1, fixed)
     world.reset(np.array([0]), [np.random.default_rng(0)], {"course": dense()} if near == "reset" else None)
     return np.stack([world.observation()] + [world.step(np.array([[0.0, 0.5]])).observation for _ in range(500)])
 
 
 @pytest.mark.parametrize("near", ["start", "reset"])
 def test_a_dense_course_is_seen_as_a_whole(near: str, monkeypatch: pytest.MonkeyPatch):
-    assert crowd(build_plan(dense())) > window.WINDOW_BOXES
+    assert max_boxes_in_reach(build_plan(dense())) > culling.LOCAL_BOXES
     seen = ranges(near)
-    monkeypatch.setattr(window, "WINDOW_BOXES", 1000)
+    monkeypatch.setattr(culling, "LOCAL_BOXES", 1000)
     assert_array_equal(seen, ranges("start"))
 
 
-def test_courses_of_the_families_need_no_larger_window():
+def test_courses_of_the_families_need_no_more_local_boxes():
     for scenario in SCENARIOS:
         plans = [generate_plan(scenario, np.random.default_rng(seed))[1] for seed in range(3)]
-        assert max(crowd(plan) for plan in plans) <= window.WINDOW_BOXES
+        assert max(max_boxes_in_reach(plan) for plan in plans) <= culling.LOCAL_BOXES
 
 
 @pytest.mark.parametrize("scenario", ["office", "doors"])
@@ -92,7 +92,7 @@ def test_no_reading_shows_which_boxes_are_left_out(scenario: str, monkeypatch: p
     rows, ticks = 6, 1500
 
     def drive() -> list[np.ndarray]:
-        world, policy = Corridor(rows, CorridorConfig(scenario=scenario)), load_policy("office")
+        world, policy = World(rows, CorridorConfig(scenario=scenario)), load_policy("office")
         world.reset(np.arange(rows), [np.random.default_rng(seed) for seed in range(rows)])
         policy.reset(rows)
         seen = [world.observation()]
@@ -101,5 +101,5 @@ def test_no_reading_shows_which_boxes_are_left_out(scenario: str, monkeypatch: p
         return seen
 
     near = drive()
-    monkeypatch.setattr(window, "WINDOW_BOXES", 1000)
+    monkeypatch.setattr(culling, "LOCAL_BOXES", 1000)
     assert_array_equal(np.stack(near), np.stack(drive()))

@@ -9,8 +9,14 @@ import pytest
 
 from tral_fsm import FormatError, MachineDefinition, MachinePolicy, check, load_machine
 from tral_fsm.definition import packaged
-from tral_fsm.definition.checks import always, never
-from tral_fsm.definition.conditions import AlwaysSpec, AnySpec, DistanceSpec, NotSpec
+from tral_fsm.definition.conditions import (
+    AllSpec,
+    AlwaysSpec,
+    AnySpec,
+    ArucoGateFoundSpec,
+    DistanceSpec,
+    NotSpec,
+)
 from tral_fsm.definition.machine import FSMStateSpec, MotorSpec, StopSpec, TransitionSpec
 from tral_fsm.formats import library
 from tral_fsm.formats.tral_json import loads
@@ -79,8 +85,8 @@ class TestAlwaysAndNever:
     )
     def test_what_may_fire_or_not_is_neither(self, condition: dict[str, Any]) -> None:
         spec = loads(json.dumps(machine(way(0, 0, 1, **condition)))).transitions[0].when
-        assert not always(spec)
-        assert not never(spec)
+        assert not spec.always()
+        assert not spec.never()
 
     def test_the_same_condition_again_never_fires(self) -> None:
         found = problems(machine(way(0, 0, 1, **NEAR), way(1, 0, 1, **NEAR)))
@@ -269,3 +275,27 @@ def test_many_transitions_of_a_state_are_checked_in_time_that_grows_with_their_n
     found = problems(machine(*ways))
     assert found == {"/transitions/499": "transition 499 can never fire: 0, checked before it, has the same condition"}
     assert time.perf_counter() - start < 1.0
+
+
+class TestWhatConditionsSayOfThemselves:
+    GATE = ArucoGateFoundSpec()
+
+    def test_a_gate_is_handed_over_by_what_is_combined_of_it(self) -> None:
+        assert self.GATE.hands_over
+        assert AllSpec(of=(self.GATE, AlwaysSpec())).hands_over
+        assert not AllSpec(of=(AlwaysSpec(),)).hands_over
+
+    def test_a_gate_that_is_not_seen_is_not_handed_over(self) -> None:
+        assert not NotSpec(of=(self.GATE,)).hands_over
+        assert not AnySpec(of=(NotSpec(of=(self.GATE,)), AlwaysSpec())).hands_over
+
+    def test_a_gate_that_stays_is_not_handed_over(self) -> None:
+        assert not ArucoGateFoundSpec(hand_over=False).hands_over
+
+    def test_what_combines_others_names_its_parts(self) -> None:
+        assert NotSpec(of=(self.GATE,)).parts == (self.GATE,)
+        assert self.GATE.parts == ()
+
+    def test_a_state_names_the_machine_that_it_holds(self) -> None:
+        assert FSMStateSpec(id=0, machine="wall").inner == "wall"
+        assert StopSpec(id=0).inner is None

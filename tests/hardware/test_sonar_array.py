@@ -2,12 +2,16 @@
 
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from fakes import Clock, FakeSmbus, Srf08Fake
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tral_env.config import UltrasonicConfig
 from tral_env.errors import ConfigError, HardwareError
-from tral_env.hardware.sonar import SonarArray
+from tral_env.hardware.sonar import SonarArray, Srf08
+from tral_env.sensors.ultrasonic import measure
 
 PERIOD_S = 0.0125
 
@@ -133,3 +137,22 @@ def test_a_ranger_that_is_not_there_is_named():
 def test_unknown_firing_and_sides_are_refused(options):
     with pytest.raises(ConfigError, match="Allowed: together, in turn"):
         SonarArray(FakeSmbus({}), **options)
+
+
+class Register:
+    """A ranger's device whose register of the first echo holds a number."""
+
+    def __init__(self, units):
+        self.units = units
+
+    def read(self, register, length=1):
+        assert (register, length) == (2, 2)
+        return [self.units >> 8, self.units & 0xFF]
+
+
+@given(st.integers(0, 0xFFFF), st.sampled_from(["us", "cm"]))
+def test_a_register_is_read_as_the_simulated_ranger_reads_an_echo_there(units, mode):
+    config = UltrasonicConfig(mode=mode)
+    echo = np.array([units * (0.01 if mode == "cm" else config.metres_per_us)])
+    neither_jitter_nor_outlier = np.array([[0.5, 1.0, 0.0, 0.0]])
+    assert Srf08(Register(units), config).range_m() == measure(echo, neither_jitter_nor_outlier, config)[0]

@@ -4,7 +4,7 @@ from marker_world import build, camera_or_skip
 
 from tral_env.config import WIDE_LENS, CameraConfig
 from tral_env.errors import ConfigError
-from tral_env.perception.aruco import Detections, Detector, marker_poses
+from tral_env.perception.aruco import Detector, MarkerCorners, marker_poses
 
 FACING = np.pi
 """A normal that points back along x."""
@@ -90,6 +90,6 @@ def test_exact_corners_give_the_exact_pose(turn):
     down = np.array([0.0, half, 0.0])
     corners = np.array([-right - down, right - down, right + down, -right + down]) + np.array([0.3, 0.1, 2.0])
     pixels = corners[:, :2] / corners[:, 2:] * lens.fx + np.array([lens.cx, lens.cy])
-    poses = marker_poses(Detections(np.array([5]), pixels[None]), lens)
+    poses = marker_poses(MarkerCorners(np.array([5]), pixels[None]), lens)
     assert (poses.x[0], poses.y[0]) == pytest.approx((2.2, -0.3), abs=1e-6)
     assert poses.heading[0] == pytest.approx(turn, abs=1e-4)

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tral_env.errors import ConfigError
-from tral_env.perception.degrade import PATCH_GREYS, WebcamLaw, degrade
+from tral_env.perception.degrade import PATCH_GREYS, ImageCorruption, degrade
 
-CLEAR = WebcamLaw(exposure=0, blur_px=0, glare=0, noise=0)
+CLEAR = ImageCorruption(exposure=0, blur_px=0, glare=0, noise=0)
 GREY = np.full((48, 64, 3), 128, np.uint8)
 
 
@@ -28,19 +28,19 @@ def test_the_same_noise_gives_the_same_image() -> None:
 
 
 def test_noise_has_the_strength_of_its_level() -> None:
-    law = WebcamLaw(exposure=0, glare=0)
-    assert abs(degrade(GREY, 2.0, rng(), law)[..., 0].std() - 2 * law.noise) < 0.3
+    faults = ImageCorruption(exposure=0, glare=0)
+    assert abs(degrade(GREY, 2.0, rng(), faults)[..., 0].std() - 2 * faults.noise) < 0.3
 
 
 def test_exposure_stays_within_its_error() -> None:
-    law = WebcamLaw(glare=0, noise=0)
-    means = [degrade(GREY, 1.0, np.random.default_rng(seed), law).mean() / 128 for seed in range(40)]
+    faults = ImageCorruption(glare=0, noise=0)
+    means = [degrade(GREY, 1.0, np.random.default_rng(seed), faults).mean() / 128 for seed in range(40)]
     assert 0.87 < min(means) < 0.93
     assert 1.07 < max(means) < 1.13
 
 
 def test_glare_brightens_the_upper_half_alone() -> None:
-    image = degrade(GREY, 1.0, rng(), WebcamLaw(exposure=0, noise=0)).astype(int)
+    image = degrade(GREY, 1.0, rng(), ImageCorruption(exposure=0, noise=0)).astype(int)
     assert image[0].mean() > 129
     assert image[24:].mean() == 128
 
@@ -48,7 +48,7 @@ def test_glare_brightens_the_upper_half_alone() -> None:
 def test_blur_softens_an_edge() -> None:
     edge = np.zeros((16, 16, 3), np.uint8)
     edge[:, 8:] = 200
-    image = degrade(edge, 2.0, rng(), WebcamLaw(exposure=0, glare=0, noise=0))
+    image = degrade(edge, 2.0, rng(), ImageCorruption(exposure=0, glare=0, noise=0))
     assert 0 < image[8, 7, 0] < image[8, 8, 0] < 200
 
 
@@ -92,9 +92,9 @@ def test_a_patch_is_a_dark_or_bright_square_of_its_size_cut_at_the_edge(seed: in
 
 @given(st.integers(0, 1000), st.floats(0.0, 10.0))
 def test_light_never_turns_below_dark(seed: int, level: float) -> None:
-    law = replace(CLEAR, exposure=1.0)
+    faults = replace(CLEAR, exposure=1.0)
     light = 1 + level * np.random.default_rng(seed).uniform(-1, 1)
-    image = degrade(GREY, level, np.random.default_rng(seed), law)
+    image = degrade(GREY, level, np.random.default_rng(seed), faults)
     assert abs(int(image[0, 0, 0]) - np.clip(128 * light, 0, 255)) <= 0.51
     assert len(np.unique(image)) == 1
 
@@ -104,19 +104,19 @@ def test_light_never_turns_below_dark(seed: int, level: float) -> None:
     [("patch", 1.5, "1"), ("streak_px", -2.0, "1000"), ("noise", float("nan"), "255"), ("blur_px", "2", "100")],
 )
 def test_a_strength_that_cannot_be_is_named_with_what_can(name: str, value: object, most: str) -> None:
-    told = re.escape(f"WebcamLaw.{name} = {value!r}: expected a number from 0 to {most}")
+    told = re.escape(f"ImageCorruption.{name} = {value!r}: expected a number from 0 to {most}")
     with pytest.raises(ConfigError, match=f"{told}$"):
-        WebcamLaw(**{name: value})
+        ImageCorruption(**{name: value})
 
 
 def test_a_smaller_image_has_less_noise_and_shorter_blur_and_streak() -> None:
-    law = WebcamLaw(streak_px=2.0, patch=0.1).scaled(0.25)
-    assert law == WebcamLaw(blur_px=0.1, noise=0.625, streak_px=0.5, patch=0.1)
+    faults = ImageCorruption(streak_px=2.0, patch=0.1).scaled(0.25)
+    assert faults == ImageCorruption(blur_px=0.1, noise=0.625, streak_px=0.5, patch=0.1)
 
 
 def test_a_larger_image_has_no_more_than_there_can_be() -> None:
-    assert WebcamLaw(noise=200.0).scaled(2.0).noise == 255.0
+    assert ImageCorruption(noise=200.0).scaled(2.0).noise == 255.0
 
 
 def test_streak_and_patch_are_off_until_asked_for() -> None:
-    assert WebcamLaw().streak_px == WebcamLaw().patch == 0.0
+    assert ImageCorruption().streak_px == ImageCorruption().patch == 0.0

@@ -3,13 +3,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tral_env.perception.gate import sight
+from tral_env.perception.gate import nearest_gate_and_marker
 
 
 def row(*markers):
     """One row of markers: id, x, y, heading."""
     ids, x, y, heading = np.array(markers, float).reshape(-1, 4).T
-    return sight(ids[None].astype(np.int64), x[None], y[None], heading[None], np.ones((1, len(ids)), bool))
+    return nearest_gate_and_marker(
+        ids[None].astype(np.int64), x[None], y[None], heading[None], np.ones((1, len(ids)), bool)
+    )
 
 
 def gate(number, x, y, axis, width=1.0):
@@ -70,7 +72,7 @@ def test_nothing_seen_is_said_as_the_interface_says_it():
 
 def test_places_that_are_not_valid_do_not_count():
     ids, zeros = np.array([[0, 1]]), np.zeros((1, 2))
-    assert not sight(ids, zeros + 1, zeros, zeros, np.zeros((1, 2), bool)).marker_seen[0]
+    assert not nearest_gate_and_marker(ids, zeros + 1, zeros, zeros, np.zeros((1, 2), bool)).marker_seen[0]
 
 
 def test_a_row_has_the_same_bits_in_any_batch():
@@ -78,10 +80,10 @@ def test_a_row_has_the_same_bits_in_any_batch():
     ids = rng.integers(0, 43, (50, 8))
     x, y, heading = rng.uniform(0.5, 6, (50, 8)), rng.uniform(-2, 2, (50, 8)), rng.uniform(-1, 1, (50, 8))
     valid = rng.random((50, 8)) < 0.7
-    together = sight(ids, x, y, heading, valid)
+    together = nearest_gate_and_marker(ids, x, y, heading, valid)
     assert together.gate_seen.any()
     for i in range(50):
         one = slice(i, i + 1)
-        alone = sight(ids[one], x[one], y[one], heading[one], valid[one])
+        alone = nearest_gate_and_marker(ids[one], x[one], y[one], heading[one], valid[one])
         for name, values in vars(together).items():
             assert getattr(alone, name)[0] == values[i], name

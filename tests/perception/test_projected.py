@@ -6,8 +6,8 @@ from marker_world import build, camera_or_skip, plan_of
 
 from tral_env.config import WIDE_LENS, CameraConfig, CarConfig
 from tral_env.perception.aruco import Detector, marker_poses
-from tral_env.perception.detection_model import LAW, DetectorLaw
-from tral_env.perception.gate import sight
+from tral_env.perception.detection_model import DETECTION_MODEL, DetectionModel
+from tral_env.perception.gate import nearest_gate_and_marker
 from tral_env.perception.projected import (
     NOISE_PLACES,
     NORMALS,
@@ -18,8 +18,8 @@ from tral_env.perception.projected import (
 )
 
 LENS, CAR = CameraConfig(), CarConfig()
-NEVER = (0.0,) * len(LAW.levels)
-EXACT = DetectorLaw(
+NEVER = (0.0,) * len(DETECTION_MODEL.levels)
+EXACT = DetectionModel(
     always_found=1.0,
     size_bias_px=NEVER,
     size_noise_px=NEVER,
@@ -36,7 +36,7 @@ def see(
     pose=(0.0, 0.0, 0.0),
     mounting=(0.0, 0.0, 0.0),
     lens=LENS,
-    law=EXACT,
+    model=EXACT,
     chance=0.5,
     noise=0,
     level=0.0,
@@ -53,7 +53,7 @@ def see(
         normal=np.full((1, NOISE_PLACES, NORMALS), float(noise)),
         uniform=np.full((1, NOISE_PLACES, UNIFORMS), chance),
         degradation=np.array([level]),
-        law=law,
+        model=model,
     )
 
 
@@ -102,10 +102,12 @@ def test_a_box_hides_a_marker_only_from_in_between(box, seen):
 
 
 def test_of_all_markers_of_a_size_the_law_s_share_is_found():
-    law = DetectorLaw(always_found=1.0, weakness=(), half_found_px=(LENS.fx * 0.18 / 5.0,) * len(LAW.levels))
+    model = DetectionModel(
+        always_found=1.0, weakness=(), half_found_px=(LENS.fx * LENS.marker_size / 5.0,) * len(DETECTION_MODEL.levels)
+    )
     marker = (3, 5.0 + CAR.camera_x, 0.0, CAR.camera_z, FACING)
-    assert see([marker], law=law, chance=0.49).valid[0, 0]
-    assert not see([marker], law=law, chance=0.51).valid[0, 0]
+    assert see([marker], model=model, chance=0.49).valid[0, 0]
+    assert not see([marker], model=model, chance=0.51).valid[0, 0]
 
 
 def test_a_mounting_error_turns_what_is_seen():
@@ -115,14 +117,19 @@ def test_a_mounting_error_turns_what_is_seen():
 
 
 def test_noise_grows_as_the_marker_gets_smaller():
-    near, far = (abs(see([(3, d, 0.0, 0.2, FACING)], law=DetectorLaw(), noise=1).x[0, 0] - d) / d for d in (1.0, 4.0))
+    near, far = (
+        abs(see([(3, d, 0.0, 0.2, FACING)], model=DetectionModel(), noise=1).x[0, 0] - d) / d for d in (1.0, 4.0)
+    )
     assert far > 3 * near
 
 
 def test_noise_grows_with_the_level_of_degradation():
     marker = (3, 4.0, 0.0, 0.2, FACING)
     x, y = zip(
-        *((seen.x[0, 0], abs(seen.y[0, 0])) for seen in (see([marker], law=LAW, noise=1, level=i) for i in range(4))),
+        *(
+            (seen.x[0, 0], abs(seen.y[0, 0]))
+            for seen in (see([marker], model=DETECTION_MODEL, noise=1, level=i) for i in range(4))
+        ),
         strict=True,
     )
     assert list(x) == sorted(x)
@@ -131,31 +138,31 @@ def test_noise_grows_with_the_level_of_degradation():
 
 def test_without_noise_blurred_markers_seem_farther():
     marker = (3, 4.0, 0.0, 0.2, FACING)
-    clean, strong = (see([marker], law=LAW, level=level).x[0, 0] for level in (0.0, 3.0))
+    clean, strong = (see([marker], model=DETECTION_MODEL, level=level).x[0, 0] for level in (0.0, 3.0))
     assert 0.01 < strong / clean - 1 < 0.05
 
 
 def test_between_the_levels_the_law_s_figures_are_interpolated():
-    law = DetectorLaw(levels=(0.0, 2.0), half_found_px=(8.0, 12.0))
-    assert law.at(law.half_found_px, np.array([0.0, 0.5, 2.0, 9.0])).tolist() == [8.0, 9.0, 12.0, 12.0]
+    model = DetectionModel(levels=(0.0, 2.0), half_found_px=(8.0, 12.0))
+    assert model.at(model.half_found_px, np.array([0.0, 0.5, 2.0, 9.0])).tolist() == [8.0, 9.0, 12.0, 12.0]
 
 
 def test_weak_codes_need_larger_images_the_more_so_the_more_blurred():
-    chance = LAW.found(np.full(4, 17.5), np.array([0, 9, 2, 42]), np.full(4, 3.0))
-    assert chance[2] == pytest.approx(LAW.always_found / 2)
+    chance = DETECTION_MODEL.found(np.full(4, 17.5), np.array([0, 9, 2, 42]), np.full(4, 3.0))
+    assert chance[2] == pytest.approx(DETECTION_MODEL.always_found / 2)
     assert (np.diff(chance) > 0.05).all()
 
 
 @pytest.mark.parametrize("level", [0.0, 3.0])
 def test_markers_far_below_the_limit_are_not_found_and_large_ones_are(level):
-    small, large = LAW.found(np.array([4.0, 60.0]), np.array([2, 2]), np.full(2, level))
+    small, large = DETECTION_MODEL.found(np.array([4.0, 60.0]), np.array([2, 2]), np.full(2, level))
     assert small < 0.15
-    assert large == pytest.approx(LAW.always_found, abs=1e-6)
+    assert large == pytest.approx(DETECTION_MODEL.always_found, abs=1e-6)
 
 
 def test_a_far_marker_s_heading_may_be_mirrored():
     marker = (3, 5.0, 0.0, CAR.camera_z, FACING + 0.3)
-    assert see([marker], law=DetectorLaw(heading_noise_px=NEVER), noise=3).heading[0, 0] == pytest.approx(
+    assert see([marker], model=DetectionModel(heading_noise_px=NEVER), noise=3).heading[0, 0] == pytest.approx(
         -0.3, abs=0.02
     )
 
@@ -275,7 +282,9 @@ def test_a_rendered_gate_has_the_right_side_and_turn(axis, middle):
     markers = [(8 + i, 3.0 + s * side[0], middle + s * side[1], 0.2, axis + FACING) for i, s in enumerate((1, -1))]
     world = build(markers)
     poses = marker_poses(Detector().detect(camera_or_skip().capture(world.model, world.data)), LENS)
-    seen = sight(*(a[None] for a in (poses.ids, poses.x, poses.y, poses.heading, np.ones(len(poses.ids), bool))))
+    seen = nearest_gate_and_marker(
+        *(a[None] for a in (poses.ids, poses.x, poses.y, poses.heading, np.ones(len(poses.ids), bool)))
+    )
     assert seen.gate_id[0] == 4
     assert seen.gate_x[0] == pytest.approx(3.0, rel=0.03)
     assert seen.gate_y[0] == pytest.approx(middle, abs=0.04)

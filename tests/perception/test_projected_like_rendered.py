@@ -12,11 +12,11 @@ from marker_world import camera_or_skip, plan_of
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.course.plan import BOX_KINDS, Plan
 from tral_env.course.scene import Pool
-from tral_env.interface import wrap_angle
 from tral_env.perception.aruco import Detector, marker_poses
 from tral_env.perception.degrade import degrade
 from tral_env.perception.projected import NOISE_PLACES, NORMALS, UNIFORMS, Scenery, project
-from tral_env.simulation.render_scene import Stage
+from tral_env.se2 import wrap
+from tral_env.simulation.render_scene import RenderScene
 
 LENS, CAR = CameraConfig(), CarConfig()
 LEVELS = {"off": 0.0, "mild": 1.0, "strong": 3.0}
@@ -74,7 +74,7 @@ def errors(truth: dict[str, np.ndarray], seen: np.ndarray) -> dict[str, np.ndarr
     return {
         "position": np.hypot(off_x, off_y) / truth["distance"],
         "bearing": np.degrees(np.abs(across / truth["distance"])),
-        "heading": np.degrees(np.abs(wrap_angle(seen[:, 2] - truth["heading"]))),
+        "heading": np.degrees(np.abs(wrap(seen[:, 2] - truth["heading"]))),
     }
 
 
@@ -82,7 +82,7 @@ def errors(truth: dict[str, np.ndarray], seen: np.ndarray) -> dict[str, np.ndarr
 def rendered() -> dict[str, dict[str, np.ndarray]]:
     """Errors by level, (n,) each, NaN where nothing is found."""
     camera, detector, rng = camera_or_skip(), Detector(), np.random.default_rng(5)
-    stage, truth = Stage(Pool(len(WALLS), 1)), views()
+    stage, truth = RenderScene(Pool(len(WALLS), 1)), views()
     seen = {name: np.full((len(truth["x"]), 3), np.nan) for name in LEVELS}
     rest = stage.data.qpos.copy()
     for row, plan in enumerate(plans(truth)):

@@ -21,6 +21,8 @@ DICTIONARY = cv2.aruco.DICT_5X5_50
 """Of the board's markers. Not the gates' own, so that a board left in view is never taken for a gate."""
 MODULES = 7
 """Cells along the edge of such a marker: five of code between two of border."""
+USUAL: dict[Kind, tuple[int, int, float]] = {"charuco": (7, 5, 36.0), "chessboard": (10, 7, 25.0)}
+"""Columns, rows and edge of a square, mm, of each board when nothing else is said: it fills a page of A4."""
 _LENGTHS = (1e-4, 100.0)
 """Shortest and longest edge, m: OpenCV counts in single precision."""
 
@@ -182,3 +184,23 @@ def _share(start: float, end: float, count: int) -> tuple[slice, Array]:
     first, last = max(math.floor(start), 0), min(math.ceil(end), count)
     edges = np.arange(first, last)
     return slice(first, last), np.clip(np.minimum(edges + 1, end) - np.maximum(edges, start), 0, 1)
+
+
+def printed_board(
+    kind: Kind,
+    columns: int | None = None,
+    rows: int | None = None,
+    square_mm: float | None = None,
+    marker_mm: float | None = None,
+) -> Board:
+    """A board measured in millimetres; what is left out is as `USUAL` says, a marker 7/9 of a square.
+
+    Raises:
+        ConfigError: there is no such board.
+    """
+    if kind not in USUAL:
+        raise ConfigError(f"unknown board {kind!r}: {nearest(kind, USUAL)}")
+    usual = USUAL[kind]
+    square = (usual[2] if square_mm is None else square_mm) / 1000
+    marker = square * 28 / 36 if marker_mm is None else marker_mm / 1000
+    return Board(kind=kind, columns=columns or usual[0], rows=rows or usual[1], square=square, marker=marker)

@@ -50,7 +50,7 @@ def _expand(source: str) -> list[str]:
     return found
 
 
-def frames(sources: Sequence[str], every: int = 1) -> Iterator[tuple[str, Image | None]]:
+def read_images(sources: Sequence[str], every: int = 1) -> Iterator[tuple[str, Image | None]]:
     """Name and image of each frame, (h, w, 3) BGR; None for an image or video that cannot be read.
 
     Args:

@@ -7,6 +7,7 @@ import numpy as np
 from tral_env.calibration.boards import Board, marker_ink
 from tral_env.calibration.sheet import PAPERS, Sheet, Text, paper_size, ruler
 from tral_env.errors import ConfigError
+from tral_env.geometry import MARKER_MODULES, MARKER_QUIET_MODULES, MARKER_SIZE_M
 from tral_env.interface import GATE_MARKER_IDS
 from tral_env.perception.aruco import DICTIONARY
 from tral_env.perception.gate import DICTIONARY_SIZE
@@ -17,13 +18,11 @@ FOOT_MM = 18.0
 """Below, with ruler and text."""
 FOOT_LEFT_MM = 20.0
 """Ruler and text begin here at the latest, so that they end on the page beside a small board too."""
-MODULES = 6
-"""Cells along the edge of a marker's black square."""
-LEAST_QUIET = 0.5
+MIN_QUIET = 0.5
 """White around a marker, in cells, that the detector needs: with a quarter on a black wall it loses markers between 10
 and 14 px that it reads with this."""
-QUIET = 1.0
-"""White around a marker that the simulated ones have, in cells."""
+SIZE_MM = 1000 * MARKER_SIZE_M
+"""Edge of the black square of a gate's marker."""
 
 
 def board_sheet(board: Board, paper: str = "A4") -> Sheet:
@@ -55,7 +54,7 @@ def board_sheet(board: Board, paper: str = "A4") -> Sheet:
     return Sheet("board", *page, ink, lines, (text, Text(foot, page[1] - 12.2, kind, 2.6)))
 
 
-def marker_sheet(marker: int, size_mm: float = 180.0, paper: str = "A4", note: str = "") -> Sheet:
+def marker_sheet(marker: int, size_mm: float = SIZE_MM, paper: str = "A4", note: str = "") -> Sheet:
     """A marker of DICT_4X4_50 on one page, as high up as its white border allows.
 
     Args:
@@ -72,26 +71,29 @@ def marker_sheet(marker: int, size_mm: float = 180.0, paper: str = "A4", note: s
     if not (np.isfinite(size_mm) and size_mm > 0):
         raise ConfigError(f"--size-mm {size_mm:g}: expected a length above 0")
     page = paper_size(paper)
-    cell = size_mm / MODULES
-    most = page[0] / (1 + 2 * LEAST_QUIET / MODULES)  # its height leaves more than enough on every paper
+    cell = size_mm / MARKER_MODULES
+    most = page[0] / (1 + 2 * MIN_QUIET / MARKER_MODULES)  # its height leaves more than enough on every paper
     if size_mm > most:
         raise ConfigError(
-            f"a marker of {size_mm:g} mm needs {LEAST_QUIET * cell:g} mm of white on either side and does not fit on "
+            f"a marker of {size_mm:g} mm needs {MIN_QUIET * cell:g} mm of white on either side and does not fit on "
             f"{paper}: {np.floor(most):g} mm would, or try --paper with one of {', '.join(PAPERS)}"
         )
-    left, top = (page[0] - size_mm) / 2, QUIET * cell + 8.0
-    ink = size_mm * marker_ink(DICTIONARY, marker, MODULES) + np.array([left, top, 0.0, 0.0])
-    foot = top + size_mm + QUIET * cell + 8.0
+    left, top = (page[0] - size_mm) / 2, MARKER_QUIET_MODULES * cell + 8.0
+    ink = size_mm * marker_ink(DICTIONARY, marker, MARKER_MODULES) + np.array([left, top, 0.0, 0.0])
+    foot = top + size_mm + MARKER_QUIET_MODULES * cell + 8.0
     lines, text = ruler(20.0, foot)
     told = f"marker {marker}, {size_mm:g} mm, DICT_4X4_50{', ' + note if note else ''}; this way up"
     texts = [text, Text(20.0, foot + 9.0, told)]
-    if left < QUIET * cell:
-        needed = f"Mount on white card: {QUIET * cell:.4g} mm of white all around, {left:.4g} are on this paper."
+    if left < MARKER_QUIET_MODULES * cell:
+        needed = (
+            f"Mount on white card: {MARKER_QUIET_MODULES * cell:.4g} mm of white all around, "
+            f"{left:.4g} are on this paper."
+        )
         texts.append(Text(20.0, foot + 14.0, needed))
     return Sheet(str(marker), *page, ink, (*lines, *_crop_marks(left, top, size_mm, cell, page)), tuple(texts))
 
 
-def gate_sheets(gate: int, size_mm: float = 180.0, paper: str = "A4") -> list[Sheet]:
+def gate_sheets(gate: int, size_mm: float = SIZE_MM, paper: str = "A4") -> list[Sheet]:
     """The left and the right marker of a gate, a page each.
 
     Raises:
@@ -111,7 +113,10 @@ def _crop_marks(
     left: float, top: float, size: float, cell: float, page: tuple[float, float]
 ) -> list[tuple[float, float, float, float]]:
     """Strokes outside the corners of the white border, as far as they are on the page."""
-    x, y = (left - QUIET * cell, left + size + QUIET * cell), (top - QUIET * cell, top + size + QUIET * cell)
+    x, y = (
+        (left - MARKER_QUIET_MODULES * cell, left + size + MARKER_QUIET_MODULES * cell),
+        (top - MARKER_QUIET_MODULES * cell, top + size + MARKER_QUIET_MODULES * cell),
+    )
     marks = [(u, v - 4 * out, u, v - 1 * out) for u in x for v, out in zip(y, (1, -1), strict=True)]
     marks += [(u - 4 * out, v, u - 1 * out, v) for v in y for u, out in zip(x, (1, -1), strict=True)]
     return [mark for mark in marks if min(mark) >= 0 and max(mark[::2]) <= page[0] and max(mark[1::2]) <= page[1]]

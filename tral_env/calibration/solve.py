@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 FOLDS = 4
 """Each view is held out of one of so many fits."""
-FEWEST = 4
+MIN_VIEWS = 4
 """Views without which nothing is fitted."""
 
 
@@ -130,7 +130,7 @@ def calibrate(
     used, outliers = list(views), list[Rejected]()
     _enough(used, rejected)
     fit = _fit(board, used, size, radial)
-    while (worst := _outlier(fit, size, limits)) is not None and len(used) > FEWEST:
+    while (worst := _outlier(fit, size, limits)) is not None and len(used) > MIN_VIEWS:
         view = used.pop(worst)
         detail = f"{fit.errors[worst]:.2f} px, the median is {np.median(fit.errors):.2f}"
         outliers.append(Rejected(view.name, "outlier error", detail))
@@ -161,7 +161,7 @@ def calibrate_collection(collection: Collection, *, radial: int = 2, limits: Lim
 
 
 def _enough(views: Sequence[View], rejected: Sequence[Rejected]) -> None:
-    if len(views) < FEWEST:
+    if len(views) < MIN_VIEWS:
         reasons: dict[str, int] = {}
         for one in rejected:
             reasons[one.reason] = reasons.get(one.reason, 0) + 1
@@ -172,7 +172,7 @@ def _enough(views: Sequence[View], rejected: Sequence[Rejected]) -> None:
             hint += f". Unreadable: {', '.join(broken[:3])}{', ...' * (len(broken) > 3)}"
         raise CalibrationError(
             f"{len(views)} of {len(views) + len(rejected)} images show the board well enough ({why}); a calibration "
-            f"needs {FEWEST}, a good one {LIMITS.views}{hint}"
+            f"needs {MIN_VIEWS}, a good one {LIMITS.views}{hint}"
         )
 
 

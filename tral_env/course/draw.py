@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tral_env.course.plan import BOX_KINDS, Array, Plan
 from tral_env.interface import TURN_MARKER_IDS
+from tral_env.se2 import rotate_n, to_outer
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,16 +66,14 @@ def draw_plan(plan: Plan, ax: Axes) -> None:
 
 def _corners(plan: Plan, which: NDArray[np.bool_]) -> Array:
     half = plan.box_size[which, None, :2] * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
-    c, s = np.cos(plan.box_yaw[which, None]), np.sin(plan.box_yaw[which, None])
-    turned = np.stack([c * half[..., 0] - s * half[..., 1], s * half[..., 0] + c * half[..., 1]], axis=-1)
-    corners: Array = plan.box_position[which, None, :2] + turned
+    corners: Array = plan.box_position[which, None, :2] + rotate_n(plan.box_yaw[which, None], half)
     return corners
 
 
 def _draw_gates(plan: Plan, ax: Axes) -> None:
     for (x, y, yaw), width, gate in zip(plan.gate_pose, plan.gate_width, plan.gate_id, strict=True):
-        out = width / 2 * np.array([-np.sin(yaw), np.cos(yaw)])
-        ax.plot([x - out[0], x + out[0]], [y - out[1], y + out[1]], color=COLOURS["post"], linewidth=1.0, zorder=3)
+        (x0, y0), (x1, y1) = (to_outer((x, y, yaw), 0.0, left) for left in (-width / 2, width / 2))
+        ax.plot([x0, x1], [y0, y1], color=COLOURS["post"], linewidth=1.0, zorder=3)
         ax.annotate(f"gate {gate}", (x, y), (4, 4), textcoords="offset points", fontsize=7, color=COLOURS["post"])
 
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tral_env.course.layout import Branch, Course, Segment
+from tral_env.se2 import rotate
 
 TURNS = {"left": 1, "right": -1, "straight": 0, "end": 0}
 """Quarter turns, counter-clockwise."""
@@ -42,8 +43,8 @@ class Frame(NamedTuple):
 
     def point(self, along: float, left: float) -> tuple[float, float]:
         """Course coordinates of a local point."""
-        c, s = _COS[self.quarter], _SIN[self.quarter]
-        return self.x + c * along - s * left, self.y + s * along + c * left
+        x, y = rotate(_COS[self.quarter], _SIN[self.quarter], along, left)
+        return self.x + x, self.y + y
 
     @property
     def axes(self) -> tuple[float, float, int, int]:
@@ -52,9 +53,8 @@ class Frame(NamedTuple):
 
     def rect(self, along0: float, along1: float, left0: float, left1: float) -> Rect:
         """Axis-aligned rectangle in course coordinates."""
-        x, y, c, s = self.x, self.y, _COS[self.quarter], _SIN[self.quarter]
-        x0, y0 = x + c * along0 - s * left0, y + s * along0 + c * left0
-        x1, y1 = x + c * along1 - s * left1, y + s * along1 + c * left1
+        x0, y0 = self.point(along0, left0)
+        x1, y1 = self.point(along1, left1)
         return x0 if x0 < x1 else x1, y0 if y0 < y1 else y1, x1 if x0 < x1 else x0, y1 if y0 < y1 else y0
 
     @property

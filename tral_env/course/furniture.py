@@ -9,7 +9,8 @@ import numpy as np
 
 from tral_env.course.frames import TURNS, Frame, Rect, branch_width, stubs
 from tral_env.course.layout import Door, Gate, Tape
-from tral_env.interface import MARKER_BOARD_WIDTH_M, TURN_MARKER_IDS
+from tral_env.geometry import MARKER_BOARD_WIDTH_M
+from tral_env.interface import TURN_MARKER_IDS
 
 WALL_THICKNESS = 0.15
 """m."""
@@ -21,7 +22,6 @@ LEAF = 0.04
 """Thickness of an open door's leaf, m."""
 FRAME_WIDTH = 0.06
 """Along the wall, on each side of a door, m."""
-BOARD_WIDTH = MARKER_BOARD_WIDTH_M
 BOARD_THICKNESS = 0.03
 """m."""
 SIGN_HEIGHT = 0.22
@@ -116,12 +116,21 @@ def _add_gate(space: Space, where: str, frame: Frame, gate: Gate) -> None:
     x, y = frame.point(gate.at, gate.offset)
     yaw = frame.yaw + np.radians(gate.yaw_deg)
     ahead, left = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
-    out, height = (gate.width + BOARD_WIDTH) / 2, gate.marker_height + BOARD_WIDTH / 2
+    out, height = (gate.width + MARKER_BOARD_WIDTH_M) / 2, gate.marker_height + MARKER_BOARD_WIDTH_M / 2
     for k, sign in enumerate((1, -1)):
         board = np.array([x, y]) + sign * out * left
         face = board - (BOARD_THICKNESS / 2 + FACE_GAP) * ahead
         space.boxes.append(
-            Box("post", where, float(board[0]), float(board[1]), yaw, BOARD_THICKNESS / 2, BOARD_WIDTH / 2, height)
+            Box(
+                "post",
+                where,
+                float(board[0]),
+                float(board[1]),
+                yaw,
+                BOARD_THICKNESS / 2,
+                MARKER_BOARD_WIDTH_M / 2,
+                height,
+            )
         )
         space.markers.append((2 * gate.id + k, *face, gate.marker_height, yaw + np.pi))
 
@@ -133,10 +142,13 @@ def _add_sign(space: Space, frame: Frame, after: Frame) -> None:
     ways[segment.then] = after.segment.width
     side = segment.then if segment.then != "straight" else ("left" if "left" in ways else "right")
     if "straight" in ways:
-        far, left = ways[side] / 2, TURNS[side] * (ways["straight"] / 2 + BOARD_WIDTH / 2 + 0.03)
+        far, left = ways[side] / 2, TURNS[side] * (ways["straight"] / 2 + MARKER_BOARD_WIDTH_M / 2 + 0.03)
     else:
         # A wider branch opposite makes a step in the wall ahead, in the middle.
-        far, left = ways[side] / 2, TURNS[side] * (0.0 if max(ways.values()) == ways[side] else BOARD_WIDTH / 2 + 0.03)
+        far, left = (
+            ways[side] / 2,
+            TURNS[side] * (0.0 if max(ways.values()) == ways[side] else MARKER_BOARD_WIDTH_M / 2 + 0.03),
+        )
     x, y = frame.point(segment.length + far - FACE_GAP, left)
     space.markers.append((TURN_MARKER_IDS[segment.then], x, y, SIGN_HEIGHT, frame.yaw + np.pi))
 

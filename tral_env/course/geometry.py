@@ -15,7 +15,6 @@ import numpy as np
 from tral_env.course import route as routes
 from tral_env.course.frames import TURNS, Frame, Rect, place, stubs
 from tral_env.course.furniture import (
-    BOARD_WIDTH,
     FRAME_WIDTH,
     HEIGHT,
     ROOM,
@@ -29,7 +28,8 @@ from tral_env.course.layout import Course, Door
 from tral_env.course.overlap import overlapping
 from tral_env.course.plan import BOX_KINDS, Plan, place_on
 from tral_env.course.walls import cut_walls
-from tral_env.errors import CourseError
+from tral_env.errors import CourseError, problem_report
+from tral_env.geometry import MARKER_BOARD_WIDTH_M
 
 _KIND = {kind: i for i, kind in enumerate(BOX_KINDS)}
 
@@ -77,8 +77,7 @@ def build_plan(course: Course) -> Plan:
 
 def _raise_if(course: Course, problems: list[str]) -> None:
     if problems:
-        count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
-        raise CourseError("\n  ".join([f"course '{course.name}': {count}", *problems]))
+        raise CourseError(problem_report(f"course '{course.name}'", problems))
 
 
 def _boxes(space: Space) -> list[Box]:
@@ -138,9 +137,10 @@ def _segment_problems(where: str, frame: Frame) -> Iterator[str]:
         if not low <= cupboard.at <= high:
             yield f"{where}/cupboards/{k}/at: got {cupboard.at:g}. Allowed: {low:g} to {high:g}, between corners"
     for k, gate in enumerate(segment.gates):
-        room = (segment.width - gate.width) / 2 - BOARD_WIDTH
+        room = (segment.width - gate.width) / 2 - MARKER_BOARD_WIDTH_M
         if abs(gate.offset) > room + 1e-9:
-            got = f"boards of {BOARD_WIDTH:g} m beside a gate of {gate.width:g} m, {gate.offset:g} m off the middle"
+            boards = f"boards of {MARKER_BOARD_WIDTH_M:g} m"
+            got = f"{boards} beside a gate of {gate.width:g} m, {gate.offset:g} m off the middle"
             yield f"{where}/gates/{k}: {got}, stick in the wall. Allowed: offset within {room:g}"
 
 

@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from tral_env.errors import CourseError, nearest
+from tral_env.errors import CourseError, nearest, problem_report
 
 Side = Literal["left", "right"]
 Direction = Literal["left", "right", "straight"]
@@ -294,9 +294,7 @@ def _furniture_problems(where: str, segment: Segment) -> Iterable[str]:
 
 
 def _report(source: str, problems: Iterable[str]) -> CourseError:
-    listed = list(problems)
-    count = "1 problem" if len(listed) == 1 else f"{len(listed)} problems"
-    return CourseError("\n  ".join([f"{source}: {count}", *listed]))
+    return CourseError(problem_report(source, list(problems)))
 
 
 def _is_cause(error: Any) -> bool:

@@ -7,12 +7,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.geometry import MARKER_MODULES, MARKER_QUIET_MODULES
+
 MARKER_IDS = tuple(range(43))
 """Markers that a course can hold: 0 to 39 on gates, 40 to 42 at crossings."""
-MODULES = 6
-"""Cells along the edge of the black square."""
-QUIET_MODULES = 1
-"""White cells around it."""
 PIXELS_PER_MODULE = 8
 """Of the texture. From 0.6 to 7 m the detector reads 4, 8, 16 and 32 alike; mip-mapping smooths them from afar."""
 
@@ -24,8 +22,8 @@ def marker_image(marker: int) -> NDArray[np.uint8]:
         marker: id in DICT_4X4_50.
     """
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
-    code = cv2.aruco.generateImageMarker(dictionary, marker, MODULES * PIXELS_PER_MODULE)
-    return np.pad(code, QUIET_MODULES * PIXELS_PER_MODULE, constant_values=255)
+    code = cv2.aruco.generateImageMarker(dictionary, marker, MARKER_MODULES * PIXELS_PER_MODULE)
+    return np.pad(code, MARKER_QUIET_MODULES * PIXELS_PER_MODULE, constant_values=255)
 
 
 def material_name(marker: int) -> str:

@@ -11,6 +11,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.geometry import MARKER_SIZE_M
+
 Array = NDArray[np.float64]
 
 BOX_KINDS = ("wall", "door", "frame", "obstacle", "post")
@@ -49,7 +51,7 @@ class Plan:
     """(M,) direction of the face's normal, towards the viewer."""
     marker_id: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     """(M,) ids in DICT_4X4_50."""
-    marker_size: float = 0.18
+    marker_size: float = MARKER_SIZE_M
     """Edge of the black square."""
     tape: Array = field(default_factory=lambda: _empty(0, 4))
     """(T, 4) floor tape: x0, y0, x1, y1 of its middle line."""

@@ -17,6 +17,7 @@ from tral_env.course.frames import TURNS, Frame
 from tral_env.course.layout import Course, Segment
 from tral_env.course.plan import Array, Plan
 from tral_env.errors import CourseError
+from tral_env.se2 import rotate, rotate_n
 
 STEP = 0.09
 """Spacing of the points along the middle line, m; slanted parts are longer, and stay under 0.1 m."""
@@ -214,8 +215,8 @@ class _Line:
         along[bent] += arc[:, 0]
         left[bent] += turn[bent] * arc[:, 1]
         points = np.empty((len(count), 2))
-        points[:, 0] = x + c * along - s * left
-        points[:, 1] = y + s * along + c * left
+        points[:, 0], points[:, 1] = rotate(c, s, along, left)
+        points += np.array([x, y]).T
         return points
 
 
@@ -319,10 +320,11 @@ def _gap(plan: Plan, route: Array, yaw: Array, car: CarConfig, reach: float) -> 
         return reach
     route, yaw = route[near_route], yaw[near_route]
     box_yaw, size, box = plan.box_yaw[near_box], plan.box_size[near_box, :2], plan.box_position[near_box, :2]
-    points = route[:, None] + _turned(outline(car)[None], yaw)
-    to_box = _outside(_turned(points - box[:, None], -box_yaw), size[:, None])
-    corners = box[:, None] + _turned(size[:, None] * [[1, 1], [1, -1], [-1, 1], [-1, -1]], box_yaw)
-    local = _turned(corners - route[:, None], -yaw) - [car.middle_x, 0.0]
+    yaw, box_yaw = yaw[:, None], box_yaw[:, None]
+    points = route[:, None] + rotate_n(yaw, outline(car)[None])
+    to_box = _outside(rotate_n(-box_yaw, points - box[:, None]), size[:, None])
+    corners = box[:, None] + rotate_n(box_yaw, size[:, None] * [[1, 1], [1, -1], [-1, 1], [-1, -1]])
+    local = rotate_n(-yaw, corners - route[:, None]) - [car.middle_x, 0.0]
     to_car = _outside(local, np.array([car.length / 2, car.width / 2]))
     return float(min(reach, to_box.min(), to_car.min()))
 
@@ -345,15 +347,9 @@ def _near(plan: Plan, points: Array, radius: float) -> tuple[NDArray[np.int64], 
     if not len(box):
         return stretch, box
     offset = filled[stretch] - plan.box_position[box, None, :2]
-    gap = _outside(_turned(offset, -plan.box_yaw[box]), plan.box_size[box, None, :2])
+    gap = _outside(rotate_n(-plan.box_yaw[box, None], offset), plan.box_size[box, None, :2])
     pair, k = np.nonzero(gap < radius)
     return np.minimum(stretch[pair] * _STRETCH + k, len(points) - 1), box[pair]
-
-
-def _turned(points: Array, yaw: Array) -> Array:
-    """Turn points (n, p, 2) by yaw (n,)."""
-    c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
-    return np.stack([c * points[..., 0] - s * points[..., 1], s * points[..., 0] + c * points[..., 1]], axis=-1)
 
 
 def _outside(points: Array, half: Array) -> Array:

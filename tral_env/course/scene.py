@@ -18,6 +18,7 @@ from tral_env.course.generate import LIMITS
 from tral_env.course.markers import MARKER_IDS, add_materials, material_name
 from tral_env.course.plan import BOX_KINDS, Array, Plan
 from tral_env.errors import ConfigError, nearest
+from tral_env.geometry import MARKER_MODULES, MARKER_QUIET_MODULES
 
 PREFIX = "car/"
 """Before the names of everything that belongs to the car."""
@@ -25,7 +26,7 @@ LOOKS_GROUP = 2
 """Geoms of the car that only the eye needs; they weigh nothing and touch nothing."""
 _TAPE_HALF_HEIGHT = 0.0005
 _PLATE_HALF_DEPTH = 0.001
-_QUIET_ZONE = 4 / 3
+_QUIET_ZONE = (MARKER_MODULES + 2 * MARKER_QUIET_MODULES) / MARKER_MODULES
 """Edge of a plate over that of its black square."""
 _PLASTER, _DADO, _SKIRTING = (236, 232, 220), (150, 172, 186), (84, 92, 100)
 _PARKED = (0.0, 0.0, -10.0)
@@ -187,7 +188,7 @@ def place(plan: Plan, pool: Pool) -> Placement:
     return Placement(pos, quat, size)
 
 
-def dress(model: mujoco.MjModel, plan: Plan, pool: Pool) -> None:
+def apply_materials(model: mujoco.MjModel, plan: Plan, pool: Pool) -> None:
     """Write a plan into a model made by `build_model(pool)`, with its looks.
 
     That is enough for rendering. For physics call `mujoco.mj_setConst` afterwards, or rays and contacts miss the walls.

@@ -14,7 +14,8 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from tral_env.errors import ConfigError
 
 Array = NDArray[np.float64]
-_LEAST_TRAVEL_US = 50
+_MIN_TRAVEL_US = 50
+"""Change of the pulse that must be left between command 0 and either end, us."""
 PulseUs = Annotated[int, Field(ge=500, le=2500)]
 
 
@@ -58,10 +59,10 @@ class ChannelCalibration(_Section):
                 )
         if (minus - centre) * (plus - centre) >= 0:
             problems.append(f"command 0 is {centre} us, not between command -1 = {minus} us and command +1 = {plus} us")
-        elif (least := min(abs(minus - centre), abs(plus - centre)) - skip) < _LEAST_TRAVEL_US:
+        elif (least := min(abs(minus - centre), abs(plus - centre)) - skip) < _MIN_TRAVEL_US:
             problems.append(
                 f"only {least} us are left between command 0 and an end: {minus} .. {centre} .. {plus} us, dead zone "
-                f"{skip} us; expected at least {_LEAST_TRAVEL_US} us"
+                f"{skip} us; expected at least {_MIN_TRAVEL_US} us"
             )
         if problems:
             raise ValueError("\n".join(problems))

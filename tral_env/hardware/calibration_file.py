@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from tral_env.errors import CalibrationError, nearest
+from tral_env.errors import CalibrationError, nearest, problem_list
 from tral_env.hardware.calibration import CarCalibration, SteeringCalibration, ThrottleCalibration
 
 _FOLDER = resources.files("tral_env.hardware") / "calibrations"
@@ -74,8 +74,8 @@ def parse_calibration(text: str, where: str) -> CarCalibration:
         raise CalibrationError(f"{where}: nested too deeply") from error
     except ValidationError as error:
         problems = [problem for detail in error.errors() for problem in _problems(detail)]
-        listing = "".join(f"\n  {problem}" for problem in problems)
-        raise CalibrationError(f"calibration '{where}' cannot be used, {len(problems)} problem(s):{listing}") from error
+        head = f"calibration '{where}' cannot be used, {len(problems)} problem(s):"
+        raise CalibrationError(problem_list(head, problems)) from error
     except ValueError as error:  # an integer of thousands of digits
         raise CalibrationError(f"{where}: not readable: {error}") from error
 

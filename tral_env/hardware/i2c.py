@@ -1,4 +1,4 @@
-"""The I2C bus: one transaction at a time, and errors that say who was silent and what to do about it."""
+"""The I2C bus: one transaction at a time, and errors that say which device was silent and what to do about it."""
 
 from __future__ import annotations
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
+import numpy as np
+
 from tral_env.config import HallConfig
+from tral_env.sensors.hall import EdgeSpeed
 
 
 class Sensors(Protocol):
@@ -71,8 +72,7 @@ class SensorGroup:
 class HallCounter:
     """Distance and speed from the edges of the hall sensor on a wheel. It knows no direction.
 
-    The speed follows the law of `tral_env.sensors.hall.Hall`: the median of the last three spacings, never more than
-    one edge in the time since the last one, and 0 once an edge is overdue.
+    The law is that of the simulated sensor, `tral_env.sensors.hall.EdgeSpeed`, for one wheel.
 
     Hand `edge` to whatever watches the pin, for example as ``when_activated`` of gpiozero.
     """
@@ -81,30 +81,22 @@ class HallCounter:
         """Count from zero.
 
         Args:
-            config: distance of an edge, and how long without one is standing.
+            config: distance of an edge, shortest and longest time between two, resolution of their stamps.
             clock: the environment's clock, s.
         """
-        self._config, self._clock = config or HallConfig(), clock
-        self._lock = threading.Lock()
-        self.start()
+        self._clock, self._lock = clock, threading.Lock()
+        self._edges = EdgeSpeed(1, config or HallConfig())
 
     def start(self) -> None:
         """Count from zero."""
         with self._lock:
-            self._edges, self._last = 0, -math.inf
-            self._spacings: deque[float] = deque([math.inf] * 3, maxlen=3)
+            self._edges.reset(_WHEEL)
 
     def edge(self) -> None:
         """One magnet has passed. May be called from another thread."""
         now = self._clock()
         with self._lock:
-            spacing = max(now - self._last, self._config.stamp_s)
-            self._edges, self._last = self._edges + 1, now
-            if spacing > self._config.timeout_s:
-                spacing = math.inf
-            # From rest the first spacing known stands for all three; a pause makes all three unknown.
-            anew = math.inf in (spacing, self._spacings[-1])
-            self._spacings.extend([spacing] * (3 if anew else 1))
+            self._edges.edge(_PASSED, now)
 
     def read(self, now: float) -> Mapping[str, float]:
         """Distance since the start [m] and speed [m/s].
@@ -113,10 +105,11 @@ class HallCounter:
             now: time, s.
         """
         with self._lock:
-            edges, waited, spacing = self._edges, now - self._last, sorted(self._spacings)[1]
-        metres = self._config.metres_per_tick
-        standing = waited > self._config.timeout_s
-        return {"distance": edges * metres, "speed": 0.0 if standing else metres / max(spacing, waited)}
+            distance, speed = self._edges.distance, self._edges.speed(now)
+        return {"distance": float(distance[0]), "speed": float(speed[0])}
 
     def stop(self) -> None:
         """Nothing to let go of."""
+
+
+_WHEEL, _PASSED = np.array([0]), np.array([True])

@@ -10,7 +10,7 @@ from tral_env.config import UltrasonicConfig
 from tral_env.errors import ConfigError, HardwareError
 from tral_env.hardware.i2c import Bus, Device, Smbus
 from tral_env.interface import NO_ECHO_M
-from tral_env.sensors.ultrasonic import limits
+from tral_env.sensors.ultrasonic import limits, readable, resolution
 
 ADDRESSES: Mapping[str, int] = {"left": 0x70, "front": 0x71, "right": 0x72}
 """Address of each ranger, 7 bit."""
@@ -54,10 +54,8 @@ class Srf08:
     def range_m(self) -> float:
         """Distance of the first echo, m; `NO_ECHO_M` without one."""
         high, low = self._device.read(_FIRST_ECHO, 2)
-        scale = self._config.metres_per_us if self._config.mode == "us" else 0.01
-        metres = scale * (high << 8 | low)
-        least, greatest = limits(self._config)
-        return metres if least <= metres <= greatest else NO_ECHO_M
+        metres = resolution(self._config) * (high << 8 | low)
+        return metres if readable(metres, self._config) else NO_ECHO_M
 
 
 class SonarArray:

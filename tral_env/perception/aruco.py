@@ -23,7 +23,7 @@ CORNER_INSET_PX = 0.18
 
 
 @dataclass(frozen=True)
-class Detections:
+class MarkerCorners:
     """Markers found in one image."""
 
     ids: NDArray[np.int64]
@@ -56,7 +56,7 @@ class Detector:
         parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
         self._detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(DICTIONARY), parameters)
 
-    def detect(self, image: NDArray[np.uint8]) -> Detections:
+    def detect(self, image: NDArray[np.uint8]) -> MarkerCorners:
         """Markers in an image.
 
         Args:
@@ -71,14 +71,14 @@ class Detector:
             raise ConfigError(f"image of shape {image.shape}, {image.dtype}. Allowed: (h, w) or (h, w, 3), uint8")
         corners, ids, _ = self._detector.detectMarkers(image)
         if ids is None or not len(ids):
-            return Detections(np.zeros(0, np.int64), np.zeros((0, 4, 2)))
+            return MarkerCorners(np.zeros(0, np.int64), np.zeros((0, 4, 2)))
         found = np.array(corners, np.float64).reshape(-1, 4, 2)
         outward = found - found.mean(axis=1, keepdims=True)
         found += CORNER_INSET_PX * outward / np.linalg.norm(outward, axis=2, keepdims=True)
-        return Detections(np.ravel(ids).astype(np.int64), found)
+        return MarkerCorners(np.ravel(ids).astype(np.int64), found)
 
 
-def marker_poses(detections: Detections, camera: CameraConfig, car: CarConfig | None = None) -> MarkerPoses:
+def marker_poses(detections: MarkerCorners, camera: CameraConfig, car: CarConfig | None = None) -> MarkerPoses:
     """Place each marker in the car's frame.
 
     The estimator takes the camera as mounted exactly: level, looking along x. Method: two

@@ -5,8 +5,6 @@ The only module of this room that knows MuJoCo. OpenGL is touched when the first
 
 from __future__ import annotations
 
-import os
-import platform
 from types import TracebackType
 from typing import Any
 
@@ -17,6 +15,7 @@ from numpy.typing import NDArray
 
 from tral_env.config import CameraConfig
 from tral_env.errors import ConfigError, RenderError, nearest
+from tral_env.perception import opengl
 from tral_env.perception.projected import mounting_turn
 from tral_env.perception.rays import pixel_rays
 
@@ -25,11 +24,6 @@ Image = NDArray[np.uint8]
 
 MAX_GEOMS = 5000
 """Geoms a scene can show."""
-
-REMEDY = (
-    "Set MUJOCO_GL=egl (Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri) or MUJOCO_GL=osmesa (apt install "
-    'libosmesa6) before Python starts, or do without OpenGL: camera="projected", render_mode=None'
-)
 
 
 class SceneRenderer:
@@ -216,15 +210,14 @@ def _gl_context(width: int, height: int) -> Any:
         context = _context_class()(width, height)
         context.make_current()
     except Exception as error:  # every backend has errors of its own
-        backend = os.environ.get("MUJOCO_GL") or "not set"
-        raise RenderError(f"no OpenGL context (MUJOCO_GL={backend}): {error}. {REMEDY}") from error
+        backend = opengl.wish() or "not set"
+        raise RenderError(f"no OpenGL context (MUJOCO_GL={backend}): {error}. {opengl.REMEDY}") from error
     return context
 
 
 def _context_class() -> Any:
-    """MuJoCo's choice after MUJOCO_GL; without a wish and without a display EGL, where its own choice would fail."""
-    screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    if platform.system() == "Linux" and not os.environ.get("MUJOCO_GL") and not screen:
+    """The class of context that this machine can open."""
+    if opengl.chooses_egl():
         from mujoco.egl import GLContext
     else:
         from mujoco.rendering.classic.gl_context import GLContext
@@ -238,7 +231,7 @@ def _render_context(model: mujoco.MjModel, offsamples: int) -> mujoco.MjrContext
     try:
         context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
     except mujoco.FatalError as error:
-        raise RenderError(f"OpenGL refuses the scene: {error}. {REMEDY}") from error
+        raise RenderError(f"OpenGL refuses the scene: {error}. {opengl.REMEDY}") from error
     finally:
         model.vis.quality.offsamples = before
     return context

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.interface import MAX_AGE_S, NOTHING_SEEN_ID
-from tral_env.perception.gate import Sighting
+from tral_env.perception.gate import Detection
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -18,7 +18,7 @@ QUANTITIES = ("id", "x", "y", "heading")
 _EPSILON_S = 1e-9
 
 
-class Sightings:
+class CameraPipeline:
     """The last gate and the last marker that each of n cars has seen.
 
     A sighting stays until a newer one replaces it and grows old meanwhile; an image in which nothing is seen changes
@@ -61,7 +61,7 @@ class Sightings:
         self._next_exposure[due] += self._period_s
         return due
 
-    def expose(self, rows: Index, time_s: Array, seen: Sighting) -> None:
+    def expose(self, rows: Index, time_s: Array, seen: Detection) -> None:
         """Images are taken.
 
         Args:

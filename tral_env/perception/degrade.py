@@ -16,12 +16,12 @@ from tral_env.errors import ConfigError
 
 Image = NDArray[np.uint8]
 
-_MOST = {"exposure": 1.0, "blur_px": 100.0, "glare": 255.0, "noise": 255.0, "streak_px": 1000.0, "patch": 1.0}
+_MAX_AT_LEVEL_1 = {"exposure": 1.0, "blur_px": 100.0, "glare": 255.0, "noise": 255.0, "streak_px": 1000.0, "patch": 1.0}
 """Most that a level of 1 may bring of each fault."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class WebcamLaw:
+class ImageCorruption:
     """How much of each a level of 1 ("mild") brings; all grow with the level. Source: choice."""
 
     exposure: float = 0.12
@@ -40,49 +40,53 @@ class WebcamLaw:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value, most = getattr(self, field.name), _MOST[field.name]
+            value, most = getattr(self, field.name), _MAX_AT_LEVEL_1[field.name]
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= most:
-                raise ConfigError(f"WebcamLaw.{field.name} = {value!r}: expected a number from 0 to {most:g}")
+                raise ConfigError(f"ImageCorruption.{field.name} = {value!r}: expected a number from 0 to {most:g}")
 
-    def scaled(self, share: float) -> WebcamLaw:
-        """The law of the same image with this share of its pixels across.
+    def scaled(self, share: float) -> ImageCorruption:
+        """The corruption of the same image with this share of its pixels across.
 
         Fewer pixels, each the mean of many: less of the noise is left, and blur and streak are shorter.
         """
         names = ("blur_px", "noise", "streak_px")
-        return replace(self, **{name: min(getattr(self, name) * share, _MOST[name]) for name in names})
+        return replace(self, **{name: min(getattr(self, name) * share, _MAX_AT_LEVEL_1[name]) for name in names})
 
 
-def degrade(image: Image, level: float, rng: np.random.Generator, law: WebcamLaw | None = None) -> Image:
+WebcamLaw = ImageCorruption
+"""The name of `ImageCorruption` in 1.0, kept for programs that use it."""
+
+
+def degrade(image: Image, level: float, rng: np.random.Generator, corruption: ImageCorruption | None = None) -> Image:
     """The image as a webcam would have taken it.
 
     Args:
         image: (h, w, 3) RGB.
         level: 0 leaves it as it is; 1 mild; 3 strong.
         rng: source of noise and exposure.
-        law: how much of each.
+        corruption: how much of each.
 
     Returns:
         (h, w, 3), a new array unless the level is 0.
     """
     if level <= 0:
         return image
-    law = law or WebcamLaw()
+    corruption = corruption or ImageCorruption()
     height, width = image.shape[:2]
     out = image
-    if (blur := law.blur_px * level) > 0:
+    if (blur := corruption.blur_px * level) > 0:
         out = np.asarray(cv2.GaussianBlur(image, (0, 0), blur), np.uint8)
-    if law.streak_px > 0:
-        out = _streaked(out, law.streak_px * level * rng.uniform(0, 1))
-    light = max(1 + law.exposure * level * rng.uniform(-1, 1), 0.0)
+    if corruption.streak_px > 0:
+        out = _streaked(out, corruption.streak_px * level * rng.uniform(0, 1))
+    light = max(1 + corruption.exposure * level * rng.uniform(-1, 1), 0.0)
     out = np.asarray(cv2.convertScaleAbs(out, alpha=light), np.uint8)
-    fade = np.clip(1 - 2 * np.arange(height) / height, 0, 1) * law.glare * level * rng.uniform(0, 1)
+    fade = np.clip(1 - 2 * np.arange(height) / height, 0, 1) * corruption.glare * level * rng.uniform(0, 1)
     top, left = rng.integers(_SHIFTS, size=2)
     grain = _grain(height + _SHIFTS, width + _SHIFTS)[top : top + height, left : left + width]
-    added = np.rint(grain * np.float32(law.noise * level) + fade.astype(np.float32)[:, None]).astype(np.int16)
+    added = np.rint(grain * np.float32(corruption.noise * level) + fade.astype(np.float32)[:, None]).astype(np.int16)
     out = np.asarray(cv2.add(out, cv2.merge([added] * 3), dtype=cv2.CV_8U), np.uint8)
-    if law.patch > 0:
-        _cover(out, round(min(law.patch * level, 1.0) * height), rng)
+    if corruption.patch > 0:
+        _cover(out, round(min(corruption.patch * level, 1.0) * height), rng)
     return out
 
 

@@ -12,11 +12,11 @@ from tral_env.perception.gate import DICTIONARY_SIZE
 
 Array = NDArray[np.float64]
 Figures = tuple[float, ...]
-"""One figure at each level of `DetectorLaw.levels`."""
+"""One figure at each level of `DetectionModel.levels`."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class DetectorLaw:
+class DetectionModel:
     """What the rendered detector sees and how well: fitted numbers, in pixels so that they hold for any lens.
 
     What depends on the level of image degradation (`tral_env.perception.degrade`) has a figure at each of `levels`;
@@ -94,4 +94,4 @@ class DetectorLaw:
         return np.clip(ratio * ratio, share, 1.0)
 
 
-LAW = DetectorLaw()
+DETECTION_MODEL = DetectionModel()

@@ -7,7 +7,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.interface import GATE_MARKER_IDS, NOTHING_SEEN_ID, wrap_angle
+from tral_env.interface import GATE_MARKER_IDS, NOTHING_SEEN_ID
+from tral_env.se2 import wrap
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -17,7 +18,7 @@ DICTIONARY_SIZE = 50
 
 
 @dataclass(frozen=True)
-class Sighting:
+class Detection:
     """What n images show, each array (n,); where nothing is seen: id -1, the rest 0."""
 
     gate_id: Array
@@ -30,12 +31,12 @@ class Sighting:
     marker_heading: Array
 
     @classmethod
-    def nothing(cls, n: int) -> Sighting:
+    def nothing(cls, n: int) -> Detection:
         """n images that show nothing."""
         nobody, zero = np.full(n, NOTHING_SEEN_ID), np.zeros
         return cls(nobody, zero(n), zero(n), zero(n), nobody.copy(), zero(n), zero(n), zero(n))
 
-    def put(self, rows: NDArray[np.int64], other: Sighting) -> None:
+    def put(self, rows: NDArray[np.int64], other: Detection) -> None:
         """Write what k other images show into the places `rows` (k,)."""
         for field in fields(self):
             getattr(self, field.name)[rows] = getattr(other, field.name)
@@ -51,7 +52,7 @@ class Sighting:
         return np.asarray(self.marker_id >= 0)
 
 
-def sight(ids: NDArray[np.int64], x: Array, y: Array, heading: Array, valid: Mask) -> Sighting:
+def nearest_gate_and_marker(ids: NDArray[np.int64], x: Array, y: Array, heading: Array, valid: Mask) -> Detection:
     """Nearest complete gate and nearest marker of each row.
 
     A gate is complete when both its markers are seen, the left one to the left. Its axis is perpendicular to the line
@@ -71,7 +72,11 @@ def sight(ids: NDArray[np.int64], x: Array, y: Array, heading: Array, valid: Mas
     order = np.argsort(-(x * x + y * y), kind="stable")
     table = np.full((3, len(ids), DICTIONARY_SIZE), np.nan)
     table[:, row[order], marker[order]] = np.stack([x, y, heading])[:, order]
-    return Sighting(*_nearest_gate(*table), *_nearest(*table))
+    return Detection(*_nearest_gate(*table), *_nearest(*table))
+
+
+sight = nearest_gate_and_marker
+"""The name of `nearest_gate_and_marker` in 1.0, kept for programs that use it."""
 
 
 def _nearest_gate(x: Array, y: Array, heading: Array) -> tuple[Array, Array, Array, Array]:
@@ -80,7 +85,7 @@ def _nearest_gate(x: Array, y: Array, heading: Array) -> tuple[Array, Array, Arr
     middle_x, middle_y = (x[:, left] + x[:, right]) / 2, (y[:, left] + y[:, right]) / 2
     # The line from the left marker to the right one, turned left by a quarter, points through the gate.
     axis = np.arctan2(x[:, right] - x[:, left], y[:, left] - y[:, right])
-    swapped = np.abs(wrap_angle(axis - heading[:, left])) > np.pi / 2
+    swapped = np.abs(wrap(axis - heading[:, left])) > np.pi / 2
     return _nearest(np.where(swapped, np.nan, middle_x), middle_y, axis)
 
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.course.plan import Plan
-from tral_env.interface import wrap_angle
-from tral_env.perception.detection_model import LAW, DetectorLaw
+from tral_env.perception.detection_model import DETECTION_MODEL, DetectionModel
+from tral_env.se2 import wrap
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -123,7 +123,7 @@ def project(
     normal: Array,
     uniform: Array,
     degradation: Array | None = None,
-    law: DetectorLaw = LAW,
+    model: DetectionModel = DETECTION_MODEL,
 ) -> Seen:
     """What the detector would report.
 
@@ -137,7 +137,7 @@ def project(
         normal: (k, NOISE_PLACES, NORMALS) standard normal numbers.
         uniform: (k, NOISE_PLACES, UNIFORMS) numbers in [0, 1).
         degradation: (k,) level of noise, blur, exposure and glare of the images; none: clean images.
-        law: the detector.
+        model: the detector.
     """
     near = _candidates(scenery, rows, pose, car, mounting)
     pixels = project_points(near.rays[:, :4], camera)
@@ -145,17 +145,17 @@ def project(
     level = np.zeros(len(near.row)) if degradation is None else degradation[near.row]
     chance = uniform[near.row, near.place % NOISE_PLACES, 0]
     ids = scenery.ids[rows[near.row], near.place]
-    index = np.flatnonzero(_in_image(pixels, camera, law) & (chance < law.found(size, ids, level)))
+    index = np.flatnonzero(_in_image(pixels, camera, model) & (chance < model.found(size, ids, level)))
     index = index[~_hidden(scenery, rows, near, index)]
     where = near.row[index], near.place[index]
     blur = _Blur(_extent(pixels[index]), level[index], normal[where[0], where[1] % NOISE_PLACES])
     ahead, left = near.rays[index, 4, 0], near.rays[index, 4, 1]
-    along, across = _position_error(ahead, left, blur, camera, law)
+    along, across = _position_error(ahead, left, blur, camera, model)
     shape = len(rows), scenery.ids.shape[1]
     out = Seen(scenery.ids[rows], np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape, np.bool_))
     out.x[where] = car.camera_x + ahead + along
     out.y[where] = left + across
-    out.heading[where] = _seen_heading(near, index, blur, camera, law)
+    out.heading[where] = _seen_heading(near, index, blur, camera, model)
     out.valid[where] = True
     return out
 
@@ -273,40 +273,43 @@ def _extent(pixels: Array) -> Array:
     return np.sqrt(0.5 * np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]))
 
 
-def _in_image(pixels: Array, camera: CameraConfig, law: DetectorLaw) -> Mask:
+def _in_image(pixels: Array, camera: CameraConfig, model: DetectionModel) -> Mask:
     u, v = pixels[..., 0], pixels[..., 1]
-    inside = (u > law.margin_px) & (u < camera.width - 1 - law.margin_px)
-    inside &= (v > law.margin_px) & (v < camera.height - 1 - law.margin_px)
+    inside = (u > model.margin_px) & (u < camera.width - 1 - model.margin_px)
+    inside &= (v > model.margin_px) & (v < camera.height - 1 - model.margin_px)
     return np.asarray(inside.all(axis=1))
 
 
 def _position_error(
-    ahead: Array, left: Array, blur: _Blur, camera: CameraConfig, law: DetectorLaw
+    ahead: Array, left: Array, blur: _Blur, camera: CameraConfig, model: DetectionModel
 ) -> tuple[Array, Array]:
     """Errors forward and left: a share of the distance along the line of sight, and pixels across it."""
     noise = blur.noise
-    smaller = law.at(law.size_bias_px, blur.level) + noise[:, 0] * law.at(law.size_noise_px, blur.level)
-    share = law.softness(blur.extent, law.at(law.size_share, blur.level)) * smaller / blur.extent
+    smaller = model.at(model.size_bias_px, blur.level) + noise[:, 0] * model.at(model.size_noise_px, blur.level)
+    share = model.softness(blur.extent, model.at(model.size_share, blur.level)) * smaller / blur.extent
     aside = (
-        law.softness(blur.extent, law.sharp_share) * noise[:, 1] * law.at(law.bearing_noise_px, blur.level) / camera.fx
+        model.softness(blur.extent, model.sharp_share)
+        * noise[:, 1]
+        * model.at(model.bearing_noise_px, blur.level)
+        / camera.fx
     )
     return share * ahead - aside * left, share * left + aside * ahead
 
 
-def _seen_heading(near: _Candidates, index: Indices, blur: _Blur, camera: CameraConfig, law: DetectorLaw) -> Array:
+def _seen_heading(near: _Candidates, index: Indices, blur: _Blur, camera: CameraConfig, model: DetectionModel) -> Array:
     """Heading with its error: the width tells the angle to the line of sight, the perspective tells its sign."""
     ahead, left = near.rays[index, 4, 0], near.rays[index, 4, 1]
-    edge, soft, noise = 2.0 * _half_edge(near.points[index]), law.softness(blur.extent, law.sharp_share), blur.noise
+    edge, soft, noise = 2.0 * _half_edge(near.points[index]), model.softness(blur.extent, model.sharp_share), blur.noise
     distance = np.sqrt(ahead * ahead + left * left)
     sight = np.arctan2(left, ahead)
-    angle = wrap_angle(near.heading[index] - sight)
+    angle = wrap(near.heading[index] - sight)
     sine, depth = np.abs(np.sin(angle)), edge / distance
     face_on = camera.fx * depth
-    flipped = soft * noise[:, 3] * law.at(law.flip_px, blur.level) > face_on * depth * sine
-    nearer = law.at(law.perspective_gain, blur.level) * depth
-    spread = soft * law.at(law.heading_noise_px, blur.level) / (face_on * np.sqrt(sine * sine + nearer * nearer))
+    flipped = soft * noise[:, 3] * model.at(model.flip_px, blur.level) > face_on * depth * sine
+    nearer = model.at(model.perspective_gain, blur.level) * depth
+    spread = soft * model.at(model.heading_noise_px, blur.level) / (face_on * np.sqrt(sine * sine + nearer * nearer))
     angle = np.where(flipped, -angle, angle) + noise[:, 2] * np.minimum(spread, 1.0)
-    return np.asarray(wrap_angle(sight + angle))
+    return np.asarray(wrap(sight + angle))
 
 
 MARGIN = 0.01

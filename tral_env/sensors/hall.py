@@ -37,22 +37,80 @@ def units_between(before: NDArray[np.uint16], after: NDArray[np.uint16]) -> Arra
     return units / UNITS_PER_METRE
 
 
-class Hall:
-    """The hall sensors of n cars.
+class EdgeSpeed:
+    """Distance and speed of n wheels from the time stamps of their edges: the law of the simulated and the real sensor.
 
-    Speed is the median of the last three spacings of ticks, so that one missed tick does not stay in it; a tick that
-    comes again too soon is left out; it is never more than one tick in the time since the last one, so that it falls
-    when the car brakes; and 0 once the last tick is `timeout_s` old.
+    Every edge counts for the distance. The speed is the median of the last three spacings, so that one missed edge does
+    not stay in it. An edge that comes sooner than `max_speed` allows is a bounce: the speed leaves it out. The speed is
+    never more than one edge in the time since the last one, so that it falls when the car brakes, and it is 0 once the
+    last edge is older than `timeout_s`.
     """
 
     def __init__(self, n: int, config: HallConfig) -> None:
+        """Wheels at rest, distance 0."""
         self._config = config
-        self._place = np.zeros(n)
-        self._passed = np.zeros(n)
         self._ticks = np.zeros(n, np.int64)
         self._stamp = np.zeros(n)
         self._spacing = np.zeros((3, n))
         self._median = np.zeros(n)
+        self.reset(np.arange(n))
+
+    def reset(self, rows: IntArray) -> None:
+        """Put the wheels of the rows (k,) at rest, distance 0."""
+        self._ticks[rows] = 0
+        self._stamp[rows] = -np.inf
+        self._spacing[:, rows] = self._median[rows] = np.inf
+
+    def edge(self, counted: NDArray[np.bool_], when: Array | float) -> None:
+        """Count an edge of some wheels.
+
+        Args:
+            counted: (n,) which wheels have an edge.
+            when: (n,) or scalar, its time, s; rounded to the resolution of the stamps, `stamp_s`.
+        """
+        if not counted.any():
+            return
+        self._ticks = self._ticks + counted
+        stamp = np.rint(when / self._config.stamp_s) * self._config.stamp_s
+        spacing = stamp - self._stamp
+        timed = counted & (spacing >= self._config.metres_per_tick / self._config.max_speed)
+        spacing = np.where(spacing > self._config.timeout_s, np.inf, spacing)
+        _, middle, last = self._spacing
+        # From rest the first spacing known stands for all three; a pause makes all three unknown.
+        anew = np.isinf(spacing) | np.isinf(last)
+        fresh = np.array([np.where(anew, spacing, middle), np.where(anew, spacing, last), spacing])
+        self._spacing = np.where(timed, fresh, self._spacing)
+        self._stamp = np.where(timed, stamp, self._stamp)
+        a, b, c = self._spacing
+        self._median = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
+
+    def speed(self, time_s: Array | float) -> Array:
+        """(n,) m/s, without sign, at a time (n,) or scalar, s."""
+        waited = time_s - self._stamp
+        return np.where(
+            waited > self._config.timeout_s, 0.0, self._config.metres_per_tick / np.maximum(self._median, waited)
+        )
+
+    @property
+    def ticks(self) -> IntArray:
+        """(n,) edges counted since reset."""
+        return self._ticks
+
+    @property
+    def distance(self) -> Array:
+        """(n,) m counted since reset, forward and backward alike."""
+        return self._ticks.astype(np.float64) * self._config.metres_per_tick
+
+
+class Hall:
+    """The hall sensors of n simulated cars: from the travel of the wheel to edges, and by `EdgeSpeed` to readings."""
+
+    def __init__(self, n: int, config: HallConfig) -> None:
+        """Cars at rest, distance 0."""
+        self._config = config
+        self._edges = EdgeSpeed(n, config)
+        self._place = np.zeros(n)
+        self._passed = np.zeros(n)
         self._speed = np.zeros(n)
         self.reset(np.arange(n))
 
@@ -64,11 +122,9 @@ class Hall:
             place: (k,) or scalar in [0, 1): where between two magnets the wheel stands. In the middle (default) the
                 distance is wrong by at most half a tick either way.
         """
+        self._edges.reset(rows)
         self._place[rows] = place
         self._passed[rows] = 0.0
-        self._ticks[rows] = 0
-        self._stamp[rows] = -np.inf
-        self._spacing[:, rows] = self._median[rows] = np.inf
         self._speed[rows] = 0.0
 
     def update(
@@ -103,40 +159,19 @@ class Hall:
             # Ticks after the first of a period turn the same draws by the golden ratio: uniform again.
             draw = (uniform + k * _GOLDEN) % 1.0
             seen = (count > k) & (draw[:, 0] >= miss_rate)
-            self._tick(seen, when)
-            self._tick(seen & (draw[:, 1] < double_rate), when + self._config.bounce_s)
-        waited = time_s - self._stamp
-        self._speed = np.where(
-            waited > self._config.timeout_s, 0.0, self._config.metres_per_tick / np.maximum(self._median, waited)
-        )
-
-    def _tick(self, counted: NDArray[np.bool_], when: Array) -> None:
-        if not counted.any():
-            return
-        self._ticks = self._ticks + counted
-        stamp = np.rint(when / self._config.stamp_s) * self._config.stamp_s
-        spacing = stamp - self._stamp
-        # A tick that comes faster than the car can drive is a bounce: counted, but no measure of speed.
-        timed = counted & (spacing >= self._config.metres_per_tick / self._config.max_speed)
-        spacing = np.where(spacing > self._config.timeout_s, np.inf, spacing)
-        _, middle, last = self._spacing
-        # From rest the first spacing known stands for all three; a pause makes all three unknown.
-        anew = np.isinf(spacing) | np.isinf(last)
-        fresh = np.array([np.where(anew, spacing, middle), np.where(anew, spacing, last), spacing])
-        self._spacing = np.where(timed, fresh, self._spacing)
-        self._stamp = np.where(timed, stamp, self._stamp)
-        a, b, c = self._spacing
-        self._median = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
+            self._edges.edge(seen, when)
+            self._edges.edge(seen & (draw[:, 1] < double_rate), when + self._config.bounce_s)
+        self._speed = self._edges.speed(time_s)
 
     @property
     def ticks(self) -> IntArray:
         """(n,) ticks counted since reset."""
-        return self._ticks
+        return self._edges.ticks
 
     @property
     def distance(self) -> Array:
         """(n,) m counted since reset, forward and backward alike."""
-        return self._ticks.astype(np.float64) * self._config.metres_per_tick
+        return self._edges.distance
 
     @property
     def speed(self) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.config import LineConfig
+from tral_env.se2 import to_outer_n
 
 Array = NDArray[np.float64]
 
@@ -38,10 +39,8 @@ def line_byte(pose: Array, tape: Array, config: LineConfig) -> NDArray[np.int64]
     Returns:
         (n,) 0 .. 255: bit 7 the leftmost diode, 1 = tape.
     """
-    places = diode_places(config)
-    cos, sin = np.cos(pose[:, 2, None]), np.sin(pose[:, 2, None])
-    x = pose[:, 0, None] + cos * places[:, 0] - sin * places[:, 1]
-    y = pose[:, 1, None] + sin * places[:, 0] + cos * places[:, 1]
+    places = to_outer_n(pose[:, None], diode_places(config))
+    x, y = places[..., 0], places[..., 1]
     x0, y0, x1, y1 = (tape[..., None, :, i] for i in range(4))
     along_x, along_y = x1 - x0, y1 - y0
     square = along_x * along_x + along_y * along_y

@@ -153,8 +153,7 @@ def measure(first: Array, uniform: Array, config: UltrasonicConfig, outlier_rate
         short = low + (np.minimum(first, high) - low) * place
         wrong = np.where(kind < 0.5, np.inf, np.where(kind < 0.8, short, 2 * first))
         range_m = np.where(outlier, wrong, range_m)
-    heard = (range_m >= low) & (range_m <= high)
-    unit = 0.01 if config.mode == "cm" else config.metres_per_us
+    heard, unit = readable(range_m, config), resolution(config)
     return np.where(heard, np.rint(np.where(heard, range_m, 0.0) / unit) * unit, NO_ECHO_M)
 
 
@@ -163,6 +162,18 @@ def limits(config: UltrasonicConfig) -> tuple[float, float]:
     if config.mode == "cm":
         return max(config.min_range, config.cm_min_range), min(config.max_range, config.cm_max_range)
     return config.min_range, config.max_range
+
+
+def resolution(config: UltrasonicConfig) -> float:
+    """Range of one unit of the register: a microsecond of flight there and back, or a centimetre, m."""
+    return 0.01 if config.mode == "cm" else config.metres_per_us
+
+
+def readable(range_m: Array | float, config: UltrasonicConfig) -> BoolArray:
+    """Whether ranges of any shape, m, lie within the limits of the mode in use; beyond them there is no echo."""
+    low, high = limits(config)
+    result: BoolArray = np.greater_equal(range_m, low) & np.less_equal(range_m, high)
+    return result
 
 
 def crosstalk(first: Array, uniform: Array, together: BoolArray, config: UltrasonicConfig) -> Array:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
+
 import cv2
 import mujoco
 import numpy as np
 
-from tral_env.calibration.board_poses import BoardPose
+from tral_env.calibration.board_poses import BoardPose, seeded_poses
 from tral_env.calibration.boards import Board
 from tral_env.config import CameraConfig
 from tral_env.perception.camera import Image, OnboardCamera, SceneRenderer
@@ -15,9 +18,9 @@ from tral_env.perception.degrade import degrade
 MARGIN = 0.02
 """White around the squares, m."""
 PIXELS_PER_METRE = 4000.0
-"""Of the board's texture: four for a millimetre,"""
-MOST_PIXELS = 4096
-"""but no more than this across or down."""
+"""Resolution of the board's texture: four pixels a millimetre."""
+MAX_PIXELS = 4096
+"""Largest side of the texture, px."""
 
 _SCENE = """
 <mujoco>
@@ -45,10 +48,10 @@ _FLIP = np.diag([1.0, -1.0, -1.0])
 
 def pixels_per_metre(board: Board) -> float:
     """How fine the texture of a board is."""
-    return min(PIXELS_PER_METRE, MOST_PIXELS / (max(board.size) + 2 * MARGIN))
+    return min(PIXELS_PER_METRE, MAX_PIXELS / (max(board.size) + 2 * MARGIN))
 
 
-class BoardStage:
+class BoardScene:
     """A board that can be put anywhere before a camera."""
 
     def __init__(self, board: Board, lens: CameraConfig, *, degradation: float = 0.0, seed: int = 0) -> None:
@@ -85,3 +88,14 @@ class BoardStage:
     def close(self) -> None:
         """Free the OpenGL context."""
         self._camera.close()
+
+
+def simulated_images(board: Board, lens: CameraConfig, count: int, seed: int) -> Iterator[tuple[str, Image]]:
+    """Names and images of a board in `count` poses before the simulated camera, mildly degraded.
+
+    Raises:
+        RenderError: no OpenGL on this machine.
+    """
+    with contextlib.closing(BoardScene(board, lens, degradation=1.0, seed=seed)) as scene:
+        for i, pose in enumerate(seeded_poses(board, lens, count, seed)):
+            yield f"simulated_{i:03d}", scene.capture(pose)

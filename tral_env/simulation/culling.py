@@ -16,20 +16,20 @@ from tral_env.course.scene import Placement, Pool, place
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-WINDOW_BOXES = 48
+LOCAL_BOXES = 48
 """Boxes around a car. The families of courses have at most 46 within 5.5 m of a place on their routes; for courses of
-your own there are as many as their densest place needs, see `crowd`."""
+your own there are as many as their densest place needs, see `max_boxes_in_reach`."""
 REACH_M = UltrasonicConfig().max_range + 0.35
 """From the rear axle as far as a sonar hears: its range, and how far ahead of the axle it sits."""
-_FEWEST_M = 0.25
-"""In a place with more boxes within reach than the window holds, the farthest are left out; look again this often."""
-_ASIDE_M = 1.0
-"""A car may be so far from its route without more boxes within reach than `crowd` counts."""
-_TOGETHER = 64
+_MIN_FREE_M = 0.25
+"""In a place with more boxes within reach than the model holds, the farthest are left out; look again this often."""
+_ROUTE_MARGIN_M = 1.0
+"""A car may be so far from its route without more boxes within reach than `max_boxes_in_reach` counts."""
+_CHUNK = 64
 """Places on a route that are looked at together."""
 
 
-class Window:
+class LocalGeoms:
     """The boxes of n courses, and those of them that stand around the n cars."""
 
     def __init__(self, n: int, boxes: int, near: int = 0) -> None:
@@ -40,7 +40,7 @@ class Window:
             boxes: how many a course may have at the most.
             near: how many of them may be near a car, if that may be more than in the families of courses.
         """
-        self.size = min(boxes, max(WINDOW_BOXES, near))
+        self.size = min(boxes, max(LOCAL_BOXES, near))
         """Boxes around a car, W."""
         self._pos, self._quat, self._half = np.zeros((n, boxes, 3)), np.zeros((n, boxes, 4)), np.zeros((n, boxes, 3))
         self._centre = np.zeros((n, 2))
@@ -53,7 +53,7 @@ class Window:
         self._half[row] = placed.geom_size[:boxes]
 
     def due(self, position: Array) -> Index:
-        """Rows whose cars may soon have something within reach that their window leaves out.
+        """Rows whose cars may soon have something within reach that their models leave out.
 
         Args:
             position: (n, 2) of the cars, m.
@@ -61,7 +61,7 @@ class Window:
         moved = position - self._centre
         return np.flatnonzero(moved[:, 0] ** 2 + moved[:, 1] ** 2 > self._free**2)
 
-    def look(self, rows: Index, position: Array) -> tuple[Array, Array, Array]:
+    def nearest(self, rows: Index, position: Array) -> tuple[Array, Array, Array]:
         """The boxes nearest to cars, in the order of their courses.
 
         Args:
@@ -78,21 +78,21 @@ class Window:
         distance = _distance(self._pos[rows], self._quat[rows], self._half[rows], position)
         order = np.argsort(distance, axis=1, kind="stable")
         left_out = distance[np.arange(len(rows)), order[:, self.size]]
-        self._free[rows] = np.maximum(left_out - REACH_M, _FEWEST_M)
+        self._free[rows] = np.maximum(left_out - REACH_M, _MIN_FREE_M)
         near = np.sort(order[:, : self.size], axis=1)[..., None]
         pos, quat, half = (np.take_along_axis(values, near, axis=1) for values in everything)
         return pos, quat, half
 
 
-def crowd(plan: Plan) -> int:
+def max_boxes_in_reach(plan: Plan) -> int:
     """The most boxes of a course that are within reach at once, anywhere on its route or a metre beside it."""
     boxes = len(plan.box_kind)
-    if boxes <= WINDOW_BOXES:
+    if boxes <= LOCAL_BOXES:
         return boxes
     placed = place(plan, Pool(boxes, len(plan.marker_id), len(plan.tape)))
     pos, quat, half = (getattr(placed, name)[None, :boxes] for name in ("geom_pos", "geom_quat", "geom_size"))
-    parts = np.array_split(plan.route, -(-len(plan.route) // _TOGETHER))
-    return max(int((_distance(pos, quat, half, part) < REACH_M + _ASIDE_M).sum(axis=1).max()) for part in parts)
+    parts = np.array_split(plan.route, -(-len(plan.route) // _CHUNK))
+    return max(int((_distance(pos, quat, half, part) < REACH_M + _ROUTE_MARGIN_M).sum(axis=1).max()) for part in parts)
 
 
 def _distance(pos: Array, quat: Array, half: Array, position: Array) -> Array:

@@ -1,4 +1,4 @@
-"""A model and a state to look at: one car of a batch, dressed with the materials of its course."""
+"""A model and a state to look at: one car of a batch, with the boxes, markers and materials of its course."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.course.plan import Plan
-from tral_env.course.scene import Pool, build_model, dress
+from tral_env.course.scene import Pool, apply_materials, build_model
 
 
-class Stage:
+class RenderScene:
     """One car at a time, ready to be rendered."""
 
     def __init__(self, pool: Pool) -> None:
-        """Nobody is on the stage yet."""
+        """Compile the model; no car is in it yet."""
         self._pool = pool
         self.model = build_model(pool)
         self.data = mujoco.MjData(self.model)
         self._plan: Plan | None = None
 
     def show(self, plan: Plan, qpos: NDArray[np.float64]) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """Bring a car onto the stage.
+        """Put a car and its course into the model.
 
         Args:
             plan: its course.
@@ -31,7 +31,7 @@ class Stage:
             The model and its state, kinematics up to date.
         """
         if plan is not self._plan:
-            dress(self.model, plan, self._pool)
+            apply_materials(self.model, plan, self._pool)
             self._plan = plan
         self.data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self.data)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from tral_env.errors import ConfigError, nearest
 from tral_env.perception.camera import SceneRenderer
-from tral_env.simulation.render_scene import Stage
+from tral_env.simulation.render_scene import RenderScene
 from tral_env.simulation.sim import Simulation
 
 VIEWS = {"chase": "car/chase", "top": "car/top", "onboard": "car/front"}
@@ -21,7 +21,7 @@ class Views:
         """OpenGL is opened with the first picture."""
         self._renderer = SceneRenderer(offsamples=0)
         self._sim: Simulation | None = None
-        self._stage: Stage | None = None
+        self._stage: RenderScene | None = None
 
     def render(self, sim: Simulation, view: str, row: int, width: int, height: int) -> NDArray[np.uint8]:
         """Picture of a car.
@@ -43,7 +43,7 @@ class Views:
         if view not in VIEWS:
             raise ConfigError(f"unknown view '{view}': {nearest(view, VIEWS)}")
         if self._stage is None or sim is not self._sim:
-            self._sim, self._stage = sim, Stage(sim.pool)
+            self._sim, self._stage = sim, RenderScene(sim.pool)
         model, data = self._stage.show(sim.plan(row), sim.qpos[row])
         return self._renderer.render(model, data, VIEWS[view], width, height)
 

@@ -13,10 +13,10 @@ from tral_env.course.scene import Pool
 from tral_env.noise import NoiseTape
 from tral_env.perception.aruco import Detector, marker_poses
 from tral_env.perception.camera import Image, OnboardCamera
-from tral_env.perception.degrade import WebcamLaw, degrade
-from tral_env.perception.gate import Sighting, sight
+from tral_env.perception.degrade import ImageCorruption, degrade
+from tral_env.perception.gate import Detection, nearest_gate_and_marker
 from tral_env.perception.projected import NOISE_PLACES, NORMALS, UNIFORMS, Scenery, project
-from tral_env.simulation.render_scene import Stage
+from tral_env.simulation.render_scene import RenderScene
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -35,7 +35,7 @@ class Vision(Protocol):
             seed: of the noise in its images.
         """
 
-    def see(self, rows: Index, pose: Array, qpos: Array, mounting: Array) -> Sighting:
+    def see(self, rows: Index, pose: Array, qpos: Array, mounting: Array) -> Detection:
         """What the cameras of the rows see now.
 
         Args:
@@ -68,16 +68,16 @@ class ProjectedVision:
         self._scenery.place(row, plan)
         self._markers[row], self._degradation[row] = len(plan.marker_id), degradation
 
-    def see(self, rows: Index, pose: Array, qpos: Array, mounting: Array) -> Sighting:
+    def see(self, rows: Index, pose: Array, qpos: Array, mounting: Array) -> Detection:
         """See `Vision`."""
-        sighting = Sighting.nothing(len(rows))
+        sighting = Detection.nothing(len(rows))
         # Rows without markers draw no noise, whether they are alone or among others.
         some = np.flatnonzero(self._markers[rows])
         if len(some):
             sighting.put(some, self._see(rows[some], pose[some], mounting[some]))
         return sighting
 
-    def _see(self, rows: Index, pose: Array, mounting: Array) -> Sighting:
+    def _see(self, rows: Index, pose: Array, mounting: Array) -> Detection:
         normal = self._noise.normal(rows, NOISE_PLACES * NORMALS).reshape(-1, NOISE_PLACES, NORMALS)
         uniform = self._noise.uniform(rows, NOISE_PLACES * UNIFORMS).reshape(-1, NOISE_PLACES, UNIFORMS)
         seen = project(
@@ -91,7 +91,7 @@ class ProjectedVision:
             uniform=uniform,
             degradation=self._degradation[rows],
         )
-        return sight(seen.ids, seen.x, seen.y, seen.heading, seen.valid)
+        return nearest_gate_and_marker(seen.ids, seen.x, seen.y, seen.heading, seen.valid)
 
     def close(self) -> None:
         """Nothing to free."""
@@ -100,14 +100,14 @@ class ProjectedVision:
 class Webcam:
     """The images that n cars' cameras take: through the lens, mounted askew, degraded as a webcam does."""
 
-    def __init__(self, n: int, pool: Pool, lens: CameraConfig, law: WebcamLaw | None = None) -> None:
-        """OpenGL is opened with the first image; `law`: how much of each fault a level brings."""
-        self._stage = Stage(pool)
+    def __init__(self, n: int, pool: Pool, lens: CameraConfig, corruption: ImageCorruption | None = None) -> None:
+        """OpenGL is opened with the first image; `corruption`: how much of each fault a level brings."""
+        self._stage = RenderScene(pool)
         self._plans: list[Plan | None] = [None] * n
         self._rngs = [np.random.default_rng(0) for _ in range(n)]
         self._degradation = np.zeros(n)
         self._camera = OnboardCamera(lens)
-        self._law = law
+        self._law = corruption
 
     def place(self, row: int, plan: Plan, degradation: float, seed: int) -> None:
         """See `Vision`."""
@@ -139,9 +139,11 @@ class Webcam:
 class RenderedVision:
     """The image of the camera, rendered and searched by OpenCV's detector."""
 
-    def __init__(self, n: int, pool: Pool, lens: CameraConfig, car: CarConfig, law: WebcamLaw | None = None) -> None:
-        """OpenGL is opened with the first image; `law`: how much of each fault a level brings."""
-        self._webcam = Webcam(n, pool, lens, law)
+    def __init__(
+        self, n: int, pool: Pool, lens: CameraConfig, car: CarConfig, corruption: ImageCorruption | None = None
+    ) -> None:
+        """OpenGL is opened with the first image; `corruption`: how much of each fault a level brings."""
+        self._webcam = Webcam(n, pool, lens, corruption)
         self._detector = Detector()
         self._lens, self._car = lens, car
 
@@ -149,20 +151,20 @@ class RenderedVision:
         """See `Vision`."""
         self._webcam.place(row, plan, degradation, seed)
 
-    def see(self, rows: Index, pose: Array, qpos: Array, mounting: Array) -> Sighting:
+    def see(self, rows: Index, pose: Array, qpos: Array, mounting: Array) -> Detection:
         """See `Vision`.
 
         Raises:
             RenderError: no OpenGL on this machine.
         """
         found = [self._look(int(row), qpos[i], mounting[i]) for i, row in enumerate(rows)]
-        return Sighting(*(np.concatenate([getattr(one, name) for one in found]) for name in Sighting.__annotations__))
+        return Detection(*(np.concatenate([getattr(one, name) for one in found]) for name in Detection.__annotations__))
 
-    def _look(self, row: int, qpos: Array, mounting: Array) -> Sighting:
+    def _look(self, row: int, qpos: Array, mounting: Array) -> Detection:
         image = self._webcam.image(row, qpos, mounting)
         poses = marker_poses(self._detector.detect(image), self._lens, self._car)
         valid = np.ones((1, len(poses.ids)), bool)
-        return sight(poses.ids[None], poses.x[None], poses.y[None], poses.heading[None], valid)
+        return nearest_gate_and_marker(poses.ids[None], poses.x[None], poses.y[None], poses.heading[None], valid)
 
     def close(self) -> None:
         """Free the OpenGL context."""

@@ -12,7 +12,7 @@ from gymnasium.utils import seeding
 
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Door, Segment
-from tral_env.world import Corridor, CorridorConfig
+from tral_env.world import CorridorConfig, World
 
 DOORS = (0, 4, 49)
 """Doors on each side of a straight corridor, 2.5 m apart: 4, 36 and about 400 boxes."""
@@ -31,10 +31,10 @@ def size_cost(rows: int = 64, ticks: int = 40, rounds: int = 3) -> list[dict[str
     Returns:
         For each course: ``boxes``; ``step_us`` of the corridor and ``bare_us`` of `Batch.step`, a car and control step.
     """
-    fields: list[tuple[int, Corridor, list[float], list[float]]] = []
+    fields: list[tuple[int, World, list[float], list[float]]] = []
     for doors in DOORS:
         course = corridor(doors)
-        world = Corridor(rows, CorridorConfig(course=course))
+        world = World(rows, CorridorConfig(course=course))
         world.reset(np.arange(rows), [seeding.np_random(i)[0] for i in range(rows)])
         fields.append((len(build_plan(course).box_kind), world, [], []))
     command = np.tile([0.0, 0.4], (rows, 1))

@@ -24,7 +24,7 @@ from tral_env.config import CameraConfig
 from tral_env.course.layout import Course
 from tral_env.course.scene import Pool, build_model
 from tral_env.interface import CONTROL_PERIOD_S
-from tral_env.simulation.culling import WINDOW_BOXES
+from tral_env.simulation.culling import LOCAL_BOXES
 from tral_env.vector_env import TralCorridorVectorEnv
 from tral_fsm.bench.host import host
 from tral_fsm.bench.size import size_cost
@@ -120,7 +120,7 @@ def recording(scenario: str, rows: int) -> list[dict[str, NDArray[np.float64]]]:
     """What the native environment writes into its batch in each of its first ticks."""
     env = TralCorridorVectorEnv(rows, scenario=scenario)
     env.reset(seed=0)
-    rng, batch = np.random.default_rng(0), env.corridor.sim.batch
+    rng, batch = np.random.default_rng(0), env.world.sim.batch
     ctrl, loss = batch.bind("ctrl"), batch.expand("dof_frictionloss")
     ticks = []
     for _ in range(RECORDED_TICKS):
@@ -135,7 +135,7 @@ def bare_batch(scenario: str, rows: int, threads: int) -> Contestant:
     ticks = recording(scenario, rows)
     env = TralCorridorVectorEnv(rows, nthread=threads, scenario=scenario)
     env.reset(seed=0)
-    batch, substeps = env.corridor.sim.batch, env.corridor.sim.substeps
+    batch, substeps = env.world.sim.batch, env.world.sim.substeps
     start, ctrl, loss = batch.state.copy(), batch.bind("ctrl"), batch.expand("dof_frictionloss")
     tick = 0
 
@@ -153,7 +153,7 @@ def bare_batch(scenario: str, rows: int, threads: int) -> Contestant:
 
 def bare_loop(scenario: str) -> Contestant:
     """`mj_step` of the same model in a loop."""
-    model = build_model(Pool(min(Pool.for_scenario(scenario).boxes, WINDOW_BOXES)), looks=False)
+    model = build_model(Pool(min(Pool.for_scenario(scenario).boxes, LOCAL_BOXES)), looks=False)
     data = mujoco.MjData(model)
     substeps = round(CONTROL_PERIOD_S / model.opt.timestep)
     ctrl = np.array([0.05, 2.5])
@@ -296,7 +296,7 @@ def reset_cost(scenario: str, rows: int = 64, courses: int | None = None) -> flo
     """
     env = TralCorridorVectorEnv(rows, scenario=scenario, courses=courses)
     env.reset(seed=0)
-    while courses is not None and len(env.corridor.kept) < courses:
+    while courses is not None and len(env.world.kept) < courses:
         env.reset()
     times = []
     for _ in range(5):
@@ -322,7 +322,7 @@ def camera_cost(frames: int = 20) -> dict[str, float] | str:
         env.reset(seed=0)
     except RenderError as error:
         return str(error)
-    sim = env.corridor.sim
+    sim = env.world.sim
     pose, qpos, mounting, row = sim.pose, sim.qpos, np.zeros((1, 3)), np.zeros(1, np.int64)
     detector = Detector()
     image = env.render_view("onboard", 640, 480)

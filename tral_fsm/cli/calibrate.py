@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 BoardKind = Literal["charuco", "chessboard"]
 
-SIZES: dict[str, tuple[int, int, float]] = {"charuco": (7, 5, 36.0), "chessboard": (10, 7, 25.0)}
-"""Columns, rows and edge of a square, mm, of each board when nothing else is said: it fills a page of A4."""
 GOOD, POOR = "camera_info.yaml", "poor_camera_info.yaml"
 """A poor calibration never replaces a good one."""
 
@@ -59,12 +57,9 @@ def make_board(
     Raises:
         ConfigError: there is no such board.
     """
-    from tral_env.calibration.boards import Board
+    from tral_env.calibration.boards import printed_board
 
-    usual = SIZES[kind]
-    square = (usual[2] if square_mm is None else square_mm) / 1000
-    marker = square * 28 / 36 if marker_mm is None else marker_mm / 1000
-    return Board(kind=kind, columns=columns or usual[0], rows=rows or usual[1], square=square, marker=marker)
+    return printed_board(kind, columns, rows, square_mm, marker_mm)
 
 
 def command(
@@ -154,30 +149,22 @@ def run(asked: Calibrating, board: Board, out: Path, *, quiet: bool) -> dict[str
 
 def _frames(asked: Calibrating, board: Board, truth: CameraConfig | None) -> tuple[Any, int | None]:
     """The images, and how many there are, if that is known."""
-    from tral_env.calibration.image_sources import IMAGES, find_sources, frames
+    from tral_env.calibration.image_sources import IMAGES, find_sources, read_images
 
     if truth is None:
         if not asked.sources:
             raise ConfigError("nothing to look at: name images, a folder, a video or a camera, or use --simulated")
         found = find_sources(asked.sources)
         still = all(Path(source).suffix.lower() in IMAGES for source in found)
-        return frames(found, asked.every), len(found) if still else None
+        return read_images(found, asked.every), len(found) if still else None
     if asked.sources:
         raise ConfigError(f"--simulated makes its own images: leave out {', '.join(asked.sources)}, or --simulated")
-    from tral_fsm.cli import opengl
+    from tral_env.perception import opengl
 
     opengl.require_loadable()
-    return _simulated(asked, board, truth), asked.shots
+    from tral_env.simulation.board_scene import simulated_images
 
-
-def _simulated(asked: Calibrating, board: Board, truth: CameraConfig) -> Frames:
-    from tral_env.calibration.board_poses import seeded_poses
-    from tral_env.simulation.board_scene import BoardStage
-
-    stage = BoardStage(board, truth, degradation=1.0, seed=asked.seed)
-    with contextlib.closing(stage):
-        for i, pose in enumerate(seeded_poses(board, truth, asked.shots, asked.seed)):
-            yield f"simulated_{i:03d}", stage.capture(pose)
+    return simulated_images(board, truth, asked.shots, asked.seed), asked.shots
 
 
 def _look(
@@ -220,7 +207,8 @@ def _write(
     result: Calibration, truth: CameraConfig | None, asked: Calibrating, board: Board, out: Path
 ) -> dict[str, Any]:
     from tral_env.calibration.camera_info import write_camera_info
-    from tral_fsm.report.calibration import calibration_figure, calibration_record
+    from tral_env.calibration.record import calibration_record
+    from tral_fsm.report.calibration import calibration_figure
 
     file = out / (GOOD if result.good else POOR)
     report = {

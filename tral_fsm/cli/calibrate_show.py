@@ -12,10 +12,10 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from tral_env.calibration.record import difference_px, parameters
 from tral_env.calibration.solve import uncovered
 from tral_env.calibration.views import Collection, Rejected, View
 from tral_fsm.cli.console import print_figures
-from tral_fsm.report.calibration import difference_px, parameters
 
 if TYPE_CHECKING:
     from tral_env.calibration.solve import Calibration

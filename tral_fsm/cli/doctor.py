@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from tral_fsm.cli import opengl
+from tral_env.perception import opengl
 from tral_fsm.cli.console import MACHINE_LACKS
 
 _CORE = (
@@ -31,6 +31,11 @@ _EXTRAS = {"rl": ("torch", "stable-baselines3"), "car": ("smbus2",), "tune": ("o
 _PROBE_TIMEOUT_S = 60.0
 _LONGEST = 100
 """Characters of a message that are shown."""
+
+_NO_OPENGL = (
+    "install OpenGL that needs no screen (Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri), "
+    "or do without it: tral drive --camera projected --no-video"
+)
 
 _PROBE = """
 import time
@@ -150,11 +155,11 @@ def _opengl() -> list[Finding]:
     for backend in opengl.backends():
         ok, said = _python(_PROBE, MUJOCO_GL=backend)
         detail = f"{float(said.split()[-1]):.1f} ms for a frame of 640 x 480" if ok else said
-        remedy = "" if ok else opengl.NEEDS.get(backend, opengl.REMEDY)
+        remedy = "" if ok else opengl.NEEDS.get(backend, _NO_OPENGL)
         findings.append(Finding(topic="OpenGL", name=backend, ok=ok, needed=False, detail=detail, remedy=remedy))
     works = [finding.name for finding in findings if finding.ok]
     now = opengl.backend_in_use()
-    remedy = f"export MUJOCO_GL={works[0]}" if works else opengl.REMEDY
+    remedy = f"export MUJOCO_GL={works[0]}" if works else _NO_OPENGL
     if now in works:
         remedy = ""
     used = Finding(topic="OpenGL", name="in use", ok=not remedy, needed=False, detail=now, remedy=remedy)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tral_fsm.cli import opengl
+from tral_env.perception import opengl
 from tral_fsm.cli.console import FAILED, check_name, print_figures, versions
 from tral_fsm.cli.files import prepare_folder, write_json
 from tral_fsm.evaluation.choices import Camera, Randomization

@@ -15,7 +15,7 @@ import typer
 
 from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
-from tral_fsm.cli import opengl
+from tral_env.perception import opengl
 from tral_fsm.cli import tune_options as options
 from tral_fsm.cli.console import versions
 from tral_fsm.cli.files import prepare_folder, write_json

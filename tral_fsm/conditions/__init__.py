@@ -1,1 +1,28 @@
-"""When transitions fire."""
+"""When transitions fire: one class for each type of condition that a machine file may name."""
+
+from tral_fsm.conditions.base import Condition, register
+from tral_fsm.conditions.combined import All, AnyOf, Not
+from tral_fsm.conditions.detections import ArucoGateFound, MarkerFound
+from tral_fsm.conditions.retry_limit import RetryLimit
+from tral_fsm.conditions.simple import (
+    Aligned,
+    Always,
+    Distance,
+    Finished,
+    SensorLevel,
+    Timer,
+    Turned,
+    Unreachable,
+)
+from tral_fsm.conditions.walls import MoreRoom, ObstacleAhead, Opening
+
+BUILT_IN = (
+    Always, Distance, Finished, Unreachable, SensorLevel, ArucoGateFound, Timer, Turned, Aligned, MarkerFound, All,
+    AnyOf, Not, RetryLimit, Opening, ObstacleAhead, MoreRoom,
+)  # fmt: skip
+"""The conditions of the package, in the order in which they are listed."""
+
+for _condition in BUILT_IN:
+    register(_condition)
+
+__all__ = ["BUILT_IN", "Condition", "register"]

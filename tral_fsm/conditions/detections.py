@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any, TypeVar
 
-from tral_fsm.conditions.base import Condition, runs
+from tral_fsm.conditions.base import Condition
 from tral_fsm.definition.conditions import ArucoGateFoundSpec, MarkerFoundSpec, SightingSpec
-from tral_fsm.estimation.estimator import MachineState
-from tral_fsm.estimation.sonar import Sighting
+from tral_fsm.estimation.detections import Detection
+from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import State
 
 _POST_MARGIN_M = 0.02
@@ -26,65 +26,63 @@ class Seen(Condition[G]):
         super().__init__(spec, owner)
         self.bearing = math.radians(spec.max_bearing_deg)
 
-    def sighting(self, m: MachineState) -> Sighting:
+    def detection(self, estimate: CarEstimate) -> Detection:
         """What is looked for."""
         raise NotImplementedError
 
-    def triggered(self, m: MachineState) -> bool:
+    def triggered(self, estimate: CarEstimate) -> bool:
         """Seen, ahead, near and fresh enough."""
-        spec, seen = self.spec, self.sighting(m)
+        spec, seen = self.spec, self.detection(estimate)
         if seen.id < 0 or seen.age > spec.max_age or (spec.ids and seen.id not in spec.ids):
             return False
-        x, y, _ = m.from_here(seen.x, seen.y, seen.heading)
+        x, y, _ = estimate.seen_from_here(seen)
         near = 0.0 < x <= spec.max_ahead and math.hypot(x, y) <= spec.max_distance
         return near and abs(math.atan2(y, x)) <= self.bearing
 
-    def why(self, m: MachineState) -> str:
+    def why(self, estimate: CarEstimate) -> str:
         """Id, place and age."""
-        seen = self.sighting(m)
-        x, y, heading = m.from_here(seen.x, seen.y, seen.heading)
-        return f"id {seen.id} at {x:.2f}, {y:+.2f} m, {math.degrees(heading):+.0f} deg, {seen.age:.2f} s old"
+        seen = self.detection(estimate)
+        x, y, heading = estimate.seen_from_here(seen)
+        return f"id {seen.id} at {x:.2f}, {y:+.2f} estimate, {math.degrees(heading):+.0f} deg, {seen.age:.2f} s old"
 
 
-@runs(ArucoGateFoundSpec)
 class ArucoGateFound(Seen[ArucoGateFoundSpec]):
     """Fires when a gate is seen and hands it over."""
 
-    def sighting(self, m: MachineState) -> Sighting:
+    def detection(self, estimate: CarEstimate) -> Detection:
         """The target; or the nearest gate, or one that is guessed from its marker if that is nearer or the only one."""
         if self.spec.target:
-            return m.gates.target
-        gate, guess, oldest = m.gate, m.guessed_gate, self.spec.max_age
+            return estimate.target_gate
+        gate, guess, oldest = estimate.gate, estimate.guessed_gate, self.spec.max_age
         if not self.spec.one_post or guess.age > oldest or guess.id == gate.id:
             return gate
-        return guess if gate.age > oldest or m.distance_to(guess) < m.distance_to(gate) else gate
+        return guess if gate.age > oldest or estimate.distance_to(guess) < estimate.distance_to(gate) else gate
 
-    def triggered(self, m: MachineState) -> bool:
+    def triggered(self, estimate: CarEstimate) -> bool:
         """Seen, as narrow as asked, and missed as asked."""
         spec = self.spec
-        if not super().triggered(m):
+        if not super().triggered(estimate):
             return False
-        seen = self.sighting(m)
-        return (spec.narrower_than is None or seen.opening < spec.narrower_than) and self.is_missed(m, seen)
+        seen = self.detection(estimate)
+        return (spec.narrower_than is None or seen.opening < spec.narrower_than) and self.is_missed(estimate, seen)
 
-    def is_missed(self, m: MachineState, seen: Sighting) -> bool:
+    def is_missed(self, estimate: CarEstimate, seen: Detection) -> bool:
         """The way straight on does not lead through it; also true where that is not asked."""
         aside = self.spec.missed_by
         if aside is None:
             return True
-        _, y, heading = m.from_here(seen.x, seen.y, seen.heading)
+        _, y, heading = estimate.seen_from_here(seen)
         room = seen.room(_POST_MARGIN_M)
-        return abs(y) > (room if room == room else aside) * abs(math.cos(heading))
+        return abs(y) > (aside if math.isnan(room) else room) * abs(math.cos(heading))
 
-    def hand_over(self, m: MachineState) -> Sighting | None:
+    def hand_over(self, estimate: CarEstimate) -> Detection | None:
         """The gate."""
-        return self.sighting(m) if self.spec.hand_over else None
+        return self.detection(estimate) if self.spec.hand_over else None
 
 
-@runs(MarkerFoundSpec)
 class MarkerFound(Seen[MarkerFoundSpec]):
     """Fires when a single marker is seen."""
 
-    def sighting(self, m: MachineState) -> Sighting:
+    def detection(self, estimate: CarEstimate) -> Detection:
         """The nearest marker."""
-        return m.marker
+        return estimate.marker

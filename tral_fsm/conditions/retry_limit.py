@@ -6,11 +6,10 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from tral_fsm.conditions import base as transitions
 from tral_fsm.conditions.base import Condition
 from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.validated import quantity
-from tral_fsm.estimation.estimator import MachineState
+from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import State
 
 
@@ -22,28 +21,30 @@ class AgainSpec(ConditionSpec):
     within: float = quantity(2.0, "m", "of the first time, by dead reckoning along the way", gt=0.0, le=1000.0)
 
 
-@transitions.runs(AgainSpec)
-class Again(Condition[AgainSpec]):
-    """Counts entries. A drive that begins anew has a blackboard of its own, and counts from one."""
+class RetryLimit(Condition[AgainSpec]):
+    """Counts entries. A drive that begins anew counts from one."""
 
     counts = False
 
     def __init__(self, spec: AgainSpec, owner: State[Any]) -> None:
         super().__init__(spec, owner)
-        self.board: MachineState | None = None
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget all: a drive begins anew."""
         self.place = 0.0
         self.entries = 0
 
-    def on_enter(self, m: MachineState) -> None:
+    def on_enter(self, estimate: CarEstimate) -> None:
         """One more, or the first one at another place."""
-        if m is not self.board or abs(m.path - self.place) > self.spec.within:
-            self.board, self.place, self.entries = m, m.path, 0
+        if self.entries == 0 or abs(estimate.arc_length - self.place) > self.spec.within:
+            self.place, self.entries = estimate.arc_length, 0
         self.entries += 1
 
-    def triggered(self, m: MachineState) -> bool:
+    def triggered(self, estimate: CarEstimate) -> bool:
         """Often enough."""
         return self.entries >= self.spec.times
 
-    def why(self, m: MachineState) -> str:
+    def why(self, estimate: CarEstimate) -> str:
         """How often."""
         return f"entered {self.entries} times within {self.spec.within:g} m"

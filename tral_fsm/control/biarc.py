@@ -8,19 +8,18 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tral_fsm.control.laws import clip, wrap
+from tral_env.se2 import Pose, relative
+from tral_fsm.control.laws import clip
 
-_MOST_TURN = 0.75 * math.pi
-"""Neither arc turns by more: whoever needs that drives past and comes again."""
-_EXACT = 1e-6
+_MAX_TURN = 0.75 * math.pi
+"""Neither arc turns by more: a car that needs more drives past and comes again."""
+_TOLERANCE_M = 1e-6
 """Two arcs that miss their end by more are none, m."""
-_ASKEW = math.radians(15.0)
+_MAX_ANGLE = math.radians(15.0)
 """A pose that is passed within this angle is reached."""
 
-Pose = tuple[float, float, float]
 
-
-class TwoArcs(NamedTuple):
+class Biarc(NamedTuple):
     """An S of two arcs of equal radius."""
 
     curvature: float
@@ -29,13 +28,6 @@ class TwoArcs(NamedTuple):
     """Length of the first, m."""
     second: float
     """Length of the second, m."""
-
-
-def relative(frame: Pose, pose: Pose) -> Pose:
-    """A pose as seen from another one; heading wrapped."""
-    dx, dy = pose[0] - frame[0], pose[1] - frame[1]
-    cos, sin = math.cos(frame[2]), math.sin(frame[2])
-    return cos * dx + sin * dy, cos * dy - sin * dx, wrap(pose[2] - frame[2])
 
 
 def along(frame: Pose, distance: float, curvature: float = 0.0) -> Pose:
@@ -55,7 +47,7 @@ def beside(x: float, y: float, curvature: float) -> Pose:
     return turn / curvature, (1.0 - math.hypot(curvature * x, 1.0 - curvature * y)) / curvature, turn
 
 
-def two_arcs(x: float, y: float, heading: float) -> TwoArcs | None:
+def biarc(x: float, y: float, heading: float) -> Biarc | None:
     """The shortest S of two arcs of equal radius from here to a pose; None if one would turn by more than 135 degrees.
 
     The circles touch: with d the way to the pose, n0 and n1 the left normals of both ends and k the curvature,
@@ -75,7 +67,7 @@ def two_arcs(x: float, y: float, heading: float) -> TwoArcs | None:
     return best
 
 
-def _through(curvature: float, end: Pose, sin: float, cos: float) -> TwoArcs | None:
+def _through(curvature: float, end: Pose, sin: float, cos: float) -> Biarc | None:
     """The two arcs of a curvature, if they end where they should. They touch in the middle between their centres."""
     if abs(curvature) < 1e-9:
         middle = (end[0] / 2.0, end[1] / 2.0)
@@ -84,12 +76,12 @@ def _through(curvature: float, end: Pose, sin: float, cos: float) -> TwoArcs | N
     first = beside(*middle, curvature)[0]
     turning = along((0.0, 0.0, 0.0), first, curvature)
     second = beside(*relative(turning, end)[:2], -curvature)[0]
-    if min(first, second) < -_EXACT or max(first, second) * abs(curvature) > _MOST_TURN:
+    if min(first, second) < -_TOLERANCE_M or max(first, second) * abs(curvature) > _MAX_TURN:
         return None
     x, y, _ = along(turning, second, -curvature)
-    if math.hypot(x - end[0], y - end[1]) > _EXACT:
+    if math.hypot(x - end[0], y - end[1]) > _TOLERANCE_M:
         return None
-    return TwoArcs(curvature, max(first, 0.0), max(second, 0.0))
+    return Biarc(curvature, max(first, 0.0), max(second, 0.0))
 
 
 def out_of_reach(pose: Pose, radius: float, aside: float) -> str:
@@ -108,11 +100,11 @@ def out_of_reach(pose: Pose, radius: float, aside: float) -> str:
     offset = sin * x - cos * y
     if ahead < -aside:
         return f"the target is {-ahead:.2f} m behind"
-    if abs(heading) <= _ASKEW and abs(offset - ahead * math.tan(heading)) <= aside:
+    if abs(heading) <= _MAX_ANGLE and abs(offset - ahead * math.tan(heading)) <= aside:
         return ""
     bend = math.inf
     for near in (clip(offset, aside), 0.0, aside, -aside):
-        arcs = two_arcs(x - sin * near, y + cos * near, heading)
+        arcs = biarc(x - sin * near, y + cos * near, heading)
         if arcs is not None:
             bend = min(bend, abs(arcs.curvature))
             if bend * radius <= 1.0:

@@ -7,38 +7,18 @@ from __future__ import annotations
 
 import math
 
+from tral_env import geometry
+from tral_env.geometry import FULL_LOCK, WHEELBASE_M
+
 PID_S = 0.0125
 """Time of a tick in the controllers of 2016, s."""
 PID_INVS = 80.0
 """1 / PID_S, Hz."""
 
-WHEELBASE = 0.258
-"""Distance of the axles, m. Source: data sheet of the same cars."""
-TRACK = 0.155
-"""Distance of the wheels of an axle, m. Source: as above."""
-FULL_LOCK = math.radians(22.0)
-"""Steering angle of the bicycle model at command 1, rad."""
-
-THROTTLE_DEAD = 0.1
-"""Throttle at which the car begins to roll. Source: line through the level/speed table of the same cars."""
-SPEED_PER_THROTTLE = 2.64
-"""m/s for a unit of throttle above that. Source: as above."""
-SPEED_P = 0.15
-"""Throttle for a speed error of 1 m/s. Source: choice."""
-SPEED_I = 0.25
-"""Throttle a second for a speed error of 1 m/s: weight and battery. Source: choice."""
-SPEED_I_LIMIT = 0.25
-"""The integral adds at most this much throttle. Source: choice."""
-
 
 def clip(value: float, limit: float = 1.0) -> float:
     """Bring a value into [-limit, limit]."""
     return -limit if value < -limit else limit if value > limit else value
-
-
-def wrap(angle: float) -> float:
-    """Bring an angle [rad] into [-pi, pi)."""
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
 def pid(p: float, i: float, d: float, error: float, error_sum: float, error_old: float) -> float:
@@ -80,7 +60,7 @@ def damping(p: float, speed: float) -> float:
 
     Source: LQR of the kinematic bicycle along a wall, kd = sqrt(2 L kp) / v. Below 0.2 m/s that of 0.2 m/s.
     """
-    return math.sqrt(2.0 * WHEELBASE * p / FULL_LOCK) / max(speed, 0.2)
+    return math.sqrt(2.0 * WHEELBASE_M * p / FULL_LOCK) / max(speed, 0.2)
 
 
 def ramp(start: float, target: float, distance: float, driven: float) -> float:
@@ -90,14 +70,9 @@ def ramp(start: float, target: float, distance: float, driven: float) -> float:
     return start + (target - start) * driven / distance
 
 
-def curvature(steering: float) -> float:
-    """Curvature [1/m], + = left, of the rear axle's path at a steering command: tan(lock s) / wheelbase."""
-    return math.tan(FULL_LOCK * steering) / WHEELBASE
-
-
 def steering_for(path_curvature: float) -> float:
-    """Steering command in [-1, 1] for a curvature [1/m]; the inverse of `curvature`, clipped."""
-    return clip(math.atan(WHEELBASE * path_curvature) / FULL_LOCK)
+    """Steering command in [-1, 1] for a curvature [1/m], + = left."""
+    return clip(geometry.steering_for(path_curvature))
 
 
 def steering_play(speed: float) -> float:
@@ -114,7 +89,7 @@ def pursuit(x: float, y: float) -> float:
     return steering_for(2.0 * y / max(x * x + y * y, 1e-6))
 
 
-def bend_onto(offset: float, heading: float, length: float, steepest: float = math.pi / 4.0) -> float:
+def curvature_onto(offset: float, heading: float, length: float, steepest: float = math.pi / 4.0) -> float:
     """Curvature [1/m] onto a line without overshoot: -(offset / length^2 + 2 sin(heading) / length).
 
     Args:
@@ -128,31 +103,8 @@ def bend_onto(offset: float, heading: float, length: float, steepest: float = ma
 
 
 def line(offset: float, heading: float, length: float, steepest: float = math.pi / 4.0) -> float:
-    """Steering in [-1, 1] with the curvature of `bend_onto`."""
-    return steering_for(bend_onto(offset, heading, length, steepest))
-
-
-def feed_forward(speed: float) -> float:
-    """Throttle that holds a speed [m/s] on the level: 0.1 + v / 2.64; 0 at 0."""
-    return THROTTLE_DEAD + speed / SPEED_PER_THROTTLE if speed > 0.0 else 0.0
-
-
-def speed_control(wanted: float, speed: float, integral: float) -> tuple[float, float]:
-    """Feed-forward and PI on the speed of the hall sensor; one tick.
-
-    Args:
-        wanted: m/s, not negative.
-        speed: from the hall sensor, m/s.
-        integral: of the tick before, throttle.
-
-    Returns:
-        Throttle in [-1, 1] and the new integral. A standing car is never given negative throttle: that would be
-        reverse gear.
-    """
-    error = wanted - speed
-    integral = clip(integral + SPEED_I * error * PID_S, SPEED_I_LIMIT)
-    throttle = clip(feed_forward(wanted) + SPEED_P * error + integral)
-    return (max(throttle, 0.0) if speed < 0.15 else throttle), integral
+    """Steering in [-1, 1] with the curvature of `curvature_onto`."""
+    return steering_for(curvature_onto(offset, heading, length, steepest))
 
 
 def slowed(speed: float | None, slow_speed: float, slow_front: float | None, front: float) -> float | None:

@@ -7,20 +7,9 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from typing import cast
 
-from tral_env.errors import MachineError, nearest
-from tral_fsm.definition.conditions import (
-    AllSpec,
-    AlwaysSpec,
-    AnySpec,
-    ArucoGateFoundSpec,
-    ConditionSpec,
-    DistanceSpec,
-    FinishedSpec,
-    NotSpec,
-    TimerSpec,
-    UnreachableSpec,
-)
-from tral_fsm.definition.machine import STATES, FSMStateSpec, MachineDefinition, StateSpec, TransitionSpec
+from tral_env.errors import MachineError, nearest, problem_report
+from tral_fsm.definition.conditions import ConditionSpec
+from tral_fsm.definition.machine import STATES, MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.definition.validated import Id
 
 
@@ -45,8 +34,7 @@ class FormatError(MachineError):
     def __init__(self, source: str, problems: Iterable[Problem]) -> None:
         self.source = source
         self.problems = tuple(problems)
-        lines = "".join(f"\n  {problem}" for problem in self.problems)
-        super().__init__(f"{source}: {len(self.problems)} problem{'s' * (len(self.problems) != 1)}{lines}")
+        super().__init__(problem_report(source, self.problems))
 
     def __reduce__(self) -> tuple[type[FormatError], tuple[str, tuple[Problem, ...]]]:
         """Come whole out of a process of its own."""
@@ -64,8 +52,8 @@ def check(machine: MachineDefinition) -> list[Problem]:
     """
     problems = list(check_level(machine.root, machine.states, machine.transitions))
     for index, state in enumerate(machine.states):
-        if isinstance(state, FSMStateSpec) and isinstance(state.machine, MachineDefinition):
-            problems += [replace(p, pointer=f"/states/{index}/machine{p.pointer}") for p in check(state.machine)]
+        if isinstance(state.inner, MachineDefinition):
+            problems += [replace(p, pointer=f"/states/{index}/machine{p.pointer}") for p in check(state.inner)]
     return problems
 
 
@@ -141,7 +129,7 @@ def _reachable(level: _Level) -> Iterator[Problem]:
     """Every state can be come to from the root."""
     ways: dict[Id, list[Id]] = {}
     for _, way in level.transitions:
-        if not never(way.when):
+        if not way.when.never():
             ways.setdefault(way.source, []).append(way.target)
     seen, front = {level.root}, [level.root]
     while front:
@@ -156,7 +144,7 @@ def _reachable(level: _Level) -> Iterator[Problem]:
 
 def _ways_out(level: _Level) -> Iterator[Problem]:
     """Every state can be left for another one, but for those that may end the machine."""
-    left = {way.source for _, way in level.transitions if way.target != way.source and not never(way.when)}
+    left = {way.source for _, way in level.transitions if way.target != way.source and not way.when.never()}
     for index, state in level.states:
         if state.id not in left and not state.may_end:
             yield Problem(
@@ -166,45 +154,27 @@ def _ways_out(level: _Level) -> Iterator[Problem]:
             )
 
 
-def always(when: ConditionSpec) -> bool:
-    """Whether a condition holds in every tick."""
-    if isinstance(when, DistanceSpec):
-        return when.distance == 0.0
-    if isinstance(when, TimerSpec):
-        return when.seconds == 0.0
-    if isinstance(when, AllSpec):
-        return all(always(part) for part in when.of)
-    if isinstance(when, AnySpec):
-        return any(always(part) for part in when.of)
-    return isinstance(when, AlwaysSpec) or (isinstance(when, NotSpec) and never(when.of[0]))
+def _with_parts(
+    condition: ConditionSpec, pointer: str, handed: bool = True
+) -> Iterator[tuple[ConditionSpec, str, bool]]:
+    """A condition and all that it is combined of.
 
-
-def never(when: ConditionSpec) -> bool:
-    """Whether a condition holds in no tick."""
-    if isinstance(when, AllSpec):
-        return any(never(part) for part in when.of)
-    if isinstance(when, AnySpec):
-        return all(never(part) for part in when.of)
-    return isinstance(when, NotSpec) and always(when.of[0])
-
-
-def parts(condition: ConditionSpec, pointer: str, hands: bool = True) -> Iterator[tuple[ConditionSpec, str, bool]]:
-    """A condition and all that it is combined of, each with its JSON pointer, and whether it may hand things over."""
-    yield condition, pointer, hands
-    if isinstance(condition, AllSpec | AnySpec | NotSpec):
-        hands = hands and not isinstance(condition, NotSpec)
-        for index, part in enumerate(condition.of):
-            yield from parts(part, f"{pointer}/of/{index}", hands)
+    Yields:
+        A condition, its JSON pointer, and whether it hands a gate to the next state itself.
+    """
+    handed = handed and condition.hands_over
+    yield condition, pointer, handed and not condition.parts
+    for index, part in enumerate(condition.parts):
+        yield from _with_parts(part, f"{pointer}/of/{index}", handed)
 
 
 def _conditions(level: _Level) -> Iterator[Problem]:
     """Finished leaves finishable states, Unreachable targetable ones, gates are handed to targetable ones."""
     for index, way in level.transitions:
         owner, target = level.by_id.get(way.source), level.by_id.get(way.target)
-        for condition, pointer, hands in parts(way.when, f"/transitions/{index}"):
+        for condition, pointer, hands_over in _with_parts(way.when, f"/transitions/{index}"):
             if owner is not None and owner.type:
                 yield from _of_owner(condition, owner, f"{pointer}/type")
-            hands_over = hands and isinstance(condition, ArucoGateFoundSpec) and condition.hand_over
             if hands_over and target is not None and target.type and not target.takes_target:
                 yield Problem(
                     f"{pointer}/type",
@@ -216,13 +186,11 @@ def _conditions(level: _Level) -> Iterator[Problem]:
 def _of_owner(condition: ConditionSpec, owner: StateSpec, pointer: str) -> Iterator[Problem]:
     """What a condition asks its owner the owner can answer."""
     who = f"leaves state {owner.id!r} ({owner.type}), which"
-    if isinstance(condition, FinishedSpec) and not owner.finishable:
-        hint = ": a Motor needs a distance for that" if owner.type == "Motor" else ""
-        if isinstance(owner, FSMStateSpec):
-            hint = ": its machine has no state in which it may end"
-        yield Problem(pointer, f"Finished {who} never says that it is finished{hint}")
-    if isinstance(condition, UnreachableSpec) and not owner.takes_target:
-        yield Problem(pointer, f"Unreachable {who} takes no target. {_targetable()}")
+    if condition.asks_owner_finished and not owner.finishable:
+        hint = f": {owner.never_finishes_hint}" if owner.never_finishes_hint else ""
+        yield Problem(pointer, f"{condition.type} {who} never says that it is finished{hint}")
+    if condition.asks_owner_target and not owner.takes_target:
+        yield Problem(pointer, f"{condition.type} {who} takes no target. {_targetable()}")
 
 
 def _targetable() -> str:
@@ -238,7 +206,7 @@ def _shadowed(level: _Level) -> Iterator[Problem]:
         if not way.when.type:
             continue
         who = f"transition {way.id!r} can never fire"
-        if never(way.when):
+        if way.when.never():
             yield Problem(f"/transitions/{index}", f"{who}: its condition holds in no tick")
         same = (way.source, repr(way.when))  # text, since a condition of somebody's own may hold what has no hash
         if way.source in always_before:
@@ -248,7 +216,7 @@ def _shadowed(level: _Level) -> Iterator[Problem]:
             other = same_before[same]
             yield Problem(f"/transitions/{index}", f"{who}: {other!r}, checked before it, has the same condition")
         same_before.setdefault(same, way.id)
-        if always(way.when):
+        if way.when.always():
             always_before.setdefault(way.source, way.id)
 
 
@@ -256,7 +224,7 @@ def _cycles(level: _Level) -> Iterator[Problem]:
     """No cycle of transitions that all fire at once: the machine would go round in it, a state a tick, for ever."""
     at_once: dict[Id, tuple[int, TransitionSpec]] = {}
     for index, way in level.transitions:
-        if always(way.when):
+        if way.when.always():
             at_once.setdefault(way.source, (index, way))
     done: set[Id] = set()
     for start in at_once:
@@ -289,9 +257,9 @@ def check_inner(
     known: list[StateSpec] = []
     for index, state in enumerate(machine.states):
         known.append(state)
-        if not isinstance(state, FSMStateSpec):
+        at, inner = f"/states/{index}/machine", state.inner
+        if inner is None:
             continue
-        at, inner = f"/states/{index}/machine", state.machine
         if isinstance(inner, MachineDefinition):
             found = check_inner(inner, names, load, around)
             problems += [replace(p, pointer=at + p.pointer) for p in found]

@@ -16,13 +16,40 @@ from tral_fsm.definition.validated import MarkerId, SonarName, Spec, quantity, r
 class ConditionSpec(Spec):
     """Base of what makes a transition fire. A condition of your own derives from it and names itself in `type`."""
 
+    asks_owner_finished: ClassVar[bool] = False
+    """The state that is left must be one that can say that it is finished."""
+    asks_owner_target: ClassVar[bool] = False
+    """The state that is left must be one that takes a target."""
+
     type: str
+
+    @property
+    def parts(self) -> tuple[ConditionSpec, ...]:
+        """The conditions that this one combines."""
+        return ()
+
+    @property
+    def hands_over(self) -> bool:
+        """Whether a gate may be handed to the next state when this fires."""
+        return False
+
+    def always(self) -> bool:
+        """Whether it holds in every tick, whatever the car reads."""
+        return False
+
+    def never(self) -> bool:
+        """Whether it holds in no tick, whatever the car reads."""
+        return False
 
 
 class AlwaysSpec(ConditionSpec):
     """Fires at once."""
 
     type: Literal["Always"] = "Always"
+
+    def always(self) -> bool:
+        """In every tick."""
+        return True
 
 
 class DistanceSpec(ConditionSpec):
@@ -31,12 +58,20 @@ class DistanceSpec(ConditionSpec):
     type: Literal["Distance"] = "Distance"
     distance: float = required("m", "driven since entry", ge=0.0, le=10000.0)
 
+    def always(self) -> bool:
+        """With no distance to drive."""
+        return self.distance == 0.0
+
 
 class TimerSpec(ConditionSpec):
     """Fires after a time in the state."""
 
     type: Literal["Timer"] = "Timer"
     seconds: float = required("s", "since entry", ge=0.0, le=100000.0)
+
+    def always(self) -> bool:
+        """With no time to wait."""
+        return self.seconds == 0.0
 
 
 class TurnedSpec(ConditionSpec):
@@ -59,11 +94,15 @@ class AlignedSpec(ConditionSpec):
 class FinishedSpec(ConditionSpec):
     """Fires when the state says that it is finished."""
 
+    asks_owner_finished: ClassVar[bool] = True
+
     type: Literal["Finished"] = "Finished"
 
 
 class UnreachableSpec(ConditionSpec):
     """Fires when the state cannot come to its target any more: it lies behind, or needs too tight a turn."""
+
+    asks_owner_target: ClassVar[bool] = True
 
     type: Literal["Unreachable"] = "Unreachable"
     seconds: float = quantity(
@@ -115,6 +154,11 @@ class ArucoGateFoundSpec(SightingSpec):
         False, description="asks of the gate that was handed over last, whole or not, though another one be nearer"
     )
 
+    @property
+    def hands_over(self) -> bool:
+        """As the file says."""
+        return self.hand_over
+
 
 class MarkerFoundSpec(SightingSpec):
     """Fires when a single marker is seen ahead."""
@@ -122,25 +166,68 @@ class MarkerFoundSpec(SightingSpec):
     type: Literal["MarkerFound"] = "MarkerFound"
 
 
-class AllSpec(ConditionSpec):
+class CombinedSpec(ConditionSpec):
+    """Base of the conditions that are made of others."""
+
+    of: tuple[SerializeAsAny[ConditionSpec], ...] = Field(description="conditions", min_length=1)
+
+    @property
+    def parts(self) -> tuple[ConditionSpec, ...]:
+        """Those in `of`."""
+        return self.of
+
+    @property
+    def hands_over(self) -> bool:
+        """Whether one of its parts hands a gate over."""
+        return any(part.hands_over for part in self.of)
+
+
+class AllSpec(CombinedSpec):
     """Fires when all of its conditions hold in the same tick."""
 
     type: Literal["All"] = "All"
-    of: tuple[SerializeAsAny[ConditionSpec], ...] = Field(description="conditions", min_length=1)
+
+    def always(self) -> bool:
+        """When each part always holds."""
+        return all(part.always() for part in self.of)
+
+    def never(self) -> bool:
+        """When one part never holds."""
+        return any(part.never() for part in self.of)
 
 
-class AnySpec(ConditionSpec):
+class AnySpec(CombinedSpec):
     """Fires when one of its conditions holds."""
 
     type: Literal["Any"] = "Any"
-    of: tuple[SerializeAsAny[ConditionSpec], ...] = Field(description="conditions", min_length=1)
+
+    def always(self) -> bool:
+        """When one part always holds."""
+        return any(part.always() for part in self.of)
+
+    def never(self) -> bool:
+        """When no part ever holds."""
+        return all(part.never() for part in self.of)
 
 
-class NotSpec(ConditionSpec):
+class NotSpec(CombinedSpec):
     """Fires when its one condition does not hold."""
 
     type: Literal["Not"] = "Not"
     of: tuple[SerializeAsAny[ConditionSpec], ...] = Field(description="one condition", min_length=1, max_length=1)
+
+    @property
+    def hands_over(self) -> bool:
+        """A gate that is not seen cannot be handed over."""
+        return False
+
+    def always(self) -> bool:
+        """When its part never holds."""
+        return self.of[0].never()
+
+    def never(self) -> bool:
+        """When its part always holds."""
+        return self.of[0].always()
 
 
 _CONDITIONS = (

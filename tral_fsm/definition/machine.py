@@ -21,6 +21,10 @@ class StateSpec(Spec):
 
     targetable: ClassVar[bool] = False
     """Takes a target point at run time."""
+    holds_machine: ClassVar[bool] = False
+    """Its member `machine` is a machine, or the name of a packaged one."""
+    never_finishes_hint: ClassVar[str] = ""
+    """What an error adds where a state that is not finishable is asked whether it is finished: why it is not."""
 
     type: str
     id: Id
@@ -41,6 +45,11 @@ class StateSpec(Spec):
     def may_end(self) -> bool:
         """Needs no transition that leaves it."""
         return self.final
+
+    @property
+    def inner(self) -> MachineDefinition | str | None:
+        """The machine that it holds, or the name of a packaged one; None: it holds none."""
+        return None
 
 
 class DrivingSpec(StateSpec):
@@ -177,6 +186,8 @@ class ArucoGateCenterSpec(DrivingSpec):
 class MotorSpec(DrivingSpec):
     """Fixed steering and speed, for a distance or until a transition fires."""
 
+    never_finishes_hint: ClassVar[str] = "a Motor needs a distance for that"
+
     type: Literal["Motor"] = "Motor"
     steering: float = quantity(0.0, "", "+1 = full left", ge=-1.0, le=1.0)
     distance: float | None = quantity(None, "m", "hall distance after which it is finished", gt=0.0, le=1000.0)
@@ -211,6 +222,9 @@ class IdleSpec(StateSpec):
 class FSMStateSpec(StateSpec):
     """A whole machine as one state, inline or by the name of a packaged one. Its root takes what is handed over."""
 
+    holds_machine: ClassVar[bool] = True
+    never_finishes_hint: ClassVar[str] = "its machine has no state in which it may end"
+
     type: Literal["FSMState"] = "FSMState"
     machine: MachineDefinition | str = Field(description="the inner machine, or the name of a packaged one")
 
@@ -226,6 +240,11 @@ class FSMStateSpec(StateSpec):
             return True
         root = self.machine.root
         return any(state.id == root and state.takes_target for state in self.machine.states)
+
+    @property
+    def inner(self) -> MachineDefinition | str:
+        """Its machine."""
+        return self.machine
 
 
 class TransitionSpec(Spec):

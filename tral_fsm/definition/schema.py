@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
-from tral_fsm.definition.machine import STATES, FSMStateSpec, MachineDefinition, StateSpec
+from tral_fsm.definition.machine import STATES, MachineDefinition, StateSpec
 from tral_fsm.definition.validated import Spec
 
 URL = "https://json-schema.org/draft/2020-12/schema"
@@ -89,7 +89,7 @@ def _part(spec: type[Spec], name: str) -> dict[str, Any]:
         properties["id"] = _ref("id")
     if "of" in properties:
         properties["of"]["items"] = _ref("condition")
-    if issubclass(spec, FSMStateSpec):
+    if issubclass(spec, StateSpec) and spec.holds_machine:
         properties["machine"] = {
             "description": properties["machine"]["description"], "anyOf": [_ref("machine"), {"type": "string"}],
         }  # fmt: skip

@@ -85,7 +85,7 @@ def type_name(spec: type[Spec]) -> str:
     return name
 
 
-def register(known: dict[str, type[T]], spec: type[T]) -> str:
+def register_type(known: dict[str, type[T]], spec: type[T]) -> str:
     """Add a class to the known types; gives its name.
 
     Raises:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from tral_fsm.definition.machine import FSMStateSpec, MachineDefinition
+from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.draw import text
 from tral_fsm.draw.layered.layout import Direction, Layout, Point, layout, turn_places
 from tral_fsm.formats import library
@@ -107,13 +107,12 @@ def _panels(machine: MachineDefinition, resolve: Resolve) -> Iterator[tuple[str,
         heading, here = front.pop(0)
         yield heading, here
         for state in here.states:
-            if not isinstance(state, FSMStateSpec):
-                continue
-            if isinstance(state.machine, MachineDefinition):
-                front.append((f"{state.machine.name or 'inline'}, in state {text.state_name(state)}", state.machine))
-            elif state.machine not in seen:
-                seen.add(state.machine)
-                front.append((state.machine, resolve(state.machine)))
+            inner = state.inner
+            if isinstance(inner, MachineDefinition):
+                front.append((f"{inner.name or 'inline'}, in state {text.state_name(state)}", inner))
+            elif inner is not None and inner not in seen:
+                seen.add(inner)
+                front.append((inner, resolve(inner)))
 
 
 def _marks(machine: MachineDefinition, laid: Layout) -> Iterator[Mark]:
@@ -140,7 +139,7 @@ def _marks(machine: MachineDefinition, laid: Layout) -> Iterator[Mark]:
 def _boxes(machine: MachineDefinition, laid: Layout, tone: dict[int | str, str]) -> Iterator[Mark]:
     left = {transition.source for transition in machine.transitions}
     for state, box in zip(machine.states, laid.boxes, strict=True):
-        inner = isinstance(state, FSMStateSpec)
+        inner = state.inner is not None
         title = " ".join((type(state).__doc__ or "").split())
         fill, colour = INNER if inner else PALE, tone[state.id]
         yield Outline(box.x, box.y, box.w, box.h, fill, colour, state.id == machine.root, title)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import get_args
 
 from tral_fsm.definition.conditions import ConditionSpec
-from tral_fsm.definition.machine import FSMStateSpec, MachineDefinition, StateSpec, TransitionSpec
-from tral_fsm.definition.validated import SonarName, Spec
+from tral_fsm.definition.machine import MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition.prose import combined, parameters
+from tral_fsm.definition.validated import SonarName
 
 SIZE = 11
 """Height of the letters, px."""
@@ -21,9 +22,7 @@ _LONGEST = 40
 """Characters of a name or a value; the rest of a longer one is left out."""
 _GLUE = "\N{NO-BREAK SPACE}"
 """Holds together what stays in one line: a parameter with its value and its unit."""
-_COMBINED = {"All": " and ", "Any": " or "}
 SONARS = get_args(SonarName)
-_NO_PARAMETER = ("type", "id", "label", "final", "machine")
 
 # Widths of the letters of DejaVu Sans in units of their size: the widest of the common sans-serif fonts.
 _WIDTHS = {
@@ -51,8 +50,10 @@ def state_name(state: StateSpec) -> str:
 
 def state_lines(state: StateSpec) -> list[str]:
     """Type of a state and the parameters that differ from their defaults."""
-    lines = [_cut(f"{state.type}: {_machine(state)}" if isinstance(state, FSMStateSpec) else state.type)]
-    return lines + _wrapped(", ".join(_glued(_parameters(state, always=False))))
+    inner = state.inner
+    held = (inner.name or "inline") if isinstance(inner, MachineDefinition) else inner
+    lines = [_cut(state.type if held is None else f"{state.type}: {held}")]
+    return lines + _wrapped(", ".join(_glued(parameters(state, always=False))))
 
 
 def transition_lines(transition: TransitionSpec, place: str = "") -> list[str]:
@@ -65,53 +66,16 @@ def transition_lines(transition: TransitionSpec, place: str = "") -> list[str]:
     return _wrapped(place.replace(" ", _GLUE) + condition(transition.when))
 
 
-def condition(spec: ConditionSpec, inside: bool = False) -> str:
+def condition(spec: ConditionSpec) -> str:
     """A condition in a line: type and the values that say something."""
-    of: tuple[ConditionSpec, ...] = getattr(spec, "of", ())
-    if spec.type in _COMBINED and of:
-        text = _COMBINED[spec.type].join(condition(part, inside=True) for part in of)
-        return f"({text})" if inside and len(of) > 1 else text
-    if spec.type == "Not" and of:
-        return f"not {condition(of[0], inside=True)}"
-    words = _glued(_parameters(spec, always=True))
+    return combined(spec, _simple)
+
+
+def _simple(spec: ConditionSpec) -> str:
+    words = _glued(parameters(spec, always=True))
     # "SensorLevel front > 1.2 m, readings 2": a word says what the next one is about.
     first = 2 if len(words) > 1 and words[0] in SONARS else 1
     return " ".join([spec.type, ", ".join([_GLUE.join(words[:first]), *words[first:]])]).strip()
-
-
-def _machine(state: FSMStateSpec) -> str:
-    inner = state.machine
-    return (inner.name or "inline") if isinstance(inner, MachineDefinition) else inner
-
-
-def _parameters(spec: Spec, always: bool) -> Iterator[str]:
-    """The parameters that differ from their defaults; with `always`, words too that have their default."""
-    fields = {name: field for name, field in type(spec).model_fields.items() if name not in _NO_PARAMETER}
-    for name, field in fields.items():
-        value = getattr(spec, name)
-        if value == field.default and not (always and isinstance(value, str)):
-            continue
-        extra = field.json_schema_extra
-        unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""
-        alone = always and (isinstance(value, str) or len(fields) == 1)
-        yield _value("" if alone else name, value, unit)
-
-
-def _value(name: str, value: object, unit: str) -> str:
-    if isinstance(value, bool):
-        return _plain(name) if value else f"not {_plain(name)}"
-    shown = f"{value:.6g}" if isinstance(value, float) else str(value)
-    if isinstance(value, tuple):
-        shown = ", ".join(str(part) for part in value)
-    shown += {"": "", "deg": "°"}.get(unit, f" {unit}")
-    for word, sign in (("above", ">"), ("below", "<"), ("max", "≤")):
-        if word in name.split("_"):
-            return f"{_plain(name.replace(word, ''))} {sign} {shown}".strip()
-    return f"{_plain(name)} {shown}".strip()
-
-
-def _plain(name: str) -> str:
-    return name.removesuffix("_deg").replace("_", " ").strip()
 
 
 def printable(words: str) -> str:

@@ -3,123 +3,133 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-from tral_fsm.estimation.sonar import HEARD_M
+from tral_fsm.estimation.sonar import MAX_ECHO_RANGE_M
 
-_JUMP = 0.08
+_JUMP_M = 0.08
 """What is heard ahead comes nearer by what was driven, give or take this, m."""
-_MISSES = 3
+_MAX_MISSES = 3
 """So many readings in a row may be wrong before something else is ahead."""
-_SAME = 0.25
-"""What is heard anew is what was lost if it is where that was, give or take this, m,"""
-_LOST = 1.0
-"""and if the car has gone no farther than this since, m: dropouts end sooner, and what comes later may be a box."""
+_SAME_M = 0.25
+"""What is heard anew is what was lost if it is where that was, give or take this, m."""
+_MEMORY_M = 1.0
+"""What was lost is forgotten after this way, m: dropouts end sooner, and what comes later may be a box."""
+_MIN_FIT = 6
+"""Readings from which the lateral offset is told."""
+_MIN_SPREAD_M = 0.08
+"""Standard deviation of their places from which the lateral offset is told, m."""
+_NO_SUMS = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+Sums = tuple[float, float, float, float, float]
 
 
-class Ahead:
-    """What the front ultrasonic hears: from how far on it has been heard tells a wall from a box.
+class FrontObstacle(NamedTuple):
+    """What is ahead, as far as it has been heard: from how far on tells a wall from a box.
 
     A wall across the corridor answers from 5 m on. A box that is turned, or beside the car's way, is heard by its edges
-    alone, from 2 m on. What echoes have lost is the same still if it is soon heard again where it was.
+    alone, from 2 m on.
     """
 
-    __slots__ = (
-        "_begin",
-        "_driven",
-        "_known",
-        "_last_driven",
-        "_missed",
-        "_range",
-        "_sums",
-        "heard_from",
-        "last",
-        "range",
-        "run",
-    )
+    range: float = math.inf
+    """Last reading that the one before predicted, m; inf: none."""
+    first_range: float = math.inf
+    """Range at which it was first heard, m. It is kept if the echoes fail and it is soon heard again where it was."""
+    last_range: float = math.inf
+    """The last reading, whatever it was of, m."""
+    streak: int = 0
+    """Readings in a row, the last one included, of which each was predicted by the one before."""
+    sums: Sums = _NO_SUMS
+    """Sums of the line z = r^2 - s^2 over s: n, s, s^2, z, z s."""
+
+    @property
+    def nearest(self) -> float:
+        """What is ahead, or what has only just come up nearer than that, m; inf: nothing."""
+        near = min(self.range, self.last_range)
+        return near if near < MAX_ECHO_RANGE_M else math.inf
+
+    @property
+    def support(self) -> int:
+        """Readings that agree on it so far."""
+        return int(self.sums[0])
+
+    @property
+    def lateral_offset(self) -> float:
+        """How far beside the car's way it is, m, to either side; NaN: not known yet.
+
+        A car that passes a point at (X, L) hears r^2 = (X - s)^2 + L^2, so r^2 - s^2 is a line over s, with slope -2 X
+        and X^2 + L^2 at its beginning. What is ahead comes nearer by what was driven; what is aside by less.
+        """
+        n, s, s2, z, zs = self.sums
+        spread = n * s2 - s * s
+        if n < _MIN_FIT or spread < (_MIN_SPREAD_M * n) ** 2:
+            return math.nan
+        slope = (n * zs - s * z) / spread
+        square = (z - slope * s) / n - slope * slope / 4.0
+        return math.sqrt(square) if square > 0.0 else 0.0
+
+
+class FrontObstacleTracker:
+    """Makes a `FrontObstacle` of front ranges, for one car."""
+
+    __slots__ = ("_begin", "_driven", "_known", "_last_driven", "_missed", "_range", "obstacle")
 
     def __init__(self) -> None:
-        self.range = math.inf
-        """Last reading that was foretold by the one before, m; inf: none."""
-        self.heard_from = math.inf
-        """Range at which it was first heard, m; kept if it is lost and soon heard again where it was."""
-        self.last = math.inf
-        """The last reading, whatever it was of, m."""
-        self.run = 0
-        """Readings in a row, the last one included, of which each was foretold by the one before."""
+        self.obstacle = FrontObstacle()
         self._last_driven = 0.0
         self._range = math.inf
         self._driven = 0.0
         self._missed = 0
         self._begin = 0.0
-        self._sums = (0.0, 0.0, 0.0, 0.0, 0.0)
         self._known = (math.inf, 0.0, 0.0)
 
-    def take(self, reading: float, driven: float, path: float) -> None:
-        """Take a reading [m].
+    def update(self, reading: float, driven: float, arc_length: float) -> None:
+        """Take a new reading.
 
         Args:
             reading: m.
-            driven: the way so far, m.
-            path: the way so far, less where the car reversed, m.
+            driven: the way so far by the hall sensor, m.
+            arc_length: the way so far, less where the car reversed, m.
         """
-        foretold = self.last - (driven - self._last_driven)
-        self.run = self.run + 1 if -_JUMP <= reading - foretold <= _JUMP else 1
-        self.last, self._last_driven = reading, driven
-        foretold = self._range - (driven - self._driven)
-        if reading < HEARD_M and -_JUMP <= reading - foretold <= _JUMP:
+        before = self.obstacle
+        predicted = before.last_range - (driven - self._last_driven)
+        streak = before.streak + 1 if -_JUMP_M <= reading - predicted <= _JUMP_M else 1
+        self._last_driven = driven
+        predicted = self._range - (driven - self._driven)
+        if reading < MAX_ECHO_RANGE_M and -_JUMP_M <= reading - predicted <= _JUMP_M:
             self._missed = 0
             self._range, self._driven = reading, driven
-            self.range = reading
-            self._sum(reading, driven)
-            if self.agreed >= _MISSES:
-                self._known = reading, path, self.heard_from
-        elif self._missed < _MISSES and foretold < math.inf:
+            sums = self._added(before.sums, reading, driven)
+            if sums[0] >= _MAX_MISSES:
+                self._known = reading, arc_length, before.first_range
+            self.obstacle = FrontObstacle(reading, before.first_range, reading, streak, sums)
+        elif self._missed < _MAX_MISSES and predicted < math.inf:
             self._missed += 1
+            self.obstacle = FrontObstacle(before.range, before.first_range, reading, streak, before.sums)
         else:
-            self._missed = 0
-            self._range = self.heard_from = self.range = math.inf
-            self._begin = self._driven = driven
-            self._sums = (0.0, 0.0, 0.0, 0.0, 0.0)
-            if reading < HEARD_M:
-                self._range = reading
-                self.heard_from = max(reading, self._remembered(reading, path))
-                self._sum(reading, driven)
+            self._begin_anew(reading, driven, arc_length, streak)
 
-    def _remembered(self, reading: float, path: float) -> float:
+    def _begin_anew(self, reading: float, driven: float, arc_length: float, streak: int) -> None:
+        """Something else is ahead, or nothing."""
+        self._missed = 0
+        self._range = first_range = math.inf
+        self._begin = self._driven = driven
+        sums = _NO_SUMS
+        if reading < MAX_ECHO_RANGE_M:
+            self._range = reading
+            first_range = max(reading, self._remembered(reading, arc_length))
+            sums = self._added(sums, reading, driven)
+        self.obstacle = FrontObstacle(math.inf, first_range, reading, streak, sums)
+
+    def _remembered(self, reading: float, arc_length: float) -> float:
         """From where on what is heard now had been heard before it was lost, m; 0: it is something else."""
-        known, then, heard_from = self._known
-        same = abs(path - then) <= _LOST and abs(reading - known + path - then) <= _SAME
-        return heard_from if same else 0.0
+        known, then, first_range = self._known
+        same = abs(arc_length - then) <= _MEMORY_M and abs(reading - known + arc_length - then) <= _SAME_M
+        return first_range if same else 0.0
 
-    def _sum(self, reading: float, driven: float) -> None:
-        """Add to the sums of the line z = r^2 - s^2 over s."""
+    def _added(self, sums: Sums, reading: float, driven: float) -> Sums:
+        """The sums with one reading more."""
         s = driven - self._begin
         z = reading * reading - s * s
-        n, ss, s2, sz, zs = self._sums
-        self._sums = n + 1.0, ss + s, s2 + s * s, sz + z, zs + z * s
-
-    @property
-    def near(self) -> float:
-        """What is ahead, or what has only just come up nearer than that, m; inf: nothing."""
-        near = min(self.range, self.last)
-        return near if near < HEARD_M else math.inf
-
-    @property
-    def agreed(self) -> int:
-        """Readings that agree on it so far."""
-        return int(self._sums[0])
-
-    @property
-    def aside(self) -> float:
-        """How far beside the car's way it is, m, to either side; NaN: not known yet.
-
-        Passing a point at (X, L), r^2 = (X - s)^2 + L^2, so r^2 - s^2 is a line over s, with slope -2 X and
-        X^2 + L^2 at its beginning. What is ahead comes nearer by what was driven; what is aside by less.
-        """
-        n, s, s2, z, zs = self._sums
-        spread = n * s2 - s * s
-        if n < 6.0 or spread < (0.08 * n) ** 2:
-            return math.nan
-        slope = (n * zs - s * z) / spread
-        square = (z - slope * s) / n - slope * slope / 4.0
-        return math.sqrt(square) if square > 0.0 else 0.0
+        n, ss, s2, sz, zs = sums
+        return n + 1.0, ss + s, s2 + s * s, sz + z, zs + z * s

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import math
 
-from tral_fsm.control.laws import wrap
-from tral_fsm.estimation.odometry import BEND_PER_STEERING, LOCK_DEVIATION, TRIM_DEVIATION, Stand, learn
+from tral_env.se2 import wrap
+from tral_fsm.estimation.odometry import CURVATURE_PER_STEERING, GAIN_SIGMA, TRIM_SIGMA, OdometrySample
+from tral_fsm.estimation.wall_filter import learn
 
 _PLACE_WALK = 0.02
 """How far dead reckoning's place wanders in a metre, m."""
@@ -32,32 +33,32 @@ _POSTS, _POSTS_ASIDE = (0.8, 0.4), 1.5
 Row = list[float]
 
 
-class Track:
+class GateTracker:
     """One gate, and the covariance of its pose, the trim and the lock."""
 
-    __slots__ = ("_covariance", "_misfits", "_stand", "_trim", "heading", "opening", "x", "y")
+    __slots__ = ("_covariance", "_misfits", "_sample", "_trim", "heading", "opening", "x", "y")
 
-    def __init__(self, x: float, y: float, heading: float, stand: Stand, trim: float = TRIM_DEVIATION) -> None:
+    def __init__(self, x: float, y: float, heading: float, sample: OdometrySample, trim: float = TRIM_SIGMA) -> None:
         """Begin with a sighting.
 
         Args:
             x: of the gate's middle in dead reckoning, m.
             y: likewise.
             heading: of its axis, rad.
-            stand: where it was seen from.
+            sample: where it was seen from.
             trim: deviation of the trim.
         """
         self.opening = math.nan
         """Between its boards, m; NaN: not known yet."""
         self._trim = trim
-        self.begin(x, y, heading, stand)
+        self.begin(x, y, heading, sample)
 
-    def begin(self, x: float, y: float, heading: float, stand: Stand) -> None:
+    def begin(self, x: float, y: float, heading: float, sample: OdometrySample) -> None:
         """Forget all but this sighting."""
         self.x, self.y, self.heading = x, y, heading
-        self._stand = stand
-        range_ = max(math.hypot(x - stand.x, y - stand.y), 1e-3)
-        cos, sin = (x - stand.x) / range_, (y - stand.y) / range_
+        self._sample = sample
+        range_ = max(math.hypot(x - sample.x, y - sample.y), 1e-3)
+        cos, sin = (x - sample.x) / range_, (y - sample.y) / range_
         along, across, turned = _deviations(range_)
         a, b = along * along, across * across
         shared = (a - b) * sin * cos
@@ -66,19 +67,19 @@ class Track:
             [shared, a * sin * sin + b * cos * cos, 0.0, 0.0, 0.0],
             [0.0, 0.0, turned * turned, 0.0, 0.0],
             [0.0, 0.0, 0.0, self._trim * self._trim, 0.0],
-            [0.0, 0.0, 0.0, 0.0, LOCK_DEVIATION * LOCK_DEVIATION],
+            [0.0, 0.0, 0.0, 0.0, GAIN_SIGMA * GAIN_SIGMA],
         ]
         self._misfits = 0
 
-    def take(self, x: float, y: float, heading: float, stand: Stand) -> tuple[float, float]:
+    def update(self, x: float, y: float, heading: float, sample: OdometrySample) -> tuple[float, float]:
         """Correct by a new sighting, with the arguments of the first.
 
         Returns:
             What to add to the trim and to the scale of the lock.
         """
-        dx, dy = self.x - stand.x, self.y - stand.y
-        self._drift(stand, dx, dy)
-        self._stand = stand
+        dx, dy = self.x - sample.x, self.y - sample.y
+        self._drift(sample, dx, dy)
+        self._sample = sample
         range_ = max(math.hypot(dx, dy), 1e-3)
         cos, sin = dx / range_, dy / range_
         along, across, deviation = _deviations(range_)
@@ -91,7 +92,7 @@ class Track:
         if not self._fits(seen):
             self._misfits += 1
             if self._misfits >= _ANEW:
-                self.begin(x, y, heading, stand)
+                self.begin(x, y, heading, sample)
             return 0.0, 0.0
         self._misfits = 0
         state = [0.0] * 5
@@ -102,12 +103,12 @@ class Track:
         self.heading += state[2]
         return state[3], state[4]
 
-    def _drift(self, now: Stand, dx: float, dy: float) -> None:
+    def _drift(self, now: OdometrySample, dx: float, dy: float) -> None:
         """A wrong trim and a wrong lock turn the gate about the car; the rest of dead reckoning's faults wander."""
-        before = self._stand
-        driven, turned = now.path - before.path, now.turned - before.turned
+        before = self._sample
+        driven, turned = now.arc_length - before.arc_length, now.heading_change - before.heading_change
         p = self._covariance
-        for fault, turn in ((3, BEND_PER_STEERING * driven), (4, -turned)):
+        for fault, turn in ((3, CURVATURE_PER_STEERING * driven), (4, -turned)):
             fx, fy = -turn * dy, turn * dx
             for row in p:  # P F'
                 row[0] += fx * row[fault]
@@ -118,7 +119,7 @@ class Track:
                 for column in range(5):
                     row[column] += f * last[column]
         # A wandering heading turns the gate about the car, too.
-        wander = now.heading_wander(before)
+        wander = now.heading_noise(before)
         place = _PLACE_WALK**2 * abs(driven)
         p[0][0] += wander * dy * dy + place
         p[0][1] -= wander * dx * dy
@@ -129,7 +130,7 @@ class Track:
         p[1][2] += wander * dx
         p[2][1] += wander * dx
         p[2][2] += wander
-        p[3][3] += now.trim_wander(before)
+        p[3][3] += now.trim_noise(before)
 
     def _fits(self, seen: tuple[tuple[tuple[float, float, float], float, float], ...]) -> bool:
         """Whether no part of a sighting is farther off than chance has it."""
@@ -161,6 +162,11 @@ class Track:
         dx, dy = self.x - x, self.y - y
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         return -_POSTS[1] < cos * dx + sin * dy < _POSTS[0] and abs(cos * dy - sin * dx) < _POSTS_ASIDE
+
+    @property
+    def covariance(self) -> tuple[tuple[float, ...], ...]:
+        """Covariance of x [m], y [m], heading [rad], trim and steering gain at the last sighting."""
+        return tuple(tuple(row) for row in self._covariance)
 
     @property
     def deviation(self) -> tuple[float, float, float]:

@@ -1,49 +1,56 @@
-"""Where dead reckoning puts the car, and by how much it may be wrong: what the filters of gates and of walls share."""
+"""Dead reckoning: where the hall sensor and the steering put the car, and by how much that may be wrong.
+
+The rear axle's middle drives on a circle: step along it, then turn by step times curvature,
+
+    x' = x + s cos(yaw + s k / 2),  y' = y + s sin(yaw + s k / 2),  yaw' = yaw + s k,
+
+with s the way of a tick and k the curvature that the wheels give.
+"""
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from typing import NamedTuple
 
-from tral_fsm.control.laws import FULL_LOCK, WHEELBASE
+from tral_env.geometry import FULL_LOCK, TRACK_M, WHEELBASE_M, curvature
+from tral_env.interface import CONTROL_PERIOD_S
+from tral_env.se2 import Pose
+from tral_fsm.control.laws import clip, steering_play
+from tral_fsm.control.speed import STANDING_MPS
+from tral_fsm.estimation.readings import Readings
 
-BEND_PER_STEERING = FULL_LOCK / WHEELBASE
+CURVATURE_PER_STEERING = FULL_LOCK / WHEELBASE_M
 """Curvature that a unit of steering gives around straight ahead, 1/m."""
-TRIM_DEVIATION = 0.08
-"""Of the trim before anything is known, as a share of full lock: 1.8 degrees. Source: choice, between the levels of
+TRIM_SIGMA = 0.08
+"""Standard deviation of the trim before anything is known, in units of steering: 1.8 degrees. Source: choice, between
+the levels of randomization."""
+GAIN_SIGMA = 0.08
+"""Standard deviation of the steering gain before anything is known. Source: choice, between the levels of
 randomization."""
+_HISTORY_TICKS = 128
+"""Poses kept for late camera images: 1.6 s."""
+_SERVO_LAG_S = 0.06
+"""Time constant of the servo. Source: choice."""
+_LAG_PER_TICK = CONTROL_PERIOD_S / _SERVO_LAG_S
+"""Share of their lag that the wheels make up for in a tick."""
 _TRIM_WALK = 0.01
-"""How far the trim may wander in a metre."""
+"""Standard deviation by which the trim wanders in a metre."""
 _HEADING_WALK = 0.01
-"""How far dead reckoning's heading wanders in a metre of straight driving, rad."""
-LOCK_DEVIATION = 0.08
-"""Of the lock's scale before anything is known. Source: choice, between the levels of randomization."""
-_BEND_FAULT = 0.03
-"""Share of a turn that dead reckoning may be wrong by, whatever the lock: slip, the linkage's shape."""
-_TICK_FAULT_M = 1e-3
+"""Standard deviation by which the heading wanders in a metre of straight driving, rad."""
+_TURN_ERROR = 0.03
+"""Share of a turn that dead reckoning may be wrong by, whatever the gain: slip, the linkage's shape."""
+_TICK_ERROR_M = 1e-3
 """Hall ticks that are missed or counted twice while the car turns: their share by the way of one, m. Source: 3 % of
 ticks of 26 mm, between the levels of randomization."""
-_LATE_FAULT = 0.7
-"""Share of what it turns while the wheels are under way: latency, the servo's speed."""
-_SWEPT_FAULT = 0.02
-"""The trim may be other after the wheels have moved: friction stops them elsewhere. For a unit of steering."""
+_LAG_ERROR = 0.7
+"""Share of what the car turns while its wheels are under way: latency, the servo's speed."""
+_TRAVEL_ERROR = 0.02
+"""The trim may be other after the wheels have moved a unit of steering: friction stops them elsewhere."""
 
 
-def learn(covariance: list[list[float]], with_measured: list[float], spread: float) -> None:
-    """Kalman's step for the covariance of unknowns, after one number was measured.
-
-    Args:
-        covariance: (5, 5), changed in place.
-        with_measured: (5,) covariance of each unknown with that number.
-        spread: variance of that number, its noise included.
-    """
-    for row, with_it in zip(covariance, with_measured, strict=True):
-        gain = with_it / spread
-        for j, other in enumerate(with_measured):
-            row[j] -= gain * other
-
-
-class Stand(NamedTuple):
-    """Where the car was when a sensor looked, and how it came there; all by dead reckoning."""
+class OdometrySample(NamedTuple):
+    """Where the car was when a sensor fired, and how it came there; all by dead reckoning."""
 
     x: float
     """m."""
@@ -51,26 +58,108 @@ class Stand(NamedTuple):
     """m."""
     yaw: float
     """rad."""
-    path: float = 0.0
+    arc_length: float = 0.0
     """Driven so far, less where it reversed, m."""
-    turned: float = 0.0
-    """By its wheels, rad."""
-    wound: float = 0.0
-    """Square of the curvature, added up over the way, rad^2/m."""
-    late: float = 0.0
+    heading_change: float = 0.0
+    """Turned by its wheels so far, rad."""
+    curvature_sq_integral: float = 0.0
+    """Square of the curvature, integrated over the way, rad^2/m."""
+    lag_heading_change: float = 0.0
     """Turned so far while the wheels were under way, rad."""
-    swept: float = 0.0
-    """How far the wheels have been moved so far, in units of steering."""
+    steering_travel: float = 0.0
+    """How far the wheels have been moved so far, to and fro, in units of steering."""
 
-    def heading_wander(self, before: Stand) -> float:
-        """Variance of the heading [rad^2] that driving here from a stand before has added, trim and lock aside."""
+    def heading_noise(self, before: OdometrySample) -> float:
+        """Variance of the heading [rad^2] that driving here from an earlier sample adds, trim and gain aside."""
         return (
-            _HEADING_WALK**2 * abs(self.path - before.path)
-            + (_BEND_FAULT * (self.turned - before.turned)) ** 2
-            + _TICK_FAULT_M * (self.wound - before.wound)
-            + (_LATE_FAULT * (self.late - before.late)) ** 2
+            _HEADING_WALK**2 * abs(self.arc_length - before.arc_length)
+            + (_TURN_ERROR * (self.heading_change - before.heading_change)) ** 2
+            + _TICK_ERROR_M * (self.curvature_sq_integral - before.curvature_sq_integral)
+            + (_LAG_ERROR * (self.lag_heading_change - before.lag_heading_change)) ** 2
         )
 
-    def trim_wander(self, before: Stand) -> float:
-        """Variance that it has added to the trim."""
-        return _TRIM_WALK**2 * abs(self.path - before.path) + (_SWEPT_FAULT * (self.swept - before.swept)) ** 2
+    def trim_noise(self, before: OdometrySample) -> float:
+        """Variance that it adds to the trim."""
+        way = _TRIM_WALK**2 * abs(self.arc_length - before.arc_length)
+        return way + (_TRAVEL_ERROR * (self.steering_travel - before.steering_travel)) ** 2
+
+
+class Odometry:
+    """Dead reckoning of one car."""
+
+    __slots__ = (
+        "_distance",
+        "_history",
+        "arc_length",
+        "curvature_sq_integral",
+        "direction",
+        "heading_change",
+        "lag_heading_change",
+        "steering_travel",
+        "wheel",
+        "x",
+        "y",
+        "yaw",
+    )
+
+    def __init__(self) -> None:
+        self.x = self.y = self.yaw = 0.0
+        self.arc_length = self.heading_change = self.curvature_sq_integral = 0.0
+        self.lag_heading_change = self.steering_travel = 0.0
+        self.direction = 1.0
+        """+1 forward, -1 after reverse gear was ordered at standstill: the hall sensor does not know."""
+        self.wheel = 0.0
+        """Where the wheels are, in units of steering, trim included."""
+        self._distance = math.nan
+        self._history: deque[Pose] = deque(maxlen=_HISTORY_TICKS)
+
+    def update(self, readings: Readings, offset: tuple[float, float, float], gain: float) -> None:
+        """Move the pose by the way of a tick.
+
+        Args:
+            readings: the hall sensor's way and speed, the command as applied.
+            offset: steering at which the car drives straight.
+            gain: curvature that the car drives over the one that its steering should give.
+        """
+        lag = readings.steering - self.wheel
+        lag -= clip(lag, steering_play(readings.speed))
+        moved = lag * _LAG_PER_TICK
+        self.wheel += moved
+        self.steering_travel += abs(moved)
+        step = readings.distance - self._distance
+        self._distance = readings.distance
+        if readings.speed < STANDING_MPS and readings.throttle != 0.0:
+            self.direction = -1.0 if readings.throttle < 0.0 else 1.0
+        if step > 0.0:  # also false for NaN, at the first tick
+            self._advance(step, lag, gain * curvature(self.wheel - offset[0] - offset[1] - offset[2]))
+        self._history.append((self.x, self.y, self.yaw))
+
+    def _advance(self, step: float, lag: float, path_curvature: float) -> None:
+        """Move the pose by a way [m] of the hall sensor on a circle of a curvature [1/m]."""
+        # The magnets sit on the rear left wheel, which runs on the inner circle of a left turn.
+        step = self.direction * step / (1.0 - path_curvature * TRACK_M / 2.0)
+        turn = step * path_curvature
+        self.arc_length += step
+        self.lag_heading_change += CURVATURE_PER_STEERING * abs(lag * step)
+        middle = self.yaw + turn / 2.0
+        self.x += step * math.cos(middle)
+        self.y += step * math.sin(middle)
+        self.yaw += turn
+        self.heading_change += turn
+        self.curvature_sq_integral += abs(step) * path_curvature * path_curvature
+
+    def pose_before(self, age: float) -> Pose:
+        """Pose some seconds ago."""
+        back = min(int(age / CONTROL_PERIOD_S + 0.5), len(self._history) - 1)
+        return self._history[-1 - back]
+
+    def sample(self, pose: Pose) -> OdometrySample:
+        """A pose of a moment ago with the sums so far."""
+        return OdometrySample(
+            *pose,
+            self.arc_length,
+            self.heading_change,
+            self.curvature_sq_integral,
+            self.lag_heading_change,
+            self.steering_travel,
+        )

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from tral_env.course.generate import generate_plan
 from tral_env.course.scene import Pool
 from tral_env.randomization import level
-from tral_env.world import Corridor, CorridorConfig, Drawn, Step
+from tral_env.world import CorridorConfig, Drawn, Step, World
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
 from tral_fsm.evaluation.loop import DriveLoop, Index, Observer, Pair, row_info
+from tral_fsm.runtime.driver import Driver
 from tral_fsm.runtime.machine import Trace
-from tral_fsm.runtime.policy import Driver
 
 Array = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ class BatchRunner:
         for name in scenarios:
             pool = pool.union(Pool.for_scenario(name))
         self.rows = rows
-        self.world = Corridor(rows, configs[0], nthread=nthread, pool=pool)
+        self.world = World(rows, configs[0], nthread=nthread, pool=pool)
         self._randomization, self._hard = level(randomization), randomization == "hard"
         self.patience_s = math.inf if stuck_s is None else stuck_s
         """Time without progress after which a car is given up, s."""
@@ -108,7 +108,7 @@ class BatchRunner:
         if key not in self._drawn:
             rng = seeding.np_random(request.seed)[0]
             course, plan = generate_plan(request.scenario, rng, hard=self._hard)
-            self._drawn[key] = (course, plan, self._randomization.draw(rng)), rng
+            self._drawn[key] = Drawn(course, plan, self._randomization.draw(rng)), rng
         drawn, rng = self._drawn[key]
         return drawn, copy.deepcopy(rng)
 

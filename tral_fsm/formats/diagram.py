@@ -5,13 +5,9 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Iterator
-from typing import Any
 
-from tral_fsm.definition.conditions import ConditionSpec
-from tral_fsm.definition.machine import FSMStateSpec, MachineDefinition, StateSpec, TransitionSpec
-from tral_fsm.formats.tral_json import members
-
-_COMBINED = {"All": " and ", "Any": " or "}
+from tral_fsm.definition.machine import MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition.prose import combined, in_full
 
 
 def mermaid(machine: MachineDefinition) -> str:
@@ -26,29 +22,6 @@ def plantuml(machine: MachineDefinition) -> str:
     lines = _lines(machine, "s", _plantuml_text)
     title = f"title {_plantuml_text(machine.name)}\n" if machine.name else ""
     return f"@startuml\n{title}hide empty description\n" + "".join(f"{line}\n" for line in lines) + "@enduml\n"
-
-
-def words(condition: ConditionSpec) -> str:
-    """A condition in words: its type and what differs from the defaults, with units."""
-    parts = getattr(condition, "of", ())
-    inner = [words(part) for part in parts]
-    if condition.type in _COMBINED:
-        return f"({_COMBINED[condition.type].join(inner)})" if len(inner) > 1 else inner[0]
-    if condition.type == "Not":
-        return f"not {inner[0]}"
-    fields = type(condition).model_fields
-    values = members(condition)
-    if hasattr(condition, "sensor"):
-        values = {"sensor": condition.sensor, **values}
-    said = [_said(name, value, fields[name].json_schema_extra) for name, value in values.items()]
-    return " ".join([condition.type, *said])
-
-
-def _said(name: str, value: Any, extra: Any) -> str:
-    """Name, value, unit."""
-    unit = extra.get("unit", "") if isinstance(extra, dict) else ""
-    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
-    return " ".join(part for part in (name.removesuffix("_deg"), text, unit) if part)
 
 
 def _lines(machine: MachineDefinition, prefix: str, text: Callable[[str], str]) -> Iterator[str]:
@@ -66,16 +39,16 @@ def _lines(machine: MachineDefinition, prefix: str, text: Callable[[str], str]) 
 def _state(state: StateSpec, name: str, text: Callable[[str], str]) -> Iterator[str]:
     title = state.label or str(state.id)
     yield f'state "{text(title)}" as {name}'
-    if isinstance(state, FSMStateSpec) and isinstance(state.machine, MachineDefinition):
+    if isinstance(state.inner, MachineDefinition):
         yield f"state {name} {{"
-        yield from (f"  {line}" for line in _lines(state.machine, f"{name}_", text))
+        yield from (f"  {line}" for line in _lines(state.inner, f"{name}_", text))
         yield "}"
     else:
         yield f"{name} : {text(state.type)}"
 
 
 def _label(transition: TransitionSpec) -> str:
-    return f"{transition.id}: {words(transition.when)}"
+    return f"{transition.id}: {combined(transition.when, in_full, inside=True)}"
 
 
 def _mermaid_text(text: str) -> str:

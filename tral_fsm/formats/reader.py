@@ -13,7 +13,7 @@ from tral_env.errors import nearest
 from tral_fsm.definition import packaged
 from tral_fsm.definition.checks import FormatError, Problem, check_level, unknown_machine
 from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
-from tral_fsm.definition.machine import STATES, FSMStateSpec, MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition.machine import STATES, MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.definition.plugins import load_plugins
 from tral_fsm.definition.validated import Id, Spec
 from tral_fsm.formats.plain import MOST_PROBLEMS, EnoughProblemsError, Plain, Problems, located
@@ -102,7 +102,7 @@ class Reader:
         if spec is None:
             return None
         members = dict(raw)
-        if issubclass(spec, FSMStateSpec):
+        if spec.holds_machine:
             inner = members.get("machine")
             if isinstance(inner, Mapping):
                 members["machine"] = self.machine(inner, f"{pointer}/machine", depth + 1)

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from tral_fsm.conditions.base import Condition, build
+from tral_fsm.control.command import Command
 from tral_fsm.definition.checks import FormatError, check
-from tral_fsm.definition.machine import FSMStateSpec, MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition.machine import MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.definition.validated import Id
-from tral_fsm.estimation.estimator import MachineState
+from tral_fsm.estimation.detections import Detection
+from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.formats import library
-from tral_fsm.states.base import NO_GATE, RUNTIMES, State, Targetable, runs
+from tral_fsm.states.base import RUNTIMES, State, Targetable
+from tral_fsm.states.fsm_state import FSMState
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,7 @@ class _Way:
 
 
 class Machine:
-    """Runs a definition on a blackboard."""
+    """Runs a definition: an estimate in, a command out."""
 
     def __init__(
         self,
@@ -85,7 +89,9 @@ class Machine:
     def _state(self, spec: StateSpec) -> State[Any]:
         runtime = RUNTIMES[spec.type](spec)
         if isinstance(runtime, FSMState):
-            runtime.attach(self.trace, (*self.path, spec.id))
+            inner = runtime.spec.machine
+            inner = library.by_name(inner) if isinstance(inner, str) else inner
+            runtime.machine = Machine(inner, self.trace, (*self.path, spec.id), checked=True)
         return runtime
 
     @property
@@ -105,14 +111,14 @@ class Machine:
         """The active state is one that the machine ends in, and has no way out."""
         return self._active >= 0 and self.active.spec.may_end and not self._ways[self._active]
 
-    def start(self, m: MachineState) -> None:
-        """Enter the root."""
-        self._enter(self._root, m)
+    def start(self, estimate: CarEstimate) -> Detection | None:
+        """Enter the root; gives the gate that it has chosen as its target by itself."""
+        return self._enter(self._root, estimate)
 
-    def leave(self, m: MachineState) -> None:
+    def leave(self, estimate: CarEstimate) -> None:
         """Leave the active state; the machine starts at its root the next time."""
         if self._active >= 0:
-            self._states[self._active].on_exit(m)
+            self._states[self._active].on_exit(estimate)
         self._active = -1
 
     def restart(self) -> None:
@@ -121,6 +127,8 @@ class Machine:
         for state in self._states:
             if isinstance(state, FSMState):
                 state.machine.restart()
+        for way in itertools.chain(*self._ways):
+            way.condition.restart()
 
     def watch(self, trace: Trace | None) -> None:
         """Call this for each transition that fires from now on, in machines inside too; None: nothing."""
@@ -129,84 +137,48 @@ class Machine:
             if isinstance(state, FSMState):
                 state.machine.watch(trace)
 
-    def tick(self, m: MachineState) -> None:
-        """The active state computes its output; then the first of its transitions that has triggered is taken.
+    def tick(self, estimate: CarEstimate) -> Command:
+        """The active state computes its command; then the first of its transitions that has triggered is taken.
 
         Args:
-            m: the blackboard, updated with the readings of this tick.
-        """
-        if self._active < 0:
-            self.start(m)
-        self._states[self._active].tick(m)
-        for triggered, way in self._asked[self._active]:
-            if triggered(m):
-                self._transit(way, m)
-                break
+            estimate: of this tick.
 
-    def _transit(self, way: _Way, m: MachineState) -> None:
+        Returns:
+            The command of the state that was active, with the target of the one that is entered.
+        """
+        entered = None
+        if self._active < 0:
+            entered = self.start(estimate)
+        command = self._states[self._active].tick(estimate)
+        if entered is not None:
+            command = command._replace(target=entered)
+        for triggered, way in self._asked[self._active]:
+            if triggered(estimate):
+                target = self._transit(way, estimate)
+                return command if target is None else command._replace(target=target)
+        return command
+
+    def _transit(self, way: _Way, estimate: CarEstimate) -> Detection | None:
         """Leave the old state, enter the new one, hand it its target."""
         if self.trace is not None:
             spec = way.spec
-            self.trace(Transit(m.time, self.path, spec.source, spec.target, spec.id, way.condition.why(m)))
-        found = way.condition.hand_over(m)
-        self._states[self._active].on_exit(m)
-        self._enter(way.target, m)
+            self.trace(
+                Transit(estimate.time, self.path, spec.source, spec.target, spec.id, way.condition.why(estimate))
+            )
+        found = way.condition.hand_over(estimate)
+        self._states[self._active].on_exit(estimate)
+        aim = self._enter(way.target, estimate)
         state = self._states[way.target]
-        if found is not None and isinstance(state, Targetable):
-            m.gates.aim(found)
-            state.set_target(m, *m.from_here(found.x, found.y, found.heading), gate=found.id)
+        if found is None or not isinstance(state, Targetable):
+            return aim
+        state.set_target(estimate, estimate.seen_from_here(found), gate=found.id)
+        return found
 
-    def _enter(self, index: int, m: MachineState) -> None:
+    def _enter(self, index: int, estimate: CarEstimate) -> Detection | None:
+        """Enter a state; gives the gate that it has chosen as its target by itself."""
         self._active = index
-        self._states[index].on_enter(m)
+        state = self._states[index]
+        state.on_enter(estimate)
         for way in self._ways[index]:
-            way.condition.on_enter(m)
-
-
-@runs(FSMStateSpec)
-class FSMState(State[FSMStateSpec]):
-    """A whole machine as one state. It starts at its root at each entry. Finished when its machine has ended.
-
-    A target that is handed over goes to the root; the active inner state says whether it can still be reached.
-    """
-
-    machine: Machine
-
-    def attach(self, trace: Trace | None, path: tuple[Id, ...]) -> None:
-        """Build the inner machine.
-
-        Args:
-            trace: of the outer machine.
-            path: ids of the states around the inner machine.
-        """
-        inner = self.spec.machine
-        if isinstance(inner, str):
-            inner = library.by_name(inner)
-        self.machine = Machine(inner, trace, path, checked=True)
-
-    def on_enter(self, m: MachineState) -> None:
-        """Enter the inner root."""
-        self.machine.start(m)
-
-    def tick(self, m: MachineState) -> None:
-        """Tick the inner machine."""
-        self.machine.tick(m)
-
-    def set_target(self, m: MachineState, x: float, y: float, heading: float, gate: int = NO_GATE) -> None:
-        """Hand the target on to the inner root, which has just been entered."""
-        root = self.machine.active
-        if isinstance(root, Targetable):
-            root.set_target(m, x, y, heading, gate)
-
-    def unreachable(self, m: MachineState) -> str:
-        """Why the active inner state cannot come to its target any more."""
-        return self.machine.active.unreachable(m)
-
-    def on_exit(self, m: MachineState) -> None:
-        """Leave the inner active state."""
-        self.machine.leave(m)
-
-    @property
-    def finished(self) -> bool:
-        """The inner machine has come to its end."""
-        return self.machine.ended
+            way.condition.on_enter(estimate)
+        return state.aim

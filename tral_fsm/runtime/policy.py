@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,74 +10,12 @@ from numpy.typing import NDArray
 
 from tral_env.errors import MachineError
 from tral_fsm.definition.machine import MachineDefinition
-from tral_fsm.estimation.estimator import COLUMNS, MachineState
+from tral_fsm.estimation.readings import Readings
 from tral_fsm.formats import library
-from tral_fsm.runtime.machine import Machine, Trace
+from tral_fsm.runtime.driver import Driver
+from tral_fsm.runtime.machine import Trace
 
-_SEEN = len(COLUMNS)
-
-
-class Driver:
-    """A machine that drives one car."""
-
-    __slots__ = ("_machine", "_state")
-
-    def __init__(self, definition: MachineDefinition, trace: Trace | None = None, *, checked: bool = False) -> None:
-        """Make a driver that begins at the machine's root.
-
-        Args:
-            definition: the machine.
-            trace: called for each transition that fires.
-            checked: the definition has been checked already.
-
-        Raises:
-            FormatError: the definition cannot run.
-        """
-        self._machine = Machine(definition, trace, checked=checked)
-        self._state = MachineState()
-
-    def reset(self) -> None:
-        """Start anew."""
-        self._state = MachineState()
-        self._machine.restart()
-
-    def act(self, row: Sequence[float]) -> tuple[float, float]:
-        """One tick.
-
-        Args:
-            row: the readings, in the order of `tral_env.interface.CORE_LAYOUT`.
-
-        Returns:
-            Steering and throttle.
-        """
-        m = self._state
-        m.update(row)
-        self._machine.tick(m)
-        return m.steering, m.throttle
-
-    @property
-    def active_path(self) -> str:
-        """Name of the active state, with those of inner machines behind slashes."""
-        return self._machine.active_path
-
-    @property
-    def wanted_clearance(self) -> tuple[float, float]:
-        """Wall to which a clearance is kept, +1 left, -1 right, NaN none; that clearance [m]."""
-        return self._state.wanted_side, self._state.wanted_clearance
-
-    @property
-    def speed_target(self) -> float:
-        """Speed that the active state regulates [m/s]; NaN: open loop."""
-        return self._state.speed_target
-
-    @property
-    def trace(self) -> Trace | None:
-        """Called for each transition that fires."""
-        return self._machine.trace
-
-    @trace.setter
-    def trace(self, trace: Trace | None) -> None:
-        self._machine.watch(trace)
+_SEEN = len(Readings._fields)
 
 
 class MachinePolicy:
@@ -142,7 +79,7 @@ class MachinePolicy:
                 "call reset(n) with the number of cars first"
             )
         readings = rows[:, :_SEEN].tolist()
-        commands = [driver.act(row) for driver, row in zip(self._drivers, readings, strict=True)]
+        commands = [driver.act(row) for row, driver in zip(readings, self._drivers, strict=True)]
         action = np.array(commands, np.float32)
         return action[0] if single else action
 

@@ -1,5 +1,21 @@
-"""What states do."""
+"""What states do: one class for each type of state that a machine file may name."""
 
-from tral_fsm.states.base import State, runs
+from tral_fsm.states.approach_point import ApproachPoint
+from tral_fsm.states.base import State, register
+from tral_fsm.states.basic import Idle, Motor, Stop
+from tral_fsm.states.corridor import BackUp, FollowCorridor, Turn
+from tral_fsm.states.fsm_state import FSMState
+from tral_fsm.states.gate_center import ArucoGateCenter
+from tral_fsm.states.scurve import SCurve
+from tral_fsm.states.wall import BasicFollowWall, FollowWall, FollowWallRamp
 
-__all__ = ["State", "runs"]
+BUILT_IN = (
+    BasicFollowWall, FollowWall, FollowWallRamp, ApproachPoint, ArucoGateCenter, Motor, Stop, Idle, FSMState,
+    FollowCorridor, Turn, BackUp, SCurve,
+)  # fmt: skip
+"""The states of the package, in the order in which they are listed."""
+
+for _state in BUILT_IN:
+    register(_state)
+
+__all__ = ["BUILT_IN", "State", "register"]

@@ -1,35 +1,28 @@
-"""States and conditions that drive by the walls of the blackboard instead of by the raw ranges.
+"""States that drive by the walls of the estimate instead of by the raw ranges.
 
-The laws are those of `control.line`: a place in the corridor is kept by where the car is and how it points, both from
-the observer in `walls`, so that jitter, recesses and openings do not reach the wheel.
+The laws are those of `control.laws.line`: a place in the corridor is kept by where the car is and how it points, both
+from the filter of the walls, so that jitter, recesses and openings do not reach the wheel.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from tral_env.interface import NO_ECHO_M
-from tral_fsm.conditions import base as transitions
-from tral_fsm.conditions.base import Condition
+from tral_env.geometry import FRONT_SONAR_X_M
+from tral_fsm.control.command import Command
 from tral_fsm.control.laws import clip, slowed, steering_for
-from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.machine import DrivingSpec
 from tral_fsm.definition.validated import Side, quantity
-from tral_fsm.estimation.estimator import MachineState
-from tral_fsm.estimation.front_obstacle import Ahead
-from tral_fsm.estimation.wall_filter import SENSOR_X
-from tral_fsm.states import base as states
-from tral_fsm.states.base import DrivingState, State
+from tral_fsm.estimation.estimate import CarEstimate
+from tral_fsm.states.base import NO_CLEARANCE, DrivingState
 
 _QUARTER = math.pi / 2.0
 _SURE_LOCK = 0.9
 """A linkage that is off does not reach full lock on one side, which dead reckoning cannot know. Source: choice."""
-FRONT_X = 0.304
-"""Front ultrasonic ahead of the rear axle, m."""
 _LATE = 0.25
 """A turn takes so much more than its radius: late readings, slow servo, an end that dies away, m. Source: choice."""
 _FADE = 0.6
@@ -63,7 +56,6 @@ class FollowCorridorSpec(DrivingSpec):
     slow_speed: float = quantity(0.3, "m/s", "speed at half of slow_front and nearer", ge=0.0, le=5.0)
 
 
-@states.runs(FollowCorridorSpec)
 class FollowCorridor(DrivingState[FollowCorridorSpec]):
     """Follows a line in the corridor that begins where the car is and shifts to its place by a slope.
 
@@ -76,7 +68,7 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
         self.preferred = spec.side == "left"
         self.steepest = math.sin(math.radians(spec.max_angle_deg))
 
-    def on_enter(self, m: MachineState) -> None:
+    def on_enter(self, estimate: CarEstimate) -> None:
         """The line begins at the car."""
         self.offset = 0.0
         """Where the line is, + = left of the car, m."""
@@ -87,43 +79,41 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
         self.shifted = 0.0
         """How far it has shifted towards `side`, m."""
         self.moved = -1
-        self.place = (m.x, m.y)
-        self.driven = m.distance
+        self.place = (estimate.x, estimate.y)
+        self.driven = estimate.distance
 
-    def tick(self, m: MachineState) -> None:
+    def tick(self, estimate: CarEstimate) -> Command:
         """Move the line, steer onto it."""
         spec = self.spec
-        if spec.learn_trim:
-            m.take_trim()
-        slope = self.shift(m)
+        slope = self.shift(estimate)
         approach = clip(self.offset / (2.0 * spec.length) + slope, self.steepest)
-        self.steer(m, clip(steering_for(2.0 / spec.length * (approach - math.sin(m.heading))), _SURE_LOCK))
-        if self.reference:
-            m.want_clearance(self.reference > 0.0, self.clearance)
-        self.drive(m, self.speed_now(m))
+        path_curvature = 2.0 / spec.length * (approach - math.sin(estimate.heading))
+        wanted = (self.reference, self.clearance) if self.reference else NO_CLEARANCE
+        steering, speed = clip(steering_for(path_curvature), _SURE_LOCK), self.speed_now(estimate)
+        return self.drive(steering, speed, wanted=wanted, adopt_trim=spec.learn_trim)
 
-    def shift(self, m: MachineState) -> float:
+    def shift(self, estimate: CarEstimate) -> float:
         """Find the line anew; gives the slope with which it moves to the left."""
         spec = self.spec
-        along = m.yaw - m.heading
+        along = estimate.along
         x, y = self.place
-        self.offset -= math.cos(along) * (m.y - y) - math.sin(along) * (m.x - x)
-        self.place = (m.x, m.y)
-        step, self.driven = m.distance - self.driven, m.distance
+        self.offset -= math.cos(along) * (estimate.y - y) - math.sin(along) * (estimate.x - x)
+        self.place = (estimate.x, estimate.y)
+        step, self.driven = estimate.distance - self.driven, estimate.distance
         preferred = self.preferred
-        mine, other = m.clearance(preferred), m.clearance(not preferred)
-        is_left, now = (preferred, mine) if mine == mine else (not preferred, other)
-        if now != now:
+        mine, other = estimate.clearance(preferred), estimate.clearance(not preferred)
+        is_left, now = (preferred, mine) if not math.isnan(mine) else (not preferred, other)
+        if math.isnan(now):
             self.reference = 0.0
             return 0.0
         sign = 1.0 if is_left else -1.0
-        moved = m.walls.side(is_left).moved
+        moved = estimate.wall(is_left).moved
         if sign != self.reference or moved != self.moved:
             self.clearance = now - sign * self.offset
             self.reference, self.moved = sign, moved
         if is_left != preferred:
             wanted = max(self.clearance, spec.least)
-        elif other == other:
+        elif not math.isnan(other):
             wanted = min(spec.clearance, (mine + other) / 2.0)
         else:
             wanted = spec.clearance
@@ -135,13 +125,13 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
         self.offset = sign * (now - self.clearance)
         return -sign * slope
 
-    def speed_now(self, m: MachineState) -> float | None:
+    def speed_now(self, estimate: CarEstimate) -> float | None:
         """Speed before something ahead, and while little is known of the corridor, m/s; None: as it is."""
         spec = self.spec
         free = spec.speed
-        if free is not None and spec.unsure_speed is not None and not m.walls.sure:
+        if free is not None and spec.unsure_speed is not None and not estimate.sure:
             free = min(free, spec.unsure_speed)
-        slow = slowed(free, spec.slow_speed, spec.slow_front, m.front.range)
+        slow = slowed(free, spec.slow_speed, spec.slow_front, estimate.front.range)
         return free if slow is None else slow
 
 
@@ -163,25 +153,23 @@ class TurnSpec(DrivingSpec):
         return True
 
 
-@states.runs(TurnSpec)
 class Turn(DrivingState[TurnSpec]):
     """A quarter turn against the corridor, not against the heading that the car happened to have."""
 
-    def on_enter(self, m: MachineState) -> None:
+    def on_enter(self, estimate: CarEstimate) -> None:
         """Aim at a right angle to the corridor."""
         self.finished = False
         sign = 1.0 if self.spec.side == "left" else -1.0
-        self.aim = m.yaw - m.heading + sign * _QUARTER
-        radius = max(m.ahead.range + FRONT_X - _LATE - self.spec.room, 0.1)
+        self.target_yaw = estimate.along + sign * _QUARTER
+        radius = max(estimate.obstacle.range + FRONT_SONAR_X_M - _LATE - self.spec.room, 0.1)
         self.lock = max(min(steering_for(1.0 / radius), _SURE_LOCK), self.spec.lock)
 
-    def tick(self, m: MachineState) -> None:
+    def tick(self, estimate: CarEstimate) -> Command:
         """Steer to that direction."""
         spec = self.spec
-        rest = self.aim - m.yaw
+        rest = self.target_yaw - estimate.yaw
         self.finished = abs(rest) <= math.radians(spec.tolerance_deg)
-        self.steer(m, clip(steering_for(2.0 / spec.length * math.sin(clip(rest, _QUARTER))), self.lock))
-        self.drive(m)
+        return self.drive(clip(steering_for(2.0 / spec.length * math.sin(clip(rest, _QUARTER))), self.lock))
 
 
 class BackUpSpec(DrivingSpec):
@@ -197,150 +185,15 @@ class BackUpSpec(DrivingSpec):
         return True
 
 
-@states.runs(BackUpSpec)
 class BackUp(DrivingState[BackUpSpec]):
     """In reverse the wheels turn the car the other way."""
 
-    def on_enter(self, m: MachineState) -> None:
+    def on_enter(self, estimate: CarEstimate) -> None:
         """Remember where it began."""
         self.finished = False
-        self.entry = m.distance
+        self.entry = estimate.distance
 
-    def tick(self, m: MachineState) -> None:
+    def tick(self, estimate: CarEstimate) -> Command:
         """Drive back, wheels so that the car comes to point along the corridor."""
-        self.finished = m.distance - self.entry >= self.spec.distance
-        self.steer(m, steering_for(2.0 / self.spec.length * math.sin(m.heading)))
-        self.drive(m)
-
-
-class OpeningSpec(ConditionSpec):
-    """Fires when there is no wall on a side: readings found none, though the car stood parallel to hear one."""
-
-    type: Literal["Opening"] = "Opening"
-    side: Side = Field("left", description="on which side")
-    readings: int = Field(2, description="so many readings found none since one did", ge=2, le=100)
-
-
-@transitions.runs(OpeningSpec)
-class Opening(Condition[OpeningSpec]):
-    """Asks the observer of the walls."""
-
-    counts = False
-
-    def __init__(self, spec: OpeningSpec, owner: State[Any]) -> None:
-        super().__init__(spec, owner)
-        self.is_left = spec.side == "left"
-
-    def triggered(self, m: MachineState) -> bool:
-        """The wall is lost."""
-        return m.walls.side(self.is_left).lost >= self.spec.readings
-
-    def why(self, m: MachineState) -> str:
-        """How many readings."""
-        return f"{m.walls.side(self.is_left).lost} readings without a wall on the {self.spec.side}"
-
-
-class ObstacleAheadSpec(ConditionSpec):
-    """Fires when front readings agree on something ahead that is nearer than a range, or than the car needs to stop.
-
-    A wall across the corridor is heard from 5 m on, the edges of a box from 2 m on.
-    """
-
-    type: Literal["ObstacleAhead"] = "ObstacleAhead"
-    below: float | None = quantity(
-        None,
-        "m",
-        "it is nearer than this; null: than the way to stop, room + v reaction + v^2 / (2 braking)",
-        gt=0.0,
-        le=5.0,
-    )
-    room: float = quantity(0.3, "m", "left before it when the car has stopped", ge=0.0, le=5.0)
-    reaction: float = quantity(0.4, "s", "readings, command and brake are late", ge=0.0, le=5.0)
-    braking: float = quantity(1.5, "m/s^2", "deceleration of the braking car", gt=0.0, le=20.0)
-    readings: int = Field(2, description="so many readings must agree on it", ge=2, le=100)
-    heard_above: float = quantity(0.0, "m", "it has been heard from farther away than this", ge=0.0, le=6.0)
-    heard_below: float = quantity(6.0, "m", "it has not been heard from farther away than this", gt=0.0, le=6.0)
-    aside_below: float | None = quantity(
-        None, "m", "it is no farther beside the way than this, as far as its approach tells; null: never mind", gt=0.0
-    )
-
-
-@transitions.runs(ObstacleAheadSpec)
-class ObstacleAhead(Condition[ObstacleAheadSpec]):
-    """Asks what the blackboard knows of what is ahead.
-
-    What has only just come up counts too, unless it is asked what it is: then something else may be followed still.
-    """
-
-    counts = False
-
-    def __init__(self, spec: ObstacleAheadSpec, owner: State[Any]) -> None:
-        super().__init__(spec, owner)
-        self.below = spec.below
-        self.anything = spec.heard_above == 0.0 and spec.heard_below >= NO_ECHO_M and spec.aside_below is None
-
-    def level(self, m: MachineState) -> float:
-        """Range below which it fires, m."""
-        spec, v = self.spec, m.speed
-        return spec.room + v * (spec.reaction + v / (2.0 * spec.braking)) if self.below is None else self.below
-
-    def triggered(self, m: MachineState) -> bool:
-        """Near, and first heard where it should be."""
-        ahead = m.ahead
-        level = self.below or self.level(m)
-        if ahead.range < level and self.known(ahead):
-            return True
-        return self.anything and ahead.last < level and ahead.run >= self.spec.readings
-
-    def known(self, ahead: Ahead) -> bool:
-        """It has been heard often enough, from where it should be, and where it should be."""
-        spec = self.spec
-        if ahead.agreed < spec.readings or not spec.heard_above < ahead.heard_from <= spec.heard_below:
-            return False
-        return spec.aside_below is None or ahead.aside < spec.aside_below
-
-    def why(self, m: MachineState) -> str:
-        """How near, and from where on."""
-        ahead = m.ahead
-        return (
-            f"{ahead.near:.2f} < {self.level(m):.2f} m ahead, {ahead.aside:.2f} m aside, "
-            f"heard from {ahead.heard_from:.2f} m on"
-        )
-
-
-class MoreRoomSpec(ConditionSpec):
-    """Fires when there is more room on a side than on the other: when the wall there is farther away, or not known.
-
-    Where something is ahead its place counts, not the car's: a car that drives aslant comes to it nearer to a wall.
-    """
-
-    type: Literal["MoreRoom"] = "MoreRoom"
-    side: Side = Field("left", description="on which side")
-
-
-@transitions.runs(MoreRoomSpec)
-class MoreRoom(Condition[MoreRoomSpec]):
-    """Compares the walls."""
-
-    counts = False
-
-    def __init__(self, spec: MoreRoomSpec, owner: State[Any]) -> None:
-        super().__init__(spec, owner)
-        self.is_left = spec.side == "left"
-
-    def triggered(self, m: MachineState) -> bool:
-        """More room there."""
-        ahead = self.place(m)
-        here, there = m.clearance(self.is_left, ahead), m.clearance(not self.is_left, ahead)
-        return here > there or (here != here and there == there)
-
-    @staticmethod
-    def place(m: MachineState) -> float:
-        """How far ahead of the side ultrasonics what is ahead is, m; 0: nothing is."""
-        near = m.ahead.near
-        return FRONT_X - SENSOR_X + near if near < math.inf else 0.0
-
-    def why(self, m: MachineState) -> str:
-        """Both clearances."""
-        ahead = self.place(m)
-        return f"left {m.clearance(True, ahead):.2f} m, right {m.clearance(False, ahead):.2f} m, {ahead:.2f} m ahead"
+        self.finished = estimate.distance - self.entry >= self.spec.distance
+        return self.drive(steering_for(2.0 / self.spec.length * math.sin(estimate.heading)))

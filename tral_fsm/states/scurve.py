@@ -9,13 +9,14 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from tral_fsm.control.biarc import Pose, TwoArcs, along, beside, out_of_reach, relative, two_arcs
-from tral_fsm.control.laws import bend_onto, steering_for
+from tral_env.se2 import Pose, relative
+from tral_fsm.control.biarc import Biarc, along, beside, biarc, out_of_reach
+from tral_fsm.control.command import Command
+from tral_fsm.control.laws import curvature_onto, steering_for
 from tral_fsm.definition.machine import DrivingSpec
 from tral_fsm.definition.validated import quantity
-from tral_fsm.estimation.estimator import MachineState
-from tral_fsm.estimation.sonar import Sighting
-from tral_fsm.states import base as states
+from tral_fsm.estimation.detections import Detection
+from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import NO_GATE, DrivingState
 
 _LEAD_S = 0.1
@@ -48,7 +49,7 @@ class SCurveSpec(DrivingSpec):
     )
     length: float = quantity(0.35, "m", "an offset from the way dies away by e in it", gt=0.0, le=5.0)
     max_angle_deg: float = quantity(25.0, "deg", "the way is approached no steeper", gt=0.0, le=90.0)
-    track: bool = Field(True, description="plan anew from each new sighting of the gate that was handed over")
+    track: bool = Field(True, description="plan anew from each new detection of the gate that was handed over")
 
     @property
     def finishable(self) -> bool:
@@ -56,60 +57,60 @@ class SCurveSpec(DrivingSpec):
         return True
 
 
-@states.runs(SCurveSpec)
 class SCurve(DrivingState[SCurveSpec]):
-    """Two arcs and a straight end: curvature ahead of time, and `control.bend_onto` for what is off.
+    """Two arcs and a straight end: curvature ahead of time, and `control.laws.curvature_onto` for what is off.
 
     The plan is kept in the frame of the target, so that it moves with it. Where no two arcs lead to the target the
     axis itself is the way.
     """
 
-    def on_enter(self, m: MachineState) -> None:
+    def on_enter(self, estimate: CarEstimate) -> None:
         """Plan the way to the spec's point, seen from the car now."""
         spec = self.spec
         self.finished = False
         self.gate = NO_GATE
-        self.aim(m, m.to_reckoning(spec.x, spec.y, math.radians(spec.heading_deg)), 0.0)
+        self.plan_to(estimate, estimate.to_reckoning((spec.x, spec.y, math.radians(spec.heading_deg))), 0.0)
 
-    def set_target(self, m: MachineState, x: float, y: float, heading: float, gate: int = NO_GATE) -> None:
+    def set_target(self, estimate: CarEstimate, target: Pose, gate: int = NO_GATE) -> None:
         """Plan the way to the point `before` the one that is handed over, on its axis."""
         self.gate = gate
-        self.aim(m, m.to_reckoning(x, y, heading), self.spec.before)
+        self.plan_to(estimate, estimate.to_reckoning(target), self.spec.before)
 
-    def aim(self, m: MachineState, pose: Pose, before: float) -> None:
+    def plan_to(self, estimate: CarEstimate, pose: Pose, before: float) -> None:
         """Plan the way to a pose of dead reckoning."""
         self.target = along(pose, -before - self.spec.straight)
         """Where the arcs end."""
-        self.plan(m)
+        self.plan(estimate)
 
-    def plan(self, m: MachineState) -> None:
+    def plan(self, estimate: CarEstimate) -> None:
         """Lay two arcs from the car to the target."""
-        arcs = two_arcs(*m.from_here(*self.target))
+        arcs = biarc(*estimate.from_here(self.target))
         self.arcs = arcs if arcs is not None and abs(arcs.curvature) * self.spec.radius <= 1.0 else None
         if self.arcs is not None:
-            self.begin = relative(self.target, (m.x, m.y, m.yaw))
+            self.begin = relative(self.target, estimate.pose)
             self.turning = along(self.begin, self.arcs.first, self.arcs.curvature)
 
-    def take(self, m: MachineState, gate: Sighting) -> None:
-        """Take a new sighting of the gate: plan anew, or, near the end, move the plan."""
+    def take(self, estimate: CarEstimate, gate: Detection) -> None:
+        """Take a new detection of the gate: plan anew, or, near the end, move the plan."""
         old = self.arcs
         self.target = along((gate.x, gate.y, gate.heading), -self.spec.before - self.spec.straight)
-        if old is None or m.from_here(*self.target)[0] > _LAST_PLAN:
-            self.plan(m)
+        if old is None or estimate.from_here(self.target)[0] > _LAST_PLAN:
+            self.plan(estimate)
             self.arcs = self.arcs or old
 
-    def tick(self, m: MachineState) -> None:
+    def tick(self, estimate: CarEstimate) -> Command:
         """Follow the way."""
         spec = self.spec
-        for gate in (m.gate, m.guessed_gate):
-            if gate.new and spec.track and gate.id == self.gate and (gate is m.gate or not m.gates.was_seen(gate.id)):
-                self.take(m, gate)
-        here = relative(self.target, (m.x, m.y, m.yaw))
+        gate, guess = estimate.gate, estimate.guessed_gate
+        if spec.track and gate.new and gate.id == self.gate:
+            self.take(estimate, gate)
+        if spec.track and guess.new and guess.id == self.gate and not estimate.gate_seen_whole:
+            self.take(estimate, guess)
+        here = relative(self.target, estimate.pose)
         self.finished = here[0] >= spec.straight - spec.tolerance
-        ahead, offset, heading = self.beside_way(here, _LEAD_S * m.speed)
-        bend = bend_onto(offset, heading, spec.length, math.radians(spec.max_angle_deg))
-        self.steer(m, steering_for(ahead + bend))
-        self.drive(m)
+        ahead, offset, heading = self.beside_way(here, _LEAD_S * estimate.speed)
+        correction = curvature_onto(offset, heading, spec.length, math.radians(spec.max_angle_deg))
+        return self.drive(steering_for(ahead + correction))
 
     def beside_way(self, here: Pose, lead: float) -> Pose:
         """Curvature of the way `lead` metres on, and where the car is beside it: offset [m], heading [rad]."""
@@ -119,27 +120,27 @@ class SCurve(DrivingState[SCurveSpec]):
         x, y, heading = relative(self.begin, here)
         s, offset, direction = beside(x, y, arcs.curvature)
         if s < arcs.first:
-            return self.bend(arcs, s + lead), offset, heading - direction
+            return self.curvature(arcs, s + lead), offset, heading - direction
         x, y, heading = relative(self.turning, here)
         s, offset, direction = beside(x, y, -arcs.curvature)
         if s < arcs.second:
-            return self.bend(arcs, arcs.first + s + lead), offset, heading - direction
+            return self.curvature(arcs, arcs.first + s + lead), offset, heading - direction
         return 0.0, here[1], here[2]
 
     @staticmethod
-    def bend(arcs: TwoArcs, s: float) -> float:
+    def curvature(arcs: Biarc, s: float) -> float:
         """Curvature of the way at a distance from its beginning."""
         if s < arcs.first:
             return arcs.curvature
         return -arcs.curvature if s < arcs.first + arcs.second else 0.0
 
-    def unreachable(self, m: MachineState) -> str:
+    def unreachable(self, estimate: CarEstimate) -> str:
         """Why the end of the arcs cannot be reached; empty: it can."""
-        passed = min(max(relative(self.target, (m.x, m.y, m.yaw))[0], 0.0), self.spec.straight)
-        return out_of_reach(m.from_here(*along(self.target, passed)), self.spec.radius, self.aside(m))
+        passed = min(max(relative(self.target, estimate.pose)[0], 0.0), self.spec.straight)
+        return out_of_reach(estimate.from_here(along(self.target, passed)), self.spec.radius, self.aside(estimate))
 
-    def aside(self, m: MachineState) -> float:
+    def aside(self, estimate: CarEstimate) -> float:
         """How far beside the way is near enough, m: what a gate of a known width leaves beside the car."""
-        gate = m.gates.target
+        gate = estimate.target_gate
         room = gate.room(_MARGIN_M) if gate.id == self.gate else math.nan
-        return room if room == room else self.spec.aside
+        return room if not math.isnan(room) else self.spec.aside

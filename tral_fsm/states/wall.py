@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from typing import TypeVar
 
+from tral_env.interface import CONTROL_PERIOD_S
+from tral_env.se2 import Pose
+from tral_fsm.control.command import Command
 from tral_fsm.control.laws import clip, damping, pid, pid_rate, ramp, slowed, steering_for
 from tral_fsm.definition.machine import BasicFollowWallSpec, FollowWallRampSpec, FollowWallSpec, WallSpec
-from tral_fsm.estimation.estimator import MachineState
-from tral_fsm.estimation.sonar import Sonar
-from tral_fsm.states.base import NO_GATE, DrivingState, runs
+from tral_fsm.estimation.estimate import CarEstimate
+from tral_fsm.estimation.sonar import SonarReading
+from tral_fsm.states.base import NO_GATE, DrivingState
 
 W = TypeVar("W", bound=WallSpec)
 
@@ -42,39 +45,37 @@ class WallState(DrivingState[W]):
         self.error_sum = 0.0
         self.error_old: float | None = None
 
-    def on_enter(self, m: MachineState) -> None:
+    def on_enter(self, estimate: CarEstimate) -> None:
         """Begin with what the sonar reads now; e - eold and esum are 0."""
         self.rate = self.error_sum = 0.0
         self.error_old = None
-        sonar = m.side(self.is_left)
+        sonar = estimate.sonar(self.is_left)
         self.range = sonar.range if sonar.range <= self.spec.reach else None
 
-    def tick(self, m: MachineState) -> None:
+    def tick(self, estimate: CarEstimate) -> Command:
         """One tick of the control law."""
-        spec = self.spec
-        sonar = m.left if self.is_left else m.right
+        spec, trim_step = self.spec, 0.0
+        sonar = estimate.left if self.is_left else estimate.right
         if sonar.new:
-            self.take(m, sonar)
-        wanted = self.wanted(m)
+            self.take(sonar)
+        wanted = self.wanted(estimate)
         if self.range is None:
-            y = self.sign * hold_course(m)
+            y = self.sign * hold_course(estimate)
             self.error_old = None
         else:
             if spec.at_most_half:
-                wanted = min(wanted, self.half(m))
-            d = damping(spec.p, m.speed) if spec.d is None else spec.d
-            error = clip(self.range - wanted, self.largest(d, m.speed))
+                wanted = min(wanted, self.half(estimate))
+            d = damping(spec.p, estimate.speed) if spec.d is None else spec.d
+            error = clip(self.range - wanted, self.largest(d, estimate.speed))
             self.error_sum += error
             if spec.derivative == "tick":
                 y = pid(spec.p, spec.i, d, error, self.error_sum, error if self.error_old is None else self.error_old)
             else:
                 y = pid_rate(spec.p, spec.i, d, error, self.error_sum, self.rate)
             self.error_old = error
-            if spec.learn_trim and abs(error) < _TRIM_ERROR and abs(m.heading) < _TRIM_HEADING:
-                m.learn_trim(spec.learn_trim, self.sign * error)
-        self.steer(m, self.sign * y)
-        m.want_clearance(self.is_left, wanted)
-        self.drive(m, self.speed_now(m))
+            if spec.learn_trim and abs(error) < _TRIM_ERROR and abs(estimate.heading) < _TRIM_HEADING:
+                trim_step = spec.learn_trim * (self.sign * error) * CONTROL_PERIOD_S
+        return self.drive(self.sign * y, self.speed_now(estimate), wanted=(self.sign, wanted), trim_step=trim_step)
 
     def largest(self, d: float, speed: float) -> float:
         """The e that counts at most, m."""
@@ -82,15 +83,15 @@ class WallState(DrivingState[W]):
             return self.limit
         return min(self.limit, self.steepest * d * max(speed, 0.2) / self.spec.p)
 
-    def accepts(self, sonar: Sonar) -> bool:
+    def accepts(self, sonar: SonarReading) -> bool:
         """Whether a new reading is to be believed."""
         return True
 
-    def wanted(self, m: MachineState) -> float:
+    def wanted(self, estimate: CarEstimate) -> float:
         """Clearance wanted now, m."""
         raise NotImplementedError
 
-    def take(self, m: MachineState, sonar: Sonar) -> None:
+    def take(self, sonar: SonarReading) -> None:
         """Take a new reading of the followed side."""
         spec = self.spec
         if sonar.range > spec.reach:
@@ -104,33 +105,31 @@ class WallState(DrivingState[W]):
             else:
                 self.rate = 0.0
 
-    def half(self, m: MachineState) -> float:
+    def half(self, estimate: CarEstimate) -> float:
         """Half of the free width beside the car, m."""
-        other = (m.right if self.is_left else m.left).range
+        other = (estimate.right if self.is_left else estimate.left).range
         mine = self.range
         return math.inf if mine is None or other > self.spec.reach else (mine + other) / 2.0
 
-    def speed_now(self, m: MachineState) -> float | None:
+    def speed_now(self, estimate: CarEstimate) -> float | None:
         """Speed before something ahead, m/s; None: as it is."""
         spec = self.spec
-        return slowed(spec.speed, spec.slow_speed, spec.slow_front, m.front.range)
+        return slowed(spec.speed, spec.slow_speed, spec.slow_front, estimate.front.range)
 
 
-def hold_course(m: MachineState) -> float:
+def hold_course(estimate: CarEstimate) -> float:
     """Steering that turns the car back to the corridor's direction and keeps it there."""
-    return steering_for(-2.0 / _HOLD_LENGTH * math.sin(m.heading))
+    return steering_for(-2.0 / _HOLD_LENGTH * math.sin(estimate.heading))
 
 
-@runs(BasicFollowWallSpec)
 class BasicFollowWall(WallState[BasicFollowWallSpec]):
     """Wall following that believes every reading."""
 
-    def wanted(self, m: MachineState) -> float:
+    def wanted(self, estimate: CarEstimate) -> float:
         """Clearance wanted, m."""
         return self.spec.clearance
 
 
-@runs(FollowWallSpec)
 class FollowWall(WallState[FollowWallSpec]):
     """Wall following that ignores readings which differ from the reading before by more than 2 cm.
 
@@ -138,46 +137,46 @@ class FollowWall(WallState[FollowWallSpec]):
     the last accepted one: so a wall that has moved for good is followed from its second reading on.
     """
 
-    def accepts(self, sonar: Sonar) -> bool:
+    def accepts(self, sonar: SonarReading) -> bool:
         """Whether a reading is near the one before."""
         return abs(sonar.range - sonar.previous) <= self.spec.ignore_jump
 
-    def wanted(self, m: MachineState) -> float:
+    def wanted(self, estimate: CarEstimate) -> float:
         """Clearance wanted, m."""
         return self.spec.clearance
 
 
-@runs(FollowWallRampSpec)
 class FollowWallRamp(WallState[FollowWallRampSpec]):
     """Wall following with a clearance linear in the distance driven. Finished at the end of the distance."""
 
-    def on_enter(self, m: MachineState) -> None:
+    def on_enter(self, estimate: CarEstimate) -> None:
         """Start from the spec's clearances, or from the range now."""
-        super().on_enter(m)
+        super().on_enter(estimate)
         spec = self.spec
         self.finished = False
-        self.entry = m.distance
+        self.entry = estimate.distance
         here = spec.target if self.range is None else self.range
         self.start = here if spec.start is None else spec.start
         self.target = spec.target
         self.length = spec.distance
 
-    def set_target(self, m: MachineState, x: float, y: float, heading: float, gate: int = NO_GATE) -> None:
+    def set_target(self, estimate: CarEstimate, target: Pose, gate: int = NO_GATE) -> None:
         """Ramp to a point: its clearance is start - x_camera at a right wall, + at a left one; x_camera = -y."""
+        x, y, _ = target
         if self.spec.along_wall:
-            cos, sin = math.cos(m.heading), math.sin(m.heading)
+            cos, sin = math.cos(estimate.heading), math.sin(estimate.heading)
             x, y = cos * x - sin * y, sin * x + cos * y
         self.target = max(self.start - self.sign * y, 0.05)
         self.length = max(x - self.spec.before, 0.05)
 
-    def unreachable(self, m: MachineState) -> str:
+    def unreachable(self, estimate: CarEstimate) -> str:
         """Why the clearance cannot change so fast."""
         slope = abs(self.target - self.start) / self.length
         steepest = math.tan(math.radians(self.spec.max_angle_deg or 90.0))
         return f"a slope of {slope:.2f} is needed, {steepest:.2f} at most" if slope > steepest else ""
 
-    def wanted(self, m: MachineState) -> float:
+    def wanted(self, estimate: CarEstimate) -> float:
         """Clearance wanted now, m."""
-        driven = m.distance - self.entry
+        driven = estimate.distance - self.entry
         self.finished = driven >= self.length
         return ramp(self.start, self.target, self.length, driven)

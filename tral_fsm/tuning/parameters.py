@@ -16,6 +16,7 @@ from pydantic import ValidationError
 
 from tral_env.errors import ConfigError, nearest
 from tral_fsm.definition.checks import check
+from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.definition.validated import Spec, unit_of
 from tral_fsm.tuning.ranges import Span, limits, span_of
@@ -85,9 +86,8 @@ def _machine_sites(machine: MachineDefinition, place: Place, before: list[str]) 
         calls = [f"state[{state.id}]", str(state.id), *([state.label] if state.label else [])]
         names = [f"{outer}{call}" for outer in before for call in calls]
         yield from _spec_sites(state, (*place, "states", k), names)
-        inner = getattr(state, "machine", None)
-        if isinstance(inner, MachineDefinition):
-            yield from _machine_sites(inner, (*place, "states", k, "machine"), [f"{name}/" for name in names])
+        if isinstance(state.inner, MachineDefinition):
+            yield from _machine_sites(state.inner, (*place, "states", k, "machine"), [f"{name}/" for name in names])
     for k, transition in enumerate(machine.transitions):
         names = [f"{outer}transition[{transition.id}]" for outer in before]
         yield from _spec_sites(transition.when, (*place, "transitions", k, "when"), names)
@@ -105,7 +105,7 @@ def _spec_sites(spec: Spec, place: Place, names: list[str]) -> Iterator[Site]:
                 name=name,
                 value=getattr(spec, name),
             )
-    for k, part in enumerate(getattr(spec, "of", ())):
+    for k, part in enumerate(spec.parts if isinstance(spec, ConditionSpec) else ()):
         yield from _spec_sites(part, (*place, "of", k), [f"{each}.of[{k}]" for each in names])
 
 

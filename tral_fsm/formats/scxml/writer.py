@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
-from tral_fsm.definition.machine import FSMStateSpec, MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition.machine import MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.formats.members import word
 from tral_fsm.formats.scxml.reader import OURS, W3C
 from tral_fsm.formats.tral_json import members
@@ -66,7 +66,7 @@ def _state(
     name = names[state.id]
     values = {"type": state.type, **members(state)}
     own_id = {} if values.pop("id") == name else {"id": state.id}
-    inner = state.machine if isinstance(state, FSMStateSpec) and isinstance(state.machine, MachineDefinition) else None
+    inner = state.inner if isinstance(state.inner, MachineDefinition) else None
     tag = "final" if state.final and not leaving and inner is None else "state"
     if tag == "final":
         values.pop("final")

@@ -1,0 +1,215 @@
+"""Lenses by name and as camera_info files."""
+
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tral_env.calibration.camera_info import camera_info, load_lens, parse_camera_info, write_camera_info
+from tral_env.config import WIDE_LENS, CameraConfig
+from tral_env.errors import CalibrationError, ConfigError
+
+FROM_ROS = """
+# written by a calibrator that likes blocks
+image_width: 640
+image_height: 480
+camera_name: narrow_stereo
+camera_matrix:
+  rows: 3
+  cols: 3
+  data:
+  - 335.9
+  - 0
+  - 330.2
+  - 0.
+  - 333.6
+  - 249.6
+  - 0
+  - 0
+  - 1
+camera_model: plumb_bob
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 4, data: [-0.162, 1e-05, -0.0016, -0.0047]}
+"""
+
+
+def test_a_lens_is_written_as_ros_writes_it():
+    assert camera_info(WIDE_LENS, "webcam") == (
+        "image_width: 640\n"
+        "image_height: 480\n"
+        "camera_name: webcam\n"
+        "camera_matrix:\n"
+        "  rows: 3\n"
+        "  cols: 3\n"
+        "  data: [335.9, 0.0, 330.2, 0.0, 333.6, 249.6, 0.0, 0.0, 1.0]\n"
+        "distortion_model: plumb_bob\n"
+        "distortion_coefficients:\n"
+        "  rows: 1\n"
+        "  cols: 5\n"
+        "  data: [-0.162, 0.0157, -0.0016, -0.0047, 0.0]\n"
+        "rectification_matrix:\n"
+        "  rows: 3\n"
+        "  cols: 3\n"
+        "  data: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]\n"
+        "projection_matrix:\n"
+        "  rows: 3\n"
+        "  cols: 4\n"
+        "  data: [335.9, 0.0, 330.2, 0.0, 0.0, 333.6, 249.6, 0.0, 0.0, 0.0, 1.0, 0.0]\n"
+    )
+
+
+FINITE = st.floats(-1e3, 1e3)
+POSITIVE = st.floats(1e-3, 1e5)
+
+
+@given(
+    st.integers(1, 9999), st.integers(1, 9999), POSITIVE, POSITIVE, FINITE, FINITE, st.tuples(*[FINITE] * 5), st.text()
+)
+def test_a_lens_read_again_is_the_same_to_the_last_bit(width, height, fx, fy, cx, cy, distortion, name):
+    lens = CameraConfig(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy, distortion=distortion)
+    assert parse_camera_info(camera_info(lens, name), "text") == lens
+
+
+def test_a_file_of_another_calibrator_is_read():
+    lens = parse_camera_info(FROM_ROS, "text")
+    assert lens == CameraConfig(fx=335.9, fy=333.6, cx=330.2, cy=249.6, distortion=(-0.162, 1e-05, -0.0016, -0.0047, 0))
+
+
+def test_a_rational_model_without_its_own_terms_is_read():
+    text = FROM_ROS.replace("distortion_model: plumb_bob", "distortion_model: rational_polynomial")
+    text = text.replace("-0.0047]", "-0.0047, 0, 0, 0, 0]")
+    assert parse_camera_info(text, "text").distortion == (-0.162, 1e-05, -0.0016, -0.0047, 0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("image_width: 640", "", r"lens.yaml: image_width missing. There: image_height, camera_name"),
+        ("640", "640.5", r"lens.yaml: image_width = 640.5: expected a whole number of pixels"),
+        ("- 335.9", "- wide", r"camera_matrix.data\[0\] = 'wide': expected a finite number"),
+        ("- 335.9", "- 1" + 400 * "0", r"camera_matrix.data\[0\] = 1.*: expected a finite number"),
+        ("- 335.9", "- .nan", r"camera_matrix.data\[0\] = nan: expected a finite number"),
+        ("- 335.9", "- true", r"camera_matrix.data\[0\] = True: expected a finite number"),
+        ("- 335.9", "- -335.9", r"lens.yaml: CameraConfig.fx = -335.9: expected a number above 0"),
+        ("  - 1\n", "", r"camera_matrix: got .*: expected 'data' with 9 numbers"),
+        ("- 0.\n", "- 2.0\n", r"expected \[fx, 0, cx, 0, fy, cy, 0, 0, 1\]"),
+        ("distortion_model: plumb_bob", "distortion_model: plum_bob", r"did you mean 'plumb_bob'"),
+        ("distortion_model: plumb_bob", "distortion_model: equidistant", r"distortion_model 'equidistant': .*Allowed"),
+        (
+            "distortion_model: plumb_bob",
+            "distortion_model: [plumb_bob]",
+            r"distortion_model \['plumb_bob'\]: .*Allowed",
+        ),
+        ("image_width: 640", "image_width: 1" + 30 * "0", r"image_width = 10*.*: expected .* 1 to 65535"),
+        ("-0.0047]", "-0.0047, 0, 0]", r"expected 'data' with 0 or 4 or 5 numbers"),
+        ("image_height: 480", "image_height: [480", r"lens.yaml:\d+:\d+: not YAML"),
+    ],
+)
+def test_a_file_that_cannot_be_used_is_refused_with_its_place(old, new, message):
+    assert old in FROM_ROS
+    with pytest.raises(CalibrationError, match=message):
+        parse_camera_info(FROM_ROS.replace(old, new), "lens.yaml")
+
+
+NO_VALUES = ["a: !!bool foo", 'a: !!int ""', "a: !!timestamp x"]
+
+
+@pytest.mark.parametrize(
+    "text", ["", "3", "- a\n- b", "!!python/object/apply:os.system [ls]", "a: !x b", "\x00", *NO_VALUES]
+)
+def test_what_is_no_lens_at_all_is_refused(text):
+    with pytest.raises(CalibrationError):
+        parse_camera_info(text, "lens.yaml")
+
+
+def test_an_error_is_short_however_much_was_got():
+    tenfold = "a: &a [0, 0, 0, 0, 0, 0, 0, 0, 0, 0]\n"
+    for one, many in zip("abcde", "bcdef", strict=True):
+        tenfold += f"{many}: &{many} [{', '.join([f'*{one}'] * 10)}]\n"
+    text = tenfold + FROM_ROS.replace("camera_matrix:", "camera_matrix: *f\nunused:")
+    with pytest.raises(CalibrationError, match="camera_matrix: got") as caught:
+        parse_camera_info(text, "lens.yaml")
+    assert len(str(caught.value)) < 1000
+
+
+@given(st.text())
+def test_any_text_is_a_lens_or_a_calibration_error(text):
+    with pytest.raises(CalibrationError):
+        parse_camera_info(text, "lens.yaml")
+
+
+def test_a_lens_is_found_by_name_by_path_and_by_value(tmp_path: Path):
+    path = tmp_path / "Webcam.YML"
+    write_camera_info(path, WIDE_LENS)
+    assert (
+        load_lens("wide")
+        == load_lens(path)
+        == load_lens(str(path))
+        == load_lens(
+            {"fx": 335.9, "fy": 333.6}
+            | {"cx": 330.2, "cy": 249.6, "distortion": [-0.162, 0.0157, -0.0016, -0.0047, 0.0]}
+        )
+        == WIDE_LENS
+    )
+    assert load_lens(None) == load_lens("default") == CameraConfig()
+
+
+def test_an_unknown_name_is_refused():
+    with pytest.raises(ConfigError, match=r"unknown lens 'wied': did you mean 'wide'\?.*has to end in .yaml"):
+        load_lens("wied")
+
+
+def test_a_missing_file_is_refused(tmp_path: Path):
+    with pytest.raises(CalibrationError, match="cannot read the lens"):
+        load_lens(tmp_path / "none.yaml")
+
+
+def test_a_file_is_replaced_at_once_and_nothing_else_is_left(tmp_path: Path):
+    path = tmp_path / "lens.yaml"
+    for lens in (CameraConfig(), WIDE_LENS):
+        write_camera_info(path, lens)
+    assert load_lens(path) == WIDE_LENS
+    assert [file.name for file in tmp_path.iterdir()] == ["lens.yaml"]
+
+
+def test_a_file_that_cannot_be_written_is_an_error_in_words(tmp_path: Path):
+    with pytest.raises(ConfigError, match="cannot be written"):
+        write_camera_info(tmp_path / "no" / "lens.yaml", WIDE_LENS)
+
+
+def test_a_link_to_a_lens_stays_a_link(tmp_path: Path):
+    path, link = tmp_path / "lens.yaml", tmp_path / "link.yaml"
+    write_camera_info(path, CameraConfig())
+    link.symlink_to(path)
+    write_camera_info(link, WIDE_LENS)
+    assert link.is_symlink()
+    assert load_lens(path) == WIDE_LENS
+
+
+def test_what_could_not_be_put_in_place_leaves_nothing(tmp_path: Path):
+    (tmp_path / "lens.yaml" / "full").mkdir(parents=True)
+    with pytest.raises(ConfigError, match="cannot be written"):
+        write_camera_info(tmp_path / "lens.yaml", WIDE_LENS)
+    assert [file.name for file in tmp_path.iterdir()] == ["lens.yaml"]
+
+
+def test_an_environment_reads_the_file_and_remembers_it(tmp_path: Path):
+    path = str(tmp_path / "lens.yaml")
+    write_camera_info(Path(path), WIDE_LENS)
+    env = gym.make("tral_env:TralCorridor-v0", scenario="gates", lens=path)
+    assert env.spec is not None
+    again = gym.make(EnvSpec.from_json(env.spec.to_json()))
+    assert env.unwrapped.world.sim.lens == again.unwrapped.world.sim.lens == WIDE_LENS
+    env.close()
+    again.close()
+
+
+def test_a_vector_environment_knows_lenses_by_name():
+    env = gym.make_vec("tral_env:TralCorridor-v0", num_envs=2, scenario="straight", lens="wide")
+    assert env.unwrapped.world.sim.lens == WIDE_LENS
+    assert np.isfinite(env.reset(seed=1)[0]).all()
+    env.close()

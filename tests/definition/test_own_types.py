@@ -1,0 +1,51 @@
+"""A state and a condition of one's own."""
+
+import math
+from typing import Literal
+
+import pytest
+from readings import Bench, two_states
+
+from tral_fsm.conditions import base as conditions
+from tral_fsm.control.command import Command
+from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
+from tral_fsm.definition.machine import STATES, StateSpec
+from tral_fsm.estimation.estimate import CarEstimate
+from tral_fsm.states import base as states
+
+
+class TestYourOwnState:
+    def test_it_takes_ten_lines(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.delitem(STATES, "Weave", raising=False)
+
+        class WeaveSpec(StateSpec):
+            type: Literal["Weave"] = "Weave"
+            period: float = 2.0
+
+        @states.register
+        class Weave(states.State[WeaveSpec]):
+            def tick(self, estimate: CarEstimate) -> Command:
+                return Command(steering=math.sin(2 * math.pi * estimate.time / self.spec.period), speed=0.5)
+
+        try:
+            bench = Bench({"root": 0, "states": [{"id": 0, "type": "Weave", "period": 0.05, "final": True}]})
+            assert [bench.tick()[0] for _ in range(4)] == pytest.approx([1.0, 0.0, -1.0, 0.0], abs=1e-9)
+        finally:
+            del STATES["Weave"], states.RUNTIMES["Weave"]
+
+    def test_so_does_a_condition(self) -> None:
+        class SpeedSpec(ConditionSpec):
+            type: Literal["Speed"] = "Speed"
+            above: float = 1.0
+
+        @conditions.register
+        class Speed(conditions.Condition[SpeedSpec]):
+            def triggered(self, estimate: CarEstimate) -> bool:
+                return estimate.speed > self.spec.above
+
+        try:
+            bench = two_states({"type": "Speed", "above": 0.5})
+            bench.tick(speed=0.6)
+            assert bench.active == "b"
+        finally:
+            del CONDITIONS["Speed"], conditions.RUNTIMES["Speed"]

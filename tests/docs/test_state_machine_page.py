@@ -1,0 +1,68 @@
+"""The examples in docs/state_machine.md work."""
+
+import re
+from pathlib import Path
+
+from tral_fsm.conditions.base import RUNTIMES as CONDITION_RUNTIMES
+from tral_fsm.definition.conditions import CONDITIONS
+from tral_fsm.definition.machine import STATES
+from tral_fsm.formats.tral_json import loads
+from tral_fsm.states.base import RUNTIMES
+
+PAGE = (Path(__file__).parents[2] / "docs/state_machine.md").read_text("utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
+
+
+def test_the_python_examples_run_and_the_state_of_ones_own_drives() -> None:
+    names: dict[str, object] = {"__name__": "example"}
+    try:
+        for block in blocks("python"):
+            exec(block, names)
+        machine = loads('{"root": 0, "states": [{"id": 0, "type": "Weave", "period": 1.5, "final": true}]}')
+        assert machine.states[0].model_dump() == {
+            "type": "Weave", "id": 0, "label": "", "final": True, "period": 1.5,
+        }  # fmt: skip
+    finally:
+        for known in (STATES, RUNTIMES):
+            known.pop("Weave", None)
+        for known in (CONDITIONS, CONDITION_RUNTIMES):
+            known.pop("FasterThan", None)
+
+
+def test_the_json_example_is_a_machine() -> None:
+    (block,) = blocks("json")
+    assert len(loads(block).states) == 2
+
+
+def test_every_type_has_its_row() -> None:
+    for name in [*STATES, *(name for name in CONDITIONS if name not in ("All", "Any", "Not"))]:
+        assert f"\n| {name} |" in PAGE
+
+
+def test_every_test_that_the_page_names_is_there() -> None:
+    table = PAGE[PAGE.index("## Which test holds what") :]
+    tests = {path.name: path for path in Path(__file__).parents[1].rglob("test_*.py")}
+    named = re.findall(r"(test_\w+\.py)?((?:::\w+)*)(?=[;,| ])", table)
+    file, count = "", 0
+    for name, path in named:
+        file = name or file
+        if name:
+            assert name in tests
+        for part in [part for part in path.split("::") if part]:
+            assert re.search(rf"(def|class) {part}\b", tests[file].read_text("utf-8")), part
+            count += 1
+    assert count > 20
+
+
+def test_every_line_of_the_tables_of_2016_is_held_by_a_test() -> None:
+    table = PAGE[PAGE.index("## Which test holds what") : PAGE.index("Beyond 2016:")]
+    lines = re.findall(r"^\| ([^|]+) \| [^|]*test_", table, re.MULTILINE)
+    words = {word for line in lines for word in re.findall(r"\w+", line.partition(":")[0])}
+    of_2016 = {
+        "BasicFollowWall", "FollowWall", "FollowWallRamp", "ApproachPoint", "ArucoGateCenter", "Motor", "Stop", "Idle",
+        "FSMState", "Always", "Distance", "Finished", "SensorLevel", "ArucoGateFound",
+    }  # fmt: skip
+    assert of_2016 <= words

@@ -1,0 +1,32 @@
+"""Conditions in words."""
+
+from tral_fsm.definition.conditions import AllSpec, AnySpec, ConditionSpec, NotSpec, SensorLevelSpec, TimerSpec
+from tral_fsm.definition.prose import combined, in_full
+
+WAIT = TimerSpec(seconds=2.0)
+NEAR = SensorLevelSpec(below=0.5)
+SIDE = SensorLevelSpec(sensor="left", above=1.0, readings=2)
+
+
+def type_alone(condition: ConditionSpec) -> str:
+    return condition.type
+
+
+def test_in_full_a_value_has_its_name_and_its_unit() -> None:
+    assert in_full(WAIT) == "Timer seconds 2.0 s"
+    assert in_full(SIDE) == "SensorLevel sensor left above 1.0 m readings 2"
+
+
+def test_in_full_the_sensor_is_told_even_if_it_is_the_default() -> None:
+    assert in_full(NEAR) == "SensorLevel sensor front below 0.5 m"
+
+
+def test_parts_stand_in_parentheses_only_within_others() -> None:
+    either = AnySpec(of=(WAIT, NEAR))
+    assert combined(either, type_alone) == "Timer or SensorLevel"
+    assert combined(either, type_alone, inside=True) == "(Timer or SensorLevel)"
+    assert combined(AllSpec(of=(either, NotSpec(of=(WAIT,)))), type_alone) == "(Timer or SensorLevel) and not Timer"
+
+
+def test_a_single_part_needs_no_parentheses() -> None:
+    assert combined(AllSpec(of=(WAIT,)), type_alone, inside=True) == "Timer"

@@ -1,0 +1,67 @@
+"""The states that drive by the estimate of the walls."""
+
+import pytest
+from readings import one_state
+
+CRUISE = {"type": "FollowCorridor", "throttle": 0.2}
+
+
+class TestStates:
+    def test_the_line_begins_where_the_car_is(self) -> None:
+        bench = one_state(**CRUISE, clearance=0.5)
+        for _ in range(3):
+            bench.tick(right=0.8)
+        assert bench.command.wanted_clearance == pytest.approx(0.8)
+        assert bench.command.wanted_side == -1.0
+
+    def test_the_line_shifts_by_its_slope(self) -> None:
+        bench = one_state(**CRUISE, clearance=0.5, slope=0.1)
+        for _ in range(4):
+            bench.tick(right=0.8)
+        before = bench.command.wanted_clearance
+        bench.tick(distance=0.05, speed=0.5)
+        bench.tick(distance=0.10, speed=0.5)
+        assert before - bench.command.wanted_clearance == pytest.approx(0.01)
+
+    def test_it_drives_slowly_until_it_knows_the_corridor(self) -> None:
+        bench = one_state(type="FollowCorridor", speed=1.0, unsure_speed=0.4)
+        targets = []
+        for k in range(80):
+            bench.tick(left=0.8, right=0.8, distance=0.04 * k, speed=0.5)
+            targets.append(bench.driver.speed_target)
+        assert targets[0] == 0.4
+        assert targets[-1] == 1.0
+        assert targets == sorted(targets)  # once it knows it stays so
+
+    def test_what_is_slower_anyway_is_not_made_faster(self) -> None:
+        bench = one_state(type="FollowCorridor", speed=0.3, unsure_speed=0.45)
+        bench.tick(left=0.8, right=0.8)
+        assert bench.driver.speed_target == 0.3
+
+    def test_a_trim_that_is_not_to_be_learnt_is_known_to_dead_reckoning_alone(self) -> None:
+        taken, left = one_state(**CRUISE), one_state(**CRUISE, learn_trim=False)
+        for bench in (taken, left):
+            for k in range(60):  # it drifts to the left of straight ahead
+                y = 0.5 * 0.1 * (0.04 * k) ** 2
+                bench.tick(left=0.8 - y, right=0.8 + y, distance=0.04 * k, speed=0.5)
+        assert taken.estimator.steering_offset < -0.03
+        assert taken.estimator.offset_error == 0.0
+        assert left.estimator.steering_offset == 0.0
+        assert left.estimator.offset_error < -0.03
+
+    def test_reversing_it_steers_the_other_way(self) -> None:
+        bench = one_state(type="BackUp", throttle=-0.2)
+        bench.tick()
+        bench.estimator.odometry.yaw = 0.2
+        assert bench.tick()[0] > 0.5
+
+    def test_brake_is_held_for_the_motor_controller(self) -> None:
+        bench = one_state(type="Stop", hold=0.1)
+        pushed = [bench.tick()[1] for _ in range(12)]
+        assert pushed[:8] == [-0.3] * 8
+        assert pushed[9:] == [0.0] * 3
+
+    @pytest.mark.parametrize(("side", "sign"), [("left", 1), ("right", -1)])
+    def test_a_turn_steers_to_its_side_with_the_lock_that_fits(self, side: str, sign: int) -> None:
+        far = one_state(type="Turn", side=side, throttle=0.2, lock=0.85)
+        assert far.tick()[0] == pytest.approx(sign * 0.85)

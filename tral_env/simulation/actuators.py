@@ -1,0 +1,60 @@
+"""From the commands of n cars to the servos and motors of their models."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.actuation import Actuation
+from tral_env.config import CarConfig
+from tral_env.simulation.physics import Physics
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+STEERING_LEAD_STEPS = 0.8
+"""By how many of its steps the semi-implicit integrator turns the car too early; the servo is held back as much.
+
+Measured against steps of 0.25 ms, see tests/car: it halves the error in place and leaves a third of that in heading.
+"""
+
+
+class Actuators:
+    """The last commands, the actuation that follows them, and the model's actuators that obey it."""
+
+    def __init__(self, n: int, car: CarConfig, physics: Physics) -> None:
+        """Stand still."""
+        self._physics, self._car = physics, car
+        self.actuation = Actuation(n, car=car, lead_s=STEERING_LEAD_STEPS * physics.model.opt.timestep)
+        self.command = np.zeros((n, 2))
+        """(n, 2) last command, as applied."""
+
+    def reset(self, rows: Index) -> None:
+        """Let cars (k,) stand still."""
+        self.command[rows] = 0.0
+        self.actuation.reset(rows)
+
+    def apply(self, moving: Index, command: Array) -> Array:
+        """Give cars their commands.
+
+        Args:
+            moving: (k,) the cars that move.
+            command: (n, 2) steering, throttle; clipped to [-1, 1].
+
+        Returns:
+            (k,) voltages of their batteries under load, V.
+        """
+        self.command[moving] = np.minimum(np.maximum(command[moving], -1.0), 1.0)
+        drive = self.actuation.apply(moving, self.command[moving], self._wheel_speed()[moving])
+        physics, handles = self._physics, self._physics.handles
+        physics.ctrl[moving, handles.steer_actuator] = drive.steering_angle
+        physics.ctrl[moving, handles.drive_actuator] = drive.voltage
+        physics.frictionloss[moving, handles.steer_dof] = drive.scrub_torque
+        return drive.battery_v
+
+    def _wheel_speed(self) -> Array:
+        """(n,) mean rate of the four wheels times their radius, m/s; a sum in fixed order, alike for any n."""
+        sensordata = self._physics.sensordata
+        a, b, c, d = (sensordata[:, wheel] for wheel in self._physics.handles.wheel_speeds)
+        speed: Array = (a + b + c + d) * (self._car.wheel_radius / 4)
+        return speed

@@ -1,0 +1,148 @@
+"""Conditions on what is beside and ahead of the car: walls, openings, obstacles."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal
+
+from pydantic import Field
+
+from tral_env.geometry import FRONT_SONAR_X_M, SIDE_SONAR_X_M
+from tral_env.interface import NO_ECHO_M
+from tral_fsm.conditions.base import Condition
+from tral_fsm.definition.conditions import ConditionSpec
+from tral_fsm.definition.validated import Side, quantity
+from tral_fsm.estimation.estimate import CarEstimate
+from tral_fsm.estimation.front_obstacle import FrontObstacle
+from tral_fsm.states.base import State
+
+
+class OpeningSpec(ConditionSpec):
+    """Fires when there is no wall on a side: readings found none, though the car stood parallel to hear one."""
+
+    type: Literal["Opening"] = "Opening"
+    side: Side = Field("left", description="on which side")
+    readings: int = Field(2, description="so many readings found none since one did", ge=2, le=100)
+
+
+class Opening(Condition[OpeningSpec]):
+    """Asks the filter of the walls."""
+
+    counts = False
+
+    def __init__(self, spec: OpeningSpec, owner: State[Any]) -> None:
+        super().__init__(spec, owner)
+        self.is_left = spec.side == "left"
+
+    def triggered(self, estimate: CarEstimate) -> bool:
+        """The wall is lost."""
+        return estimate.wall(self.is_left).lost >= self.spec.readings
+
+    def why(self, estimate: CarEstimate) -> str:
+        """How many readings."""
+        return f"{estimate.wall(self.is_left).lost} readings without a wall on the {self.spec.side}"
+
+
+class ObstacleAheadSpec(ConditionSpec):
+    """Fires when front readings agree on something ahead that is nearer than a range, or than the car needs to stop.
+
+    A wall across the corridor is heard from 5 m on, the edges of a box from 2 m on.
+    """
+
+    type: Literal["ObstacleAhead"] = "ObstacleAhead"
+    below: float | None = quantity(
+        None,
+        "m",
+        "it is nearer than this; null: than the way to stop, room + v reaction + v^2 / (2 braking)",
+        gt=0.0,
+        le=5.0,
+    )
+    room: float = quantity(0.3, "m", "left before it when the car has stopped", ge=0.0, le=5.0)
+    reaction: float = quantity(0.4, "s", "readings, command and brake are late", ge=0.0, le=5.0)
+    braking: float = quantity(1.5, "m/s^2", "deceleration of the braking car", gt=0.0, le=20.0)
+    readings: int = Field(2, description="so many readings must agree on it", ge=2, le=100)
+    heard_above: float = quantity(0.0, "m", "it has been heard from farther away than this", ge=0.0, le=6.0)
+    heard_below: float = quantity(6.0, "m", "it has not been heard from farther away than this", gt=0.0, le=6.0)
+    aside_below: float | None = quantity(
+        None, "m", "it is no farther beside the way than this, as far as its approach tells; null: never mind", gt=0.0
+    )
+
+
+class ObstacleAhead(Condition[ObstacleAheadSpec]):
+    """Asks what is known of what is ahead.
+
+    What has only just come up counts too, unless it is asked what it is: then something else may be followed still.
+    """
+
+    counts = False
+
+    def __init__(self, spec: ObstacleAheadSpec, owner: State[Any]) -> None:
+        super().__init__(spec, owner)
+        self.below = spec.below
+        self.anything = spec.heard_above == 0.0 and spec.heard_below >= NO_ECHO_M and spec.aside_below is None
+
+    def level(self, estimate: CarEstimate) -> float:
+        """Range below which it fires, m."""
+        spec, v = self.spec, estimate.speed
+        return spec.room + v * (spec.reaction + v / (2.0 * spec.braking)) if self.below is None else self.below
+
+    def triggered(self, estimate: CarEstimate) -> bool:
+        """Near, and first heard where it should be."""
+        ahead = estimate.obstacle
+        level = self.below or self.level(estimate)
+        if ahead.range < level and self.known(ahead):
+            return True
+        return self.anything and ahead.last_range < level and ahead.streak >= self.spec.readings
+
+    def known(self, ahead: FrontObstacle) -> bool:
+        """It has been heard often enough, from where it should be, and where it should be."""
+        spec = self.spec
+        if ahead.support < spec.readings or not spec.heard_above < ahead.first_range <= spec.heard_below:
+            return False
+        return spec.aside_below is None or ahead.lateral_offset < spec.aside_below
+
+    def why(self, estimate: CarEstimate) -> str:
+        """How near, and from where on."""
+        ahead = estimate.obstacle
+        return (
+            f"{ahead.nearest:.2f} < {self.level(estimate):.2f} m ahead, {ahead.lateral_offset:.2f} m aside, "
+            f"heard from {ahead.first_range:.2f} m on"
+        )
+
+
+class MoreRoomSpec(ConditionSpec):
+    """Fires when there is more room on a side than on the other: when the wall there is farther away, or not known.
+
+    Where something is ahead its place counts, not the car's: a car that drives aslant comes to it nearer to a wall.
+    """
+
+    type: Literal["MoreRoom"] = "MoreRoom"
+    side: Side = Field("left", description="on which side")
+
+
+class MoreRoom(Condition[MoreRoomSpec]):
+    """Compares the walls."""
+
+    counts = False
+
+    def __init__(self, spec: MoreRoomSpec, owner: State[Any]) -> None:
+        super().__init__(spec, owner)
+        self.is_left = spec.side == "left"
+
+    def triggered(self, estimate: CarEstimate) -> bool:
+        """More room there."""
+        ahead = self.place(estimate)
+        here, there = estimate.clearance(self.is_left, ahead), estimate.clearance(not self.is_left, ahead)
+        return here > there or (math.isnan(here) and not math.isnan(there))
+
+    @staticmethod
+    def place(estimate: CarEstimate) -> float:
+        """How far ahead of the side ultrasonics what is ahead is, m; 0: nothing is."""
+        near = estimate.obstacle.nearest
+        return FRONT_SONAR_X_M - SIDE_SONAR_X_M + near if near < math.inf else 0.0
+
+    def why(self, estimate: CarEstimate) -> str:
+        """Both clearances."""
+        ahead = self.place(estimate)
+        left, right = estimate.clearance(True, ahead), estimate.clearance(False, ahead)
+        return f"left {left:.2f} m, right {right:.2f} m, {ahead:.2f} m ahead"

@@ -1,0 +1,39 @@
+"""What a state answers: a command, as plain data."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from tral_fsm.estimation.detections import Detection
+
+
+class Command(NamedTuple):
+    """What a state wants in one tick.
+
+    `speed` alone is regulated on the hall sensor. `throttle` alone is the open loop. With both the throttle is applied
+    as it is, and the speed says what it is for. With neither the car rolls in neutral.
+    """
+
+    steering: float | None = None
+    """In [-1, 1], + = left, of a car without faults: trim and gain are added later. None: the servo's neutral."""
+    speed: float | None = None
+    """m/s."""
+    throttle: float | None = None
+    """In [-1, 1], + = forward."""
+    steering_trim: float | None = None
+    """Steering that the car needs to run straight, as far as its machine file says so. None: as before."""
+    wanted_side: float = math.nan
+    """Wall that the state keeps a clearance to: +1 left, -1 right, NaN none."""
+    wanted_clearance: float = math.nan
+    """That clearance, from side ultrasonic to wall, m."""
+    adopt_trim: bool = False
+    """Steer from now on by what the walls have told of the trim."""
+    trim_step: float = 0.0
+    """To be added to the trim."""
+    target: Detection | None = None
+    """A gate that is the target from now on. The machine fills it in."""
+
+
+IDLE = Command()

@@ -1,0 +1,83 @@
+"""From a wanted speed to a throttle: feed-forward and PI on the hall sensor's speed, and the way out of a stall."""
+
+from __future__ import annotations
+
+from tral_fsm.control.command import Command
+from tral_fsm.control.laws import PID_S, clip
+
+THROTTLE_DEAD = 0.1
+"""Throttle at which the car begins to roll. Source: line through the level/speed table of the same cars."""
+SPEED_PER_THROTTLE = 2.64
+"""m/s for a unit of throttle above that. Source: as above."""
+SPEED_P = 0.15
+"""Throttle for a speed error of 1 m/s. Source: choice."""
+SPEED_I = 0.25
+"""Throttle a second for a speed error of 1 m/s, which weight and battery cause. Source: choice."""
+SPEED_I_LIMIT = 0.25
+"""The integral adds at most this much throttle. Source: choice."""
+STANDING_MPS = 0.05
+"""Below this speed the car counts as standing, m/s. Source: choice, half of the hall sensor's slowest reading."""
+STALL_TICKS = 80
+"""A car that stands for so long although it should drive gets neutral. Source: choice."""
+NEUTRAL_TICKS = 16
+"""It gets neutral for so long. Source: choice; the motor controllers of 2016 want 100 ms."""
+
+
+def feed_forward(speed: float) -> float:
+    """Throttle that holds a speed [m/s] on the level: 0.1 + v / 2.64; 0 at 0."""
+    return THROTTLE_DEAD + speed / SPEED_PER_THROTTLE if speed > 0.0 else 0.0
+
+
+def speed_control(wanted: float, speed: float, integral: float) -> tuple[float, float]:
+    """Feed-forward and PI on the speed of the hall sensor; one tick.
+
+    Args:
+        wanted: m/s, not negative.
+        speed: from the hall sensor, m/s.
+        integral: of the tick before, throttle.
+
+    Returns:
+        Throttle in [-1, 1] and the new integral. A standing car is never given negative throttle: that would be
+        reverse gear.
+    """
+    error = wanted - speed
+    integral = clip(integral + SPEED_I * error * PID_S, SPEED_I_LIMIT)
+    throttle = clip(feed_forward(wanted) + SPEED_P * error + integral)
+    return (max(throttle, 0.0) if speed < 0.15 else throttle), integral
+
+
+class SpeedController:
+    """Makes the throttle of a command, for one car."""
+
+    __slots__ = ("_integral", "_stalled_ticks")
+
+    def __init__(self) -> None:
+        self._integral = 0.0
+        self._stalled_ticks = 0
+
+    def throttle(self, command: Command, speed: float) -> float:
+        """Throttle of one tick.
+
+        Args:
+            command: what the state wants.
+            speed: from the hall sensor, m/s.
+        """
+        if command.throttle is not None:
+            own = command.speed is not None
+            return command.throttle if own or command.throttle >= 0.0 else self._released(command.throttle, speed)
+        if command.speed is None:
+            return 0.0
+        throttle, self._integral = speed_control(command.speed, speed, self._integral)
+        return self._released(throttle, speed)
+
+    def _released(self, throttle: float, speed: float) -> float:
+        """Neutral for a while when the car stands although it is told to drive.
+
+        To turn its direction the motor controller wants to see brake, then neutral; until then it brakes.
+        """
+        self._stalled_ticks = self._stalled_ticks + 1 if speed < STANDING_MPS and throttle != 0.0 else 0
+        if self._stalled_ticks > STALL_TICKS:
+            throttle = self._integral = 0.0
+        if self._stalled_ticks >= STALL_TICKS + NEUTRAL_TICKS:
+            self._stalled_ticks = 0
+        return throttle

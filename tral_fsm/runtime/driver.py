@@ -1,0 +1,79 @@
+"""One car at work: readings -> estimate -> command -> actuators."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from tral_fsm.control.command import IDLE
+from tral_fsm.control.speed import SpeedController
+from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.estimation.estimate import CarEstimate
+from tral_fsm.estimation.estimator import Estimator
+from tral_fsm.runtime.machine import Machine, Trace
+
+
+class Driver:
+    """A machine that drives one car."""
+
+    def __init__(self, definition: MachineDefinition, trace: Trace | None = None, *, checked: bool = False) -> None:
+        """Build the machine.
+
+        Args:
+            definition: the machine.
+            trace: called for each transition that fires.
+            checked: the definition has been checked already.
+
+        Raises:
+            FormatError: the definition cannot run.
+        """
+        self.machine = Machine(definition, trace, checked=checked)
+        self.reset()
+
+    def reset(self) -> None:
+        """Start anew at a new place."""
+        self.machine.restart()
+        self.estimator = Estimator()
+        self.speed_controller = SpeedController()
+        self.estimate = CarEstimate()
+        """What the machine was given last."""
+        self.command = IDLE
+        """What the machine answered last."""
+
+    def act(self, row: Sequence[float]) -> tuple[float, float]:
+        """One tick.
+
+        Args:
+            row: the readings in the order of `estimation.readings.Readings`.
+
+        Returns:
+            Steering and throttle.
+        """
+        self.estimate = estimate = self.estimator.update(row, self.command)
+        self.command = command = self.machine.tick(estimate)
+        self.estimator.learn(command)
+        return self.estimator.actuate(command), self.speed_controller.throttle(command, estimate.speed)
+
+    @property
+    def active_path(self) -> str:
+        """Name of the active state, with those of inner machines behind a slash."""
+        return self.machine.active_path
+
+    @property
+    def wanted_clearance(self) -> tuple[float, float]:
+        """Wall to which a clearance is kept, +1 left, -1 right, NaN none; that clearance [m]."""
+        return self.command.wanted_side, self.command.wanted_clearance
+
+    @property
+    def speed_target(self) -> float:
+        """Speed that the active state regulates [m/s]; NaN: open loop."""
+        return math.nan if self.command.speed is None else self.command.speed
+
+    @property
+    def trace(self) -> Trace | None:
+        """Called for each transition that fires."""
+        return self.machine.trace
+
+    @trace.setter
+    def trace(self, trace: Trace | None) -> None:
+        self.machine.watch(trace)

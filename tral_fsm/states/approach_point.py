@@ -1,0 +1,60 @@
+"""Driving to a point by dead reckoning."""
+
+from __future__ import annotations
+
+import math
+
+from tral_env.geometry import curvature
+from tral_env.se2 import Pose
+from tral_fsm.control.biarc import out_of_reach
+from tral_fsm.control.command import Command
+from tral_fsm.control.laws import line, pursuit
+from tral_fsm.definition.machine import ApproachPointSpec
+from tral_fsm.estimation.estimate import CarEstimate
+from tral_fsm.states.base import NO_GATE, DrivingState
+
+
+class ApproachPoint(DrivingState[ApproachPointSpec]):
+    """Drives to a point by dead reckoning: on a circle through it, or, with a heading, onto its axis."""
+
+    def on_enter(self, estimate: CarEstimate) -> None:
+        """Aim at the spec's point, seen from the car now."""
+        spec = self.spec
+        self.finished = False
+        self.gate = NO_GATE
+        self.free = spec.heading_deg is None
+        self.point: Pose = estimate.to_reckoning((spec.x, spec.y, math.radians(spec.heading_deg or 0.0)))
+
+    def set_target(self, estimate: CarEstimate, target: Pose, gate: int = NO_GATE) -> None:
+        """Aim at the point `before` the one that is handed over, on its axis."""
+        self.free = False
+        self.gate = gate
+        self.aim_at(*estimate.to_reckoning(target))
+
+    def aim_at(self, x: float, y: float, heading: float) -> None:
+        """Set the point `before` a gate at a pose of dead reckoning."""
+        back = self.spec.before
+        self.point = (x - back * math.cos(heading), y - back * math.sin(heading), heading)
+
+    def tick(self, estimate: CarEstimate) -> Command:
+        """Steer to the point."""
+        spec, gate = self.spec, estimate.gate
+        if gate.new and spec.track and gate.id == self.gate:
+            self.aim_at(gate.x, gate.y, gate.heading)
+        x, y, heading = estimate.from_here(self.point)
+        if self.free:
+            ahead = x
+            steering = pursuit(x, y)
+        else:
+            cos, sin = math.cos(heading), math.sin(heading)
+            ahead = cos * x + sin * y
+            steering = line(sin * x - cos * y, -heading, spec.length, math.radians(spec.max_angle_deg))
+        self.finished = ahead <= spec.tolerance
+        return self.drive(steering)
+
+    def unreachable(self, estimate: CarEstimate) -> str:
+        """Why no way leads there."""
+        x, y, heading = estimate.from_here(self.point)
+        if self.free:
+            heading = 2.0 * math.atan2(y, x)  # the circle through the point comes there with this heading
+        return out_of_reach((x, y, heading), 1.0 / curvature(1.0), self.spec.aside)

@@ -1,0 +1,91 @@
+"""A whole machine as one state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from tral_env.se2 import Pose
+from tral_fsm.control.command import Command
+from tral_fsm.definition.machine import FSMStateSpec
+from tral_fsm.estimation.detections import Detection
+from tral_fsm.estimation.estimate import CarEstimate
+from tral_fsm.states.base import NO_GATE, State, Targetable
+
+
+class InnerMachine(Protocol):
+    """What the state asks of its machine."""
+
+    @property
+    def active(self) -> State[Any]:
+        """The active state."""
+        ...
+
+    @property
+    def ended(self) -> bool:
+        """The machine has come to its end."""
+        ...
+
+    @property
+    def active_path(self) -> str:
+        """Name of the active state."""
+        ...
+
+    def start(self, estimate: CarEstimate) -> Detection | None:
+        """Enter the root."""
+        ...
+
+    def tick(self, estimate: CarEstimate) -> Command:
+        """The active state's command."""
+        ...
+
+    def leave(self, estimate: CarEstimate) -> None:
+        """Leave the active state."""
+
+    def restart(self) -> None:
+        """Begin again at the root at the next tick."""
+
+    def watch(self, trace: Callable[[Any], None] | None) -> None:
+        """Call this for each transition that fires."""
+
+
+class FSMState(State[FSMStateSpec]):
+    """A whole machine as one state. It starts at its root at each entry. Finished when its machine has ended.
+
+    A target that is handed over goes to the root; the active inner state says whether it can still be reached.
+    """
+
+    machine: InnerMachine
+    """Set by the machine around it."""
+
+    def on_enter(self, estimate: CarEstimate) -> None:
+        """Enter the inner root."""
+        self.machine.start(estimate)
+
+    def tick(self, estimate: CarEstimate) -> Command:
+        """Tick the inner machine."""
+        return self.machine.tick(estimate)
+
+    @property
+    def aim(self) -> Detection | None:  # type: ignore[override]
+        """What the inner root has chosen."""
+        return self.machine.active.aim
+
+    def set_target(self, estimate: CarEstimate, target: Pose, gate: int = NO_GATE) -> None:
+        """Hand the target on to the inner root, which has just been entered."""
+        root = self.machine.active
+        if isinstance(root, Targetable):
+            root.set_target(estimate, target, gate)
+
+    def unreachable(self, estimate: CarEstimate) -> str:
+        """Why the active inner state cannot come to its target any more."""
+        return self.machine.active.unreachable(estimate)
+
+    def on_exit(self, estimate: CarEstimate) -> None:
+        """Leave the inner active state."""
+        self.machine.leave(estimate)
+
+    @property
+    def finished(self) -> bool:
+        """The inner machine has come to its end."""
+        return self.machine.ended

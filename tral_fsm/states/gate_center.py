@@ -1,0 +1,49 @@
+"""Turning before a gate until the car is aligned with its axis, as in 2016."""
+
+from __future__ import annotations
+
+import math
+
+from tral_env.interface import MAX_AGE_S
+from tral_fsm.control.command import Command
+from tral_fsm.definition.machine import ArucoGateCenterSpec
+from tral_fsm.estimation.estimate import CarEstimate
+from tral_fsm.states.base import DrivingState
+
+
+class ArucoGateCenter(DrivingState[ArucoGateCenterSpec]):
+    """Full lock towards the side on which the gate's middle is, until aligned.
+
+    The gate is the one that a state was handed last, or the nearest one if that is behind the car or long out of view.
+    A gate out of view is followed by dead reckoning. Aligned: the car's heading is within the tolerance of the gate's
+    axis, or has swept over it. The state also ends when the middle changes sides, since to turn on would lead away.
+    """
+
+    def on_enter(self, estimate: CarEstimate) -> None:
+        """Nothing is known of the gate's side yet."""
+        self.finished = False
+        self.gate = target = estimate.target_gate
+        self.aim = None
+        if target.id < 0 or target.age >= MAX_AGE_S or estimate.seen_from_here(target)[0] <= 0.0:
+            self.gate = self.aim = estimate.gate
+        self.entry = estimate.distance
+        self.side = 0.0
+        self.error = math.nan
+
+    def tick(self, estimate: CarEstimate) -> Command:
+        """Turn towards the middle."""
+        spec = self.spec
+        for seen in (estimate.gate, estimate.guessed_gate):
+            if seen.new and seen.id == self.gate.id:
+                self.gate = seen
+        _, y, heading = estimate.seen_from_here(self.gate)
+        side = math.copysign(1.0, y)
+        self.finished = (
+            self.gate.id < 0
+            or abs(heading) <= math.radians(spec.tolerance_deg)
+            or heading * self.error < 0.0
+            or side * self.side < 0.0
+            or estimate.distance - self.entry >= spec.max_distance
+        )
+        self.side, self.error = side, heading
+        return self.drive(0.0 if self.finished else side * spec.lock)
