@@ -93,5 +93,5 @@ def test_an_unknown_scenario_is_refused() -> None:
 
 def test_the_route_is_as_long_as_the_plan_says(runner: BatchRunner) -> None:
     (got,) = runner.drive([blind(0.5)], [EpisodeRequest(0, "straight", 1)])
-    plan = runner.draw(EpisodeRequest(0, "straight", 1))[0][1]
+    plan = runner.draw(EpisodeRequest(0, "straight", 1))[0].plan
     assert got.route_m == pytest.approx(np.hypot(*np.diff(plan.route, axis=0).T).sum())

@@ -65,7 +65,7 @@ class _GymCar:
 
     def __init__(self, env: gym.Env[Any, Any], seed: int, options: dict[str, Any] | None) -> None:
         self._env = env
-        self.world = getattr(env.unwrapped, "corridor", None)
+        self.world = getattr(env.unwrapped, "world", None)
         self.info: dict[str, Any] = {}
         """Of the last tick, as the env tells it."""
         self._observation, _ = env.reset(seed=seed, options=options)
