@@ -21,16 +21,12 @@ class Lane(gym.Env[Any, Any]):
 
     def __init__(self, ending: str = "success", steps: int = STEPS) -> None:
         self.ending, self.steps = ending, steps
-        self.told: list[tuple[float, float]] = []
         self.k = 0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         super().reset(seed=seed)
         self.k, self.options = 0, options
         return self._observation(), {}
-
-    def want_clearance(self, side: float, metres: float) -> None:
-        self.told.append((side, metres))
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         self.k += 1
@@ -43,8 +39,9 @@ class Lane(gym.Env[Any, Any]):
             "progress": self.k / self.steps,
             "gates_passed": int(self.k >= 5),
             "gates_total": 1,
-            # Nothing to measure on the first half, then 3 cm and 4 cm in turn.
-            "clearance_error_m": (0.03 if self.k % 2 else -0.04) if self.k > 5 else math.nan,
+            # Nothing to measure on the first half, then 3 cm more and 4 cm less in turn than `Cruiser` wants.
+            "clearance_left_m": (0.43 if self.k % 2 else 0.36) if self.k > 5 else math.nan,
+            "clearance_right_m": 1.0,
             "lateral_offset_m": -0.2 if self.k % 2 else 0.1,
             "pose": np.array([0.1 * self.k, 0.0, 0.0]),
             "speed_mps": 0.5,

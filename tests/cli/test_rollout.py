@@ -62,10 +62,10 @@ def test_without_a_measured_clearance_the_error_is_nan_and_none_in_json() -> Non
     assert json.loads(json.dumps(episode.record(), allow_nan=False))["clearance_rmse_m"] is None
 
 
-def test_the_env_is_told_the_wanted_clearance_before_each_step() -> None:
-    env = Lane()
-    drive(env, Cruiser(), seed=1)
-    assert env.told == [(1.0, 0.4)] * STEPS
+def test_the_wish_of_each_tick_is_kept() -> None:
+    ticks: list[Tick] = []
+    drive(Lane(), Cruiser(), seed=1, on_step=ticks.append)
+    assert [tick.wanted for tick in ticks] == [(1.0, 0.4)] * STEPS
 
 
 def test_a_row_of_the_trace_has_what_was_seen_and_where_it_led() -> None:
@@ -78,10 +78,9 @@ def test_a_row_of_the_trace_has_what_was_seen_and_where_it_led() -> None:
 
 
 def test_a_policy_without_states_drives_too() -> None:
-    env = Lane()
-    trace = drive(env, Stateless(), seed=1).trace
+    trace = drive(Lane(), Stateless(), seed=1).trace
     assert set(trace.states) == {""}
-    assert env.told == []
+    assert np.isnan(trace.clearance_error).all()
     assert (trace.action == 0.5).all()
 
 

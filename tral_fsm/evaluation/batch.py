@@ -21,6 +21,7 @@ from tral_env.randomization import level
 from tral_env.world import CorridorConfig, Drawn, Step, World
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.estimation.estimator import COLUMNS, MachineState
+from tral_fsm.evaluation.metrics import clearance_error
 from tral_fsm.evaluation.rollout import Result, outcome
 from tral_fsm.evaluation.settling import Settling
 from tral_fsm.runtime.machine import Machine
@@ -179,6 +180,7 @@ class _Run:
         self._states = [MachineState()] * n
         self._idle: dict[int, list[Machine]] = {}
         self._command = np.zeros((n, 2), np.float32)
+        self._wanted = np.full((n, 2), np.nan)
         self._steering, self._best, self._since = np.zeros(n), np.zeros(n), np.zeros(n)
         self._sums = {name: np.zeros(n) for name in _SUMS}
         self._errors = np.zeros((n, len(ERROR_BINS) - 1), np.int64)
@@ -234,14 +236,17 @@ class _Run:
             commands.append((m.steering, m.throttle))
             wanted.append((m.wanted_side, m.wanted_clearance))
         self._command[self.active] = commands
-        self.fleet.world.wanted_clearance[self.active] = wanted
+        self._wanted[self.active] = wanted
 
     def _add(self, step: Step) -> None:
         """Add a tick to the sums."""
         rows, info, sums = self.active, step.info, self._sums
-        error, speed = (np.asarray(info[name][rows], np.float64) for name in ("clearance_error_m", "speed_mps"))
+        left, right, speed = (
+            np.asarray(info[name][rows], np.float64) for name in ("clearance_left_m", "clearance_right_m", "speed_mps")
+        )
+        error = clearance_error(left, right, self._wanted[rows])
         known = np.isfinite(error)
-        settled = self._settling.add(rows, self.fleet.world.wanted_clearance[rows], error, speed)
+        settled = self._settling.add(rows, self._wanted[rows], error, speed)
         for name, counts in (("", known), ("settled_", settled)):
             sums[name + "squares"][rows] += np.where(counts, error, 0.0) ** 2
             sums[name + "samples"][rows] += counts

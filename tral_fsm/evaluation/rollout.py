@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.interface import Policy
+from tral_fsm.evaluation.metrics import clearance_error
 from tral_fsm.evaluation.settling import settled_ticks
 from tral_fsm.runtime.machine import Transit
 from tral_fsm.runtime.policy import MachinePolicy
@@ -144,8 +145,8 @@ def drive(
 
     Args:
         env: `TralCorridor-v0`, or anything with its info.
-        policy: if it has `active_states` they are recorded; if it has `wanted_clearance` the env is told before each
-            step, so that it can measure the clearance error.
+        policy: if it has `active_states` they are recorded; if it has `wanted_clearance` the clearance error is
+            measured against it.
         seed: seed of the course, the car and the noise.
         options: passed to the env's reset.
         on_step: called after each tick.
@@ -165,7 +166,6 @@ def drive(
             before = _active_state(policy)
             action = np.asarray(policy.act(seen), np.float32)
             wanted = _wanted_clearance(policy)
-            _tell_wanted_clearance(env, wanted)
             observation, _, terminated, truncated, info = env.step(action)
             tick = Tick(
                 index=len(ticks),
@@ -217,12 +217,6 @@ def _wanted_clearance(policy: Policy) -> tuple[float, float] | None:
     return float(side), float(metres)
 
 
-def _tell_wanted_clearance(env: gym.Env[Any, Any], wanted: tuple[float, float] | None) -> None:
-    tell = getattr(env.unwrapped, "want_clearance", None)
-    if wanted is not None and tell is not None:
-        tell(*wanted)
-
-
 def _episode(seed: int, scenario: str, ticks: list[Tick]) -> Episode:
     trace = _trace(ticks)
     last = ticks[-1].info
@@ -252,12 +246,15 @@ def _trace(ticks: list[Tick]) -> Trace:
     def column(name: str) -> Array:
         return np.array([tick.info[name] for tick in ticks], float)
 
+    def where_told(name: str) -> Array:
+        return np.array([tick.info.get(name, math.nan) for tick in ticks], float)
+
+    wanted = np.array([tick.wanted for tick in ticks], float)
     return Trace(
         time=column("time_s"),
         pose=column("pose"),
         speed=column("speed_mps"),
-        # Absent while the policy wants no clearance.
-        clearance_error=np.array([tick.info.get("clearance_error_m", math.nan) for tick in ticks], float),
+        clearance_error=clearance_error(where_told("clearance_left_m"), where_told("clearance_right_m"), wanted),
         lateral_offset=column("lateral_offset_m"),
         gates_passed=column("gates_passed").astype(np.int64),
         readings=np.array([tick.observation for tick in ticks], float),
