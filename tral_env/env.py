@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -41,7 +42,8 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     ## Reward
     Progress along the route in metres (1 a metre: the slope to climb), 1 for a gate passed, 5 for the goal, -2 for
     a collision or a missed gate, minus 0.01 times the square of the steering's change and 0.005 a tick.
-    Numbers: `TaskConfig`.
+    Numbers: `TaskConfig`. `info["reward_terms"]` has each term by name: `progress`, `gate`, `success`, `failure`,
+    `steering`, `time`; the reward is their sum.
 
     ## Start, end
     The car stands in the middle third of the corridor, within 5 degrees of its direction. *Terminated*: the rear axle
@@ -51,9 +53,9 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
 
     ## Info
     Ground truth that no policy sees: `success`, `collision`, `crash` (closing speed of 0.2 m/s or more), `missed_gate`,
-    `progress` in [0, 1], `gates_passed`, `gates_total`, `clearance_error_m` (once `want_clearance` was called;
-    NaN off the plain straights), `lateral_offset_m` to the route, `pose` (x, y [m], yaw [rad]), `speed_mps`,
-    `time_s`; `is_success` when the episode ends; `car` at reset: the drawn parameters.
+    `progress` in [0, 1], `gates_passed`, `gates_total`, `clearance_left_m` and `clearance_right_m` (from the side
+    ultrasonics square to the walls; absent off the plain straights), `lateral_offset_m` to the route, `pose` (x, y [m],
+    yaw [rad]), `speed_mps`, `time_s`; `is_success` when the episode ends; `car` at reset: the drawn parameters.
 
     ## Arguments
     See `CorridorConfig`. `render_mode="rgb_array"` with `view` "chase", "top" or "onboard".
@@ -127,6 +129,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
             raise ConfigError(f"action {action!r}: expected two finite numbers: steering, throttle")
         step = self.world.step(action[None])
         info = self._info(step.info)
+        info["reward_terms"] = {name: values.item() for name, values in step.reward_terms.items()}
         terminated, truncated = bool(step.terminated[0]), bool(step.truncated[0])
         if terminated or truncated:
             info["is_success"] = info["success"]
@@ -137,19 +140,12 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
 
     def _info(self, info: dict[str, Any]) -> dict[str, Any]:
         """Info of the only car: Python numbers and bools, and arrays of its own."""
-        single = {name: values[0].item() if values.ndim == 1 else values[0].copy() for name, values in info.items()}
-        if np.isnan(self.world.wanted_clearance[0, 0]):
-            del single["clearance_error_m"]
+        single = {name: values.item() if values.ndim == 1 else values[0].copy() for name, values in info.items()}
+        # Not NaN, which is unequal to itself: Gymnasium's checker would call the env not deterministic.
+        for name in ("clearance_left_m", "clearance_right_m"):
+            if math.isnan(single[name]):
+                del single[name]
         return single
-
-    def want_clearance(self, side: float, metres: float) -> None:
-        """Tell what clearance the policy is after, so that `info["clearance_error_m"]` can be told.
-
-        Args:
-            side: +1 left wall, -1 right wall, NaN none.
-            metres: from the side ultrasonic to the wall.
-        """
-        self.world.wanted_clearance[0] = side, metres
 
     @property
     def plan(self) -> Plan:

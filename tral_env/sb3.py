@@ -63,9 +63,9 @@ class SB3CorridorVecEnv(VecEnv):
         observation, info = self.env.reset(seed=self._seed, options=self._options[0] or None)
         self._seed = None
         self._reset_options()
-        cars = {name: values for name, values in info["car"].items() if not name.startswith("_")}
         self.reset_infos = [
-            {"car": {name: float(values[row]) for name, values in cars.items()}} for row in range(self.num_envs)
+            {"car": {name: float(value) for name, value in _row(info["car"], row).items()}}
+            for row in range(self.num_envs)
         ]
         return np.asarray(observation, np.float32)
 
@@ -79,7 +79,7 @@ class SB3CorridorVecEnv(VecEnv):
         done = terminated | truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for row in np.flatnonzero(done):
-            final = {name: values[row] for name, values in info["final_info"].items() if not name.startswith("_")}
+            final = _row(info["final_info"], int(row))
             infos[row] = final | {
                 "is_success": bool(final["success"]),
                 "terminal_observation": info["final_obs"][row],
@@ -107,6 +107,15 @@ class SB3CorridorVecEnv(VecEnv):
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         """No row is wrapped: there are no single environments inside."""
         return [False] * len(list(self._get_indices(indices)))
+
+
+def _row(info: dict[str, Any], row: int) -> dict[str, Any]:
+    """The entries of one row, without masks; so too within an entry."""
+    return {
+        name: _row(values, row) if isinstance(values, dict) else values[row]
+        for name, values in info.items()
+        if not name.startswith("_")
+    }
 
 
 def make_vec_env(num_envs: int = 64, *, seed: int | None = None, monitor: bool = True, **kwargs: Any) -> VecEnv:

@@ -5,7 +5,9 @@ Every array has the cars along its first axis; n is the number of cars. Numbers:
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +58,8 @@ class Track:
     """(n,) number of gates."""
     straights: Array
     """(n, S, 5) x, y, yaw, length, width; length 0 where there is none."""
+    straight_unit: Array
+    """(n, S, 2) cosine and sine of the straights' yaw."""
 
     @property
     def length(self) -> Array:
@@ -76,6 +80,7 @@ def empty_track(n: int) -> Track:
         gate_s=np.zeros((n, 0)),
         gates=np.zeros(n, np.int64),
         straights=np.zeros((n, 0, 5)),
+        straight_unit=np.zeros((n, 0, 2)),
     )
 
 
@@ -93,6 +98,7 @@ def lay(track: Track, row: int, plan: Plan) -> None:
     track.gate_width = _grown(track.gate_width, gates)
     track.gate_s = _grown(track.gate_s, gates, fill=np.inf)
     track.straights = _grown(track.straights, straights)
+    track.straight_unit = _grown(track.straight_unit, straights)
     track.route[row, :points], track.route[row, points:] = route, route[-1]
     track.route_s[row, :points], track.route_s[row, points:] = route_s, route_s[-1]
     along = route[1:] - route[:-1]
@@ -104,6 +110,8 @@ def lay(track: Track, row: int, plan: Plan) -> None:
     track.gate_s[row], track.gate_s[row, :gates] = np.inf, gate_s
     track.gates[row] = gates
     track.straights[row], track.straights[row, :straights] = 0.0, plan.straights
+    yaw = track.straights[row, :, 2]
+    track.straight_unit[row] = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
 
 
 def _laps(plan: Plan) -> tuple[Array, Array, Array, Array, Array]:
@@ -220,39 +228,21 @@ def wall_clearance(track: Track, pose: Array, car: CarConfig) -> tuple[Array, Ar
         (n,) left, (n,) right, m; NaN elsewhere.
     """
     n, count, _ = track.straights.shape
-    left, right = np.full(n, np.nan), np.full(n, np.nan)
     if count == 0:
-        return left, right
-    x0, y0, yaw, length, width = np.moveaxis(track.straights, 2, 0)
-    turn = pose[:, None, 2] - yaw
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    dx, dy = pose[:, None, 0] - x0, pose[:, None, 1] - y0
-    x = cos * dx + sin * dy + car.middle_x * np.cos(turn)
+        return np.full(n, np.nan), np.full(n, np.nan)
+    x0, y0, yaw, length, width = track.straights.transpose(2, 0, 1)
+    cos, sin = track.straight_unit.transpose(2, 0, 1)
+    turn = pose[:, 2:] - yaw
+    cos_turn, half = np.cos(turn), width / 2
+    dx, dy = pose[:, :1] - x0, pose[:, 1:2] - y0
+    x = cos * dx + sin * dy + car.middle_x * cos_turn
     y = cos * dy - sin * dx + car.middle_x * np.sin(turn)
-    side = car.sonar_side * np.cos(turn)
-    on = (x >= 0) & (x <= length) & (np.abs(y) < width / 2) & (np.cos(turn) > 0.7) & (length > 0)
-    rows, which = np.flatnonzero(on.any(axis=1)), on.argmax(axis=1)
-    pick = rows, which[rows]
-    left[rows] = width[pick] / 2 - y[pick] - side[pick]
-    right[rows] = width[pick] / 2 + y[pick] - side[pick]
+    on = (x >= 0) & (x <= length) & (np.abs(y) < half) & (cos_turn > 0.7) & (length > 0)
+    pick = np.arange(n), on.argmax(axis=1)
+    here, middle, side = on[pick], y[pick], car.sonar_side * cos_turn[pick]
+    left = np.where(here, half[pick] - middle - side, np.nan)
+    right = np.where(here, half[pick] + middle - side, np.nan)
     return left, right
-
-
-def clearance_error(left: Array, right: Array, wanted: Array) -> Array:
-    """Clearance to the followed wall minus the one that is wanted.
-
-    Args:
-        left: (n,) true distance to the left wall, m or NaN.
-        right: (n,) true distance to the right wall, m or NaN.
-        wanted: (n, 2) side (+1 left, -1 right, NaN none) and clearance, m.
-
-    Returns:
-        (n,) m; NaN where there is no wall or no wish.
-    """
-    side, metres = wanted[:, 0], wanted[:, 1]
-    wall = np.where(side > 0, left, np.where(side < 0, right, np.nan))
-    error: Array = wall - metres
-    return error
 
 
 def time_limit(length: Array, config: TaskConfig) -> Array:
@@ -277,18 +267,59 @@ class Outcome:
     """(n,) change of the steering command."""
 
 
-def reward(outcome: Outcome, config: TaskConfig) -> Array:
-    """What a tick earns, (n,): progress + gates + goal - failure - steering effort - time.
-
-    Progress along the route is the potential that a learner climbs (Ng et al., 1999); all else is small beside it but
-    for the end of the episode.
-    """
-    earned: Array = (
-        config.progress_reward * outcome.advance
-        + config.gate_reward * outcome.gate
-        + config.success_reward * outcome.success
-        + config.failure_reward * outcome.failure
-        - config.steering_cost * outcome.steering_change**2
-        - config.time_cost
-    )
+def progress_term(outcome: Outcome, config: TaskConfig) -> Array:
+    """`progress_reward` for each metre gained along the route; less than 0 backwards."""
+    earned: Array = config.progress_reward * outcome.advance
     return earned
+
+
+def gate_term(outcome: Outcome, config: TaskConfig) -> Array:
+    """`gate_reward` in the tick in which the car passes its next gate."""
+    earned: Array = np.multiply(outcome.gate, config.gate_reward, dtype=np.float64)
+    return earned
+
+
+def success_term(outcome: Outcome, config: TaskConfig) -> Array:
+    """`success_reward` in the tick in which the car reaches the goal."""
+    earned: Array = np.multiply(outcome.success, config.success_reward, dtype=np.float64)
+    return earned
+
+
+def failure_term(outcome: Outcome, config: TaskConfig) -> Array:
+    """`failure_reward` in the tick in which the car touches something or misses a gate."""
+    earned: Array = np.multiply(outcome.failure, config.failure_reward, dtype=np.float64)
+    return earned
+
+
+def steering_term(outcome: Outcome, config: TaskConfig) -> Array:
+    """Minus `steering_cost` times the square of the steering command's change in the tick (-1 .. 1, so up to 4)."""
+    earned: Array = -(config.steering_cost * outcome.steering_change**2)
+    return earned
+
+
+def time_term(outcome: Outcome, config: TaskConfig) -> Array:
+    """Minus `time_cost` in every tick of 1/80 s."""
+    return np.full(len(outcome.advance), -float(config.time_cost))
+
+
+REWARD_TERMS: Mapping[str, Callable[[Outcome, TaskConfig], Array]] = {
+    "progress": progress_term,
+    "gate": gate_term,
+    "success": success_term,
+    "failure": failure_term,
+    "steering": steering_term,
+    "time": time_term,
+}
+"""The terms of the reward by name, in the order in which they are added. Progress along the route is the potential that
+a learner climbs (Ng et al., 1999); all else is small beside it but for the end of the episode."""
+
+
+def reward_terms(outcome: Outcome, config: TaskConfig) -> dict[str, Array]:
+    """What a tick earns, term by term: name -> (n,)."""
+    return {name: term(outcome, config) for name, term in REWARD_TERMS.items()}
+
+
+def reward(terms: Mapping[str, Array]) -> Array:
+    """What a tick earns, (n,): the terms added one after the other, so that the last bit is always the same."""
+    total: Array = reduce(np.add, terms.values())
+    return total

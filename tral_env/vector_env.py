@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -104,7 +104,7 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         self._seed(seed, rows)
         cars = self.world.reset(rows, self._rngs, options)
         self._done[rows] = False
-        return self.world.observation(), _masked(self.world.info() | {"car": _masked(cars)})
+        return self.world.observation(), _masked(self.world.info() | {"car": cars})
 
     def _rows(self, mask: Any) -> NDArray[np.int64]:
         mask = np.asarray(mask)
@@ -152,11 +152,12 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
             step = self._resting(step, ended)
         self._last = step
         self._done = step.terminated | step.truncated
-        observation, info = step.observation, _masked(step.info)
+        observation, info = step.observation, _masked(step.info | {"reward_terms": step.reward_terms})
         if self._mode is AutoresetMode.SAME_STEP and self._done.any():
             info["final_obs"], info["_final_obs"] = observation.copy(), self._done.copy()
-            final = step.info | {"is_success": step.info["success"]}
+            final = step.info | {"is_success": step.info["success"], "reward_terms": step.reward_terms}
             info["final_info"], info["_final_info"] = _masked(final, self._done), self._done.copy()
+            info |= _earned(step.reward_terms, ~self._done)
             self.world.reset(np.flatnonzero(self._done), self._rngs)
             self._done = np.zeros(self.num_envs, bool)
             observation = self.world.observation()
@@ -172,6 +173,7 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
             np.where(ended, last.terminated, step.terminated),
             np.where(ended, last.truncated, step.truncated),
             {name: np.where(_like(ended, values), last.info[name], values) for name, values in step.info.items()},
+            {name: np.where(ended, 0.0, values) for name, values in step.reward_terms.items()},
         )
 
     def _after_next_step_reset(
@@ -184,7 +186,8 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         reward = np.where(again, 0.0, step.reward)
         fresh = self.world.info()
         info = {name: np.where(_like(again, values), fresh[name], values) for name, values in step.info.items()}
-        return self.world.observation(), reward, terminated, truncated, _masked(info)
+        info = _masked(info) | _earned(step.reward_terms, ~again)
+        return self.world.observation(), reward, terminated, truncated, info
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free what OpenGL holds."""
@@ -202,10 +205,23 @@ def _like(mask: NDArray[np.bool_], values: NDArray[Any]) -> NDArray[np.bool_]:
     return mask.reshape(-1, *[1] * (values.ndim - 1))
 
 
-def _masked(info: dict[str, Any], mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
-    """Info with a mask beside each entry, as Gymnasium's vector environments have it."""
-    if not info:
-        return {}
-    first = next(values for values in info.values() if isinstance(values, np.ndarray))
-    here = np.ones(len(first), bool) if mask is None else mask.copy()
-    return info | {f"_{name}": here for name in info}
+def _earned(terms: Mapping[str, NDArray[Any]], rows: NDArray[np.bool_]) -> dict[str, Any]:
+    """The reward's terms as an entry of info, where only some rows have any: the others began an episode."""
+    return _masked({"reward_terms": {name: np.where(rows, values, 0.0) for name, values in terms.items()}}, rows)
+
+
+def _masked(info: Mapping[str, Any], mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
+    """Info with a mask beside each entry, as Gymnasium's vector environments have it; so too within an entry.
+
+    Args:
+        info: name -> (n, ...) or a mapping of such.
+        mask: (n,) rows that have the entries; None: all.
+    """
+    if mask is None:
+        first = next(iter(info.values()), np.zeros(0))
+        mask = np.ones(len(first), bool)
+    told: dict[str, Any] = {}
+    for name, values in info.items():
+        told[name] = _masked(values, mask) if isinstance(values, dict) else values
+        told[f"_{name}"] = mask.copy()
+    return told

@@ -164,6 +164,9 @@ class Step:
     terminated: Flags
     truncated: Flags
     info: dict[str, Array | Flags | Index]
+    """Ground truth, name -> (n, ...)."""
+    reward_terms: dict[str, Array]
+    """What the reward is the sum of, name -> (n,)."""
 
 
 class World:
@@ -192,8 +195,7 @@ class World:
         """Courses that were built so far, of those that `CorridorConfig.courses` keeps."""
         self.courses: list[Course | None] = [None] * n
         self.plans: list[Plan | None] = [None] * n
-        self.wanted_clearance = np.full((n, 2), np.nan)
-        """(n, 2) side and metres that the policies' active states want, for ``clearance_error_m`` alone."""
+        self._everyone = np.arange(n)
         self._segment = np.zeros(n, np.int64)
         self._s = np.zeros(n)
         self._lateral = np.zeros(n)
@@ -274,7 +276,6 @@ class World:
         self._s[rows], self._lateral[rows], self._segment[rows] = task.locate(self.track, rows, position, first)
         self._passed[rows] = 0
         self._steering[rows] = 0.0
-        self.wanted_clearance[rows] = np.nan
 
     def _parameters(self) -> dict[str, Array]:
         return {name: values.copy() for name, values in self.sim.parameters.items()}
@@ -340,8 +341,7 @@ class World:
         sim, config = self.sim, self.config.task
         before = sim.pose[:, :2].copy()
         sim.step(np.asarray(command, np.float64), rows)
-        everyone = np.arange(self.n)
-        s, self._lateral, self._segment = task.locate(self.track, everyone, sim.pose[:, :2], self._segment)
+        s, self._lateral, self._segment = task.locate(self.track, self._everyone, sim.pose[:, :2], self._segment)
         through, missed = task.cross_gates(self.track, before, sim.pose[:, :2], s, self._passed)
         self._passed = self._passed + through
         arrived = s >= self.track.length - 1e-6
@@ -359,13 +359,15 @@ class World:
         terminated = success | failure
         truncated = (sim.time_s >= task.time_limit(self.track.length, config)) & ~terminated
         info = self.info(success, missed)
-        return Step(sim.observation(), task.reward(outcome, config), terminated, truncated, info)
+        terms = task.reward_terms(outcome, config)
+        return Step(sim.observation(), task.reward(terms), terminated, truncated, info, terms)
 
     def info(self, success: Flags | None = None, missed: Flags | None = None) -> dict[str, Array | Flags | Index]:
         """The ground truth of all cars, which no policy sees."""
         sim = self.sim
         no = np.zeros(self.n, bool)
         length = np.maximum(self.track.length, 1e-9)
+        left, right = task.wall_clearance(self.track, sim.pose, self.config.car)
         crash = sim.collision & (sim.closing_speed >= self.config.task.touch_speed)
         return {
             "success": no if success is None else success,
@@ -375,18 +377,13 @@ class World:
             "progress": np.minimum(np.maximum(self._s / length, 0.0), 1.0),
             "gates_passed": self._passed.copy(),
             "gates_total": self.track.gates.copy(),
-            "clearance_error_m": self._clearance_error(),
+            "clearance_left_m": left,
+            "clearance_right_m": right,
             "lateral_offset_m": self._lateral.copy(),
             "pose": sim.pose.copy(),
             "speed_mps": sim.speed.copy(),
             "time_s": sim.time_s.copy(),
         }
-
-    def _clearance_error(self) -> Array:
-        if np.isnan(self.wanted_clearance[:, 0]).all():
-            return np.full(self.n, np.nan)
-        left, right = task.wall_clearance(self.track, self.sim.pose, self.config.car)
-        return task.clearance_error(left, right, self.wanted_clearance)
 
     def close(self) -> None:
         """Free the OpenGL context, if there is one."""

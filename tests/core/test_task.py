@@ -8,6 +8,7 @@ from tral_env.config import CarConfig, TaskConfig
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Segment
 from tral_env.course.plan import Plan
+from tral_fsm.evaluation.metrics import clearance_error
 
 
 def plan(**changes: object) -> Plan:
@@ -154,7 +155,7 @@ def test_there_is_no_clearance_off_the_plain_stretches() -> None:
 
 def test_the_clearance_error_is_that_of_the_followed_wall() -> None:
     wanted = np.array([[1.0, 0.5], [-1.0, 0.5], [np.nan, np.nan]])
-    error = task.clearance_error(np.full(3, 0.6), np.full(3, 1.2), wanted)
+    error = clearance_error(np.full(3, 0.6), np.full(3, 1.2), wanted)
     assert error[:2].tolist() == pytest.approx([0.1, 0.7])
     assert np.isnan(error[2])
 
@@ -163,17 +164,42 @@ def test_the_time_limit_is_that_of_a_slow_walk_and_ten_seconds() -> None:
     assert task.time_limit(np.array([12.0]), TaskConfig()).tolist() == pytest.approx([50.0])
 
 
-def test_the_reward_adds_its_terms() -> None:
-    yes, no = np.array([True]), np.array([False])
-    config = TaskConfig()
+def outcome(**changes: np.ndarray) -> task.Outcome:
+    yes_no = {name: np.array([False]) for name in ("gate", "success", "failure")}
+    return task.Outcome(**({"advance": np.zeros(1), "steering_change": np.zeros(1)} | yes_no | changes))
 
-    def earned(**changes: np.ndarray) -> float:
-        base = {"advance": np.zeros(1), "gate": no, "success": no, "failure": no, "steering_change": np.zeros(1)}
-        return float(task.reward(task.Outcome(**(base | changes)), config)[0])
 
-    assert earned() == pytest.approx(-0.005)
-    assert earned(advance=np.array([0.02])) == pytest.approx(0.015)
-    assert earned(gate=yes) == pytest.approx(0.995)
-    assert earned(success=yes) == pytest.approx(4.995)
-    assert earned(failure=yes) == pytest.approx(-2.005)
-    assert earned(steering_change=np.array([2.0])) == pytest.approx(-0.045)
+@pytest.mark.parametrize(
+    ("changes", "name", "earned"),
+    [
+        ({"advance": np.array([0.02])}, "progress", 0.02),
+        ({"gate": np.array([True])}, "gate", 1.0),
+        ({"success": np.array([True])}, "success", 5.0),
+        ({"failure": np.array([True])}, "failure", -2.0),
+        ({"steering_change": np.array([2.0])}, "steering", -0.04),
+    ],
+)
+def test_each_term_counts_its_own_and_the_reward_adds_them(changes: dict, name: str, earned: float) -> None:
+    terms = task.reward_terms(outcome(**changes), TaskConfig())
+    assert {key: float(values[0]) for key, values in terms.items()} == {
+        **dict.fromkeys(task.REWARD_TERMS, 0.0),
+        "time": -0.005,
+        name: earned,
+    }
+    assert task.reward(terms).tolist() == pytest.approx([earned - 0.005])
+
+
+def test_the_terms_are_added_in_their_order_to_the_last_bit() -> None:
+    rng = np.random.default_rng(0)
+    n, config = 1000, TaskConfig()
+    flags = {name: rng.random(n) < 0.2 for name in ("gate", "success", "failure")}
+    drawn = outcome(advance=rng.normal(0, 0.01, n), steering_change=rng.normal(0, 0.3, n), **flags)
+    whole = (
+        config.progress_reward * drawn.advance
+        + config.gate_reward * drawn.gate
+        + config.success_reward * drawn.success
+        + config.failure_reward * drawn.failure
+        - config.steering_cost * drawn.steering_change**2
+        - config.time_cost
+    )
+    np.testing.assert_array_equal(task.reward(task.reward_terms(drawn, config)), whole)

@@ -84,7 +84,6 @@ def test_environment_page_names_every_key_of_info() -> None:
     shown = {row[0].strip("`") for row in table(read("docs/environment.md"), "| key |")}
     env = gym.make("tral_env:TralCorridor-v0", scenario="straight", randomization="none")
     _, first = env.reset(seed=0)
-    env.unwrapped.want_clearance(1.0, 0.8)
     keys = set(first)
     ended = False
     while not ended:  # into the wall

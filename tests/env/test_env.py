@@ -16,6 +16,7 @@ from tral_env.config import WIDE_LENS, CarConfig, TaskConfig
 from tral_env.course.generate import SCENARIOS
 from tral_env.interface import CORE_LAYOUT, Layout, action_space
 from tral_env.randomization import LEVELS, level
+from tral_env.task import REWARD_TERMS
 from tral_env.vector_env import TralCorridorVectorEnv
 
 ROLL = """
@@ -132,15 +133,38 @@ def test_a_car_that_stands_runs_out_of_time() -> None:
     assert info["is_success"] is False
 
 
-def test_the_wanted_clearance_makes_an_error_of_clearance() -> None:
+def test_the_true_clearances_are_what_the_side_ultrasonics_measure() -> None:
     env = corridor(scenario="straight", randomization="none")
-    _, info = env.reset(seed=4)
-    assert "clearance_error_m" not in info
+    env.reset(seed=4)
     for _ in range(200):
-        env.unwrapped.want_clearance(1.0, 0.5)
         *_, info = env.step(np.array([0.0, 0.3], np.float32))
     reading = CORE_LAYOUT.unpack(env.unwrapped.world.observation()[0])
-    assert info["clearance_error_m"] == pytest.approx(reading["ultrasonic_left"] - 0.5, abs=0.03)
+    for side in ("left", "right"):
+        assert info[f"clearance_{side}_m"] == pytest.approx(reading[f"ultrasonic_{side}"], abs=0.03)
+
+
+CLEARANCES = {"clearance_left_m", "clearance_right_m"}
+TRUTHS = {
+    *CLEARANCES, "success", "collision", "crash", "missed_gate", "progress", "gates_passed", "gates_total",
+    "lateral_offset_m", "pose", "speed_mps", "time_s",
+}  # fmt: skip
+
+
+def test_the_keys_of_info_are_these_and_the_terms_add_up_to_the_reward_over_a_drive() -> None:
+    env = corridor(scenario="gates", randomization="none")
+    _, info = env.reset(seed=2)
+    assert set(info) | CLEARANCES == TRUTHS | {"car"}
+    ended, told = False, set()
+    while not ended:
+        _, reward, terminated, truncated, info = env.step(np.array([0.1, 0.6], np.float32))
+        ended = terminated or truncated
+        told.add(frozenset(CLEARANCES & set(info)))
+        assert set(info) | CLEARANCES == TRUTHS | {"reward_terms"} | ({"is_success"} if ended else set())
+        assert list(info["reward_terms"]) == list(REWARD_TERMS)
+        assert all(type(value) is float for value in info["reward_terms"].values())
+        assert sum(info["reward_terms"].values()) == reward
+    assert info["reward_terms"]["failure"] == -2.0
+    assert told == {frozenset(), frozenset(CLEARANCES)}  # both or none
 
 
 def test_the_drawn_car_can_be_fixed_and_is_told() -> None:

@@ -10,6 +10,8 @@ from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers.vector import DictInfoToList, NormalizeObservation, RecordEpisodeStatistics
 from numpy.testing import assert_array_equal
 
+from tral_env.task import REWARD_TERMS
+
 MODES = [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP, AutoresetMode.DISABLED]
 ROWS = 3
 
@@ -101,6 +103,50 @@ def test_every_entry_of_info_has_its_mask() -> None:
     for info in infos:
         for name in info:
             assert name.startswith("_") or info[f"_{name}"].shape == (ROWS,)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_the_terms_of_the_reward_are_told_as_gymnasium_tells_them(mode: AutoresetMode) -> None:
+    ours, theirs = native(mode, scenario="straight"), rival(mode, scenario="straight")
+    assert "reward_terms" not in ours.reset(seed=3)[1]
+    theirs.reset(seed=3)
+    ended, finals = np.zeros(ROWS, bool), 0
+    for action in actions(300):
+        if mode is AutoresetMode.DISABLED and ended.any():
+            for env in (ours, theirs):
+                env.reset(options={"reset_mask": ended.copy()})
+        _, reward, terminated, truncated, info = ours.step(action)
+        their = theirs.step(action)[4]
+        ended = terminated | truncated
+        pairs = [(info, their)] + ([(info["final_info"], their["final_info"])] if "final_info" in info else [])
+        finals += len(pairs) - 1
+        for one, other in pairs:
+            none = np.zeros(ROWS, bool)
+            told = other.get("_reward_terms", none)
+            assert_array_equal(one["_reward_terms"], told)
+            for name in REWARD_TERMS:
+                assert_array_equal(one["reward_terms"][f"_{name}"], told)
+                assert_array_equal(
+                    one["reward_terms"][name][told], other["reward_terms"][name][told] if told.any() else []
+                )
+        told = info["_reward_terms"]
+        assert_array_equal(sum(info["reward_terms"][name] for name in REWARD_TERMS)[told], reward[told])
+    assert (finals > 0) == (mode is AutoresetMode.SAME_STEP)
+
+
+def test_a_row_that_rests_earns_nothing_in_every_term() -> None:
+    env = native(AutoresetMode.DISABLED, scenario="straight")
+    env.reset(seed=3)
+    rested = 0
+    ended = np.zeros(ROWS, bool)
+    for action in actions(300):
+        rests = ended
+        _, reward, terminated, truncated, info = env.step(action)
+        ended = terminated | truncated
+        rested += rests.sum()
+        assert not reward[rests].any()
+        assert not any(info["reward_terms"][name][rests].any() for name in REWARD_TERMS)
+    assert rested
 
 
 def test_gymnasiums_vector_wrappers_fit() -> None:

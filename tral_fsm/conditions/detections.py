@@ -43,7 +43,7 @@ class Seen(Condition[G]):
         """Id, place and age."""
         seen = self.detection(estimate)
         x, y, heading = estimate.seen_from_here(seen)
-        return f"id {seen.id} at {x:.2f}, {y:+.2f} estimate, {math.degrees(heading):+.0f} deg, {seen.age:.2f} s old"
+        return f"id {seen.id} at {x:.2f}, {y:+.2f} m, {math.degrees(heading):+.0f} deg, {seen.age:.2f} s old"
 
 
 class ArucoGateFound(Seen[ArucoGateFoundSpec]):

@@ -236,4 +236,4 @@ _CONDITIONS = (
 )  # fmt: skip
 
 CONDITIONS: dict[str, type[ConditionSpec]] = {type_name(spec): spec for spec in _CONDITIONS}
-"""Every known type of condition. `transitions.runs` adds to it."""
+"""Every known type of condition. `conditions.register` adds to it."""

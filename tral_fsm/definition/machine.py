@@ -281,4 +281,4 @@ _STATES = (
 )  # fmt: skip
 
 STATES: dict[str, type[StateSpec]] = {type_name(spec): spec for spec in _STATES}
-"""Every known type of state. `states.runs` adds to it."""
+"""Every known type of state. `states.register` adds to it."""

@@ -122,7 +122,7 @@ class DriveLoop:
         """Clearance errors of the active rows, (k,)."""
         if np.isnan(wanted[:, 0]).all():
             return np.full(len(wanted), np.nan)
-        left, right = true_clearances(getattr(self.cars, "world", self.cars), step.info)
+        left, right = true_clearances(step.info)
         return clearance_error(left[self.active], right[self.active], wanted)
 
     def _show(self, step: Step, wanted: Array, error: Array) -> None:

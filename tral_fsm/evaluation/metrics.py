@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.task import wall_clearance
 from tral_fsm.evaluation.episode import outcome
 from tral_fsm.evaluation.settling import Settling
 
@@ -21,21 +20,18 @@ ERROR_BINS = np.linspace(-0.5, 0.5, 101)
 _SUMS = ("squares", "samples", "settled_squares", "settled_samples", "lateral", "speed", "steering", "ticks")
 
 
-def true_clearances(world: Any, info: Mapping[str, Any]) -> tuple[Array, Array]:
+def true_clearances(info: Mapping[str, Any]) -> tuple[Array, Array]:
     """True distances from the side ultrasonics to the walls.
 
     Args:
-        world: the cars, for an info that does not tell them; None: it is not known.
-        info: of n cars after a tick.
+        info: of n cars after a tick; an environment that is not ours may tell no clearances.
 
     Returns:
-        (n,) left and (n,) right, m; NaN near doors and corners.
+        (n,) left and (n,) right, m; NaN near doors and corners, and where they are not told.
     """
     if "clearance_left_m" in info:
         return info["clearance_left_m"], info["clearance_right_m"]
-    if world is None:
-        return np.full(1, math.nan), np.full(1, math.nan)
-    return wall_clearance(world.track, world.sim.pose, world.config.car)
+    return np.full(1, math.nan), np.full(1, math.nan)
 
 
 def clearance_error(left: Array, right: Array, wanted: Array) -> Array:

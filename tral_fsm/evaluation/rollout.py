@@ -79,9 +79,8 @@ class _GymCar:
         """Drive for one tick; `command` is (1, 2)."""
         self._observation, reward, terminated, truncated, self.info = self._env.step(command[0].copy())
         info = {name: np.array([self.info[name]], float) for name in _MEASURED if name in self.info}
-        return Step(
-            self.observation(), np.array([reward], float), np.array([terminated]), np.array([truncated]), dict(info)
-        )
+        ended = np.array([terminated]), np.array([truncated])
+        return Step(self.observation(), np.array([reward], float), *ended, dict(info), {})
 
 
 class _PolicyCrew:
