@@ -13,7 +13,7 @@ GROUP = "tral_fsm.states"
 
 @cache
 def load_plugins() -> None:
-    """Load every plugin. Called whenever a definition is read; after the first time it does nothing.
+    """Load every plugin; after the first time this does nothing, so whatever reads a definition may call it.
 
     Raises:
         MachineError: a plugin cannot be loaded; it says which distribution it belongs to.

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _MAX_DOTS = 12000.0
-"""Dots along a side: more fit into no screen, and soon into no memory. Source: choice."""
+"""An image has no more dots along a side: they fit into no screen, and soon into no memory. Source: choice."""
 _COLOURS = 128
 _DPI = 72
 """At which a px is a point."""

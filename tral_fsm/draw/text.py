@@ -19,7 +19,7 @@ LINE = 14
 _WRAP = 26
 """Characters of a line."""
 _MAX_CHARACTERS = 40
-"""Characters of a name or a value; the rest of a longer one is left out."""
+"""A longer name or value is cut. Source: choice."""
 _GLUE = "\N{NO-BREAK SPACE}"
 """Holds together what stays in one line: a parameter with its value and its unit."""
 SONARS = get_args(SonarName)

@@ -23,7 +23,7 @@ from tral_fsm.formats.scxml import writer as scxml_writer
 from tral_fsm.formats.umlet import uxf, xml2json
 
 MAX_BYTES = 2 * 1024 * 1024
-"""Bytes of a file that is read. The largest reference machine has 13,000. Source: choice."""
+"""A larger file is not read. Source: choice; the largest reference machine has 13,000 bytes."""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 MAX_CHARACTERS = 65_536
-"""Characters of one element. Source: choice; the machine office inline has a third of it."""
+"""An element with a longer text is not read. Source: choice; the machine office inline has a third of it."""
 
 _BETWEEN = re.compile(r"[\s,]*")
 _BLANK = re.compile(r"\s*")

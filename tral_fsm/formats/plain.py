@@ -10,7 +10,7 @@ from typing import Any
 from tral_fsm.definition.checks import Problem
 
 MAX_PROBLEMS = 100
-"""So many problems of a file are told. Source: choice; nobody reads more."""
+"""No more problems of a file are told. Source: choice; nobody reads more."""
 
 _POINTER = re.compile(r"/(?:states|transitions)/\d+")
 

@@ -23,9 +23,9 @@ M = TypeVar("M", bound=Spec)
 _ENDS = ("id", "from", "to")
 _MAX_DEPTH = 32
 _MAX_PARTS = 500
-"""States or transitions of one machine, and conditions that one combines. Source: choice; office has 40."""
+"""A machine has no more states or transitions, and a condition combines no more. Source: choice; office has 40."""
 _MAX_PARTS_OF_FILE = 2000
-"""Of all in a file together."""
+"""A file has no more states, transitions and parts of conditions in all. Source: choice."""
 
 
 def definition(plain: Plain, source: str, problems: Problems | None = None) -> MachineDefinition:

@@ -28,10 +28,8 @@ NAMES = {"WandFolgen": "BasicFollowWall"}
 """Name of a type then -> name now."""
 
 _INTEGER = re.compile(r"-?\d{1,18}", re.ASCII)
-
-
 _MAX_DEPTH = 40
-"""Deeper parts are left as they are: the reader refuses them."""
+"""Parts nested deeper are left as they are: the reader refuses them."""
 
 
 def modern(value: Any, problems: Problems) -> Any:

@@ -14,9 +14,9 @@ from xml.parsers import expat
 from tral_env.errors import MachineError
 
 MAX_ELEMENTS = 50_000
-"""A machine of a hundred states has some thousand elements. Source: choice."""
+"""A text with more elements is not read. Source: choice; a machine of a hundred states has some thousand."""
 MAX_DEPTH = 100
-"""Elements within elements. Source: choice."""
+"""Elements nested deeper are not read. Source: choice."""
 
 _BEFORE_ROOT = re.compile(r"\s*(?:(?:<\?.*?\?>|<!--.*?-->)\s*)*", re.DOTALL)
 """What may stand before a document type or the root: declaration, comments, processing instructions."""

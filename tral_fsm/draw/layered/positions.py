@@ -92,7 +92,7 @@ class _Room:
 
 
 def gap(graph: Graph, one: int, two: int) -> int:
-    """Least distance of two slots of a layer that stand side by side."""
+    """The smallest distance of two slots that stand side by side in a layer, px."""
     a, b = graph.slots[one], graph.slots[two]
     boxes = (a.state is not None) + (b.state is not None)
     return -(-(a.after + b.before + GRID * boxes) // GRID) * GRID
@@ -124,7 +124,7 @@ def settled(wishes: Sequence[tuple[list[Wish], float]], gaps: Sequence[float], m
 
     Args:
         wishes: for each, places with weights, and the place to stay at if there are none.
-        gaps: least distance of each to the next.
+        gaps: the smallest distance of each to the next.
         medians: the sum of distances counts instead of that of their squares: most wishes come true exactly.
     """
     shift = 0.0

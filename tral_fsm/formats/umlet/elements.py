@@ -12,11 +12,11 @@ from tral_fsm.formats import members, units2016
 from tral_fsm.formats.plain import Plain, Problems
 
 MAX_GAP_PX = 9.0
-"""An end belongs to a state whose outline is no farther away, in pixels at 100 %. Source: UMLet."""
+"""The end of an arrow belongs to a state whose outline is no farther away, px at 100 %. Source: UMLet."""
 FULL_ZOOM = 10.0
 """The zoom_level that is 100 %."""
 MAX_ELEMENTS = 1500
-"""Of a diagram. Source: choice; that of the machine office has 60."""
+"""A diagram with more elements is not read. Source: choice; that of the machine office has 60."""
 
 _STATE = ("UMLState", "State", "StateSubDiagram")
 _ARROW = ("Relation",)

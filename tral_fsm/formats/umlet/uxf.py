@@ -14,7 +14,7 @@ from tral_fsm.formats.umlet.elements import plain as understand
 from tral_fsm.formats.xml_tree import Node
 
 _MAX_POINTS_TEXT = 10_000
-"""Characters; an arrow with more corners has no place."""
+"""An arrow whose points take more characters has no place. Source: choice."""
 ROOTS = ("diagram", "umlet_diagram")
 """Tags of a whole file, new and legacy."""
 
