@@ -54,7 +54,7 @@ class ImageCorruption:
 
 
 WebcamLaw = ImageCorruption
-"""The name of `ImageCorruption` in 1.0, kept for programs that use it."""
+"""The earlier name of `ImageCorruption`, kept for programs that use it."""
 
 
 def degrade(image: Image, level: float, rng: np.random.Generator, corruption: ImageCorruption | None = None) -> Image:

@@ -76,7 +76,7 @@ def nearest_gate_and_marker(ids: NDArray[np.int64], x: Array, y: Array, heading:
 
 
 sight = nearest_gate_and_marker
-"""The name of `nearest_gate_and_marker` in 1.0, kept for programs that use it."""
+"""The earlier name of `nearest_gate_and_marker`, kept for programs that use it."""
 
 
 def _nearest_gate(x: Array, y: Array, heading: Array) -> tuple[Array, Array, Array, Array]:

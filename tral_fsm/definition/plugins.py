@@ -8,7 +8,7 @@ from importlib.metadata import EntryPoint, entry_points
 from tral_env.errors import MachineError
 
 GROUP = "tral_fsm.states"
-"""Entry point group. Loading an entry registers its classes, since it imports the module with their `runs`."""
+"""Entry point group. Loading an entry registers its classes, since it imports the module that calls `register`."""
 
 
 @cache
