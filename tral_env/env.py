@@ -18,10 +18,7 @@ from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space
 from tral_env.perception.degrade import ImageCorruption
 from tral_env.randomization import Randomization
-from tral_env.simulation.sim import Simulation
-from tral_env.simulation.views import VIEWS, Views
-from tral_env.simulation.vision import Webcam
-from tral_env.world import CorridorConfig, World
+from tral_env.world import VIEWS, CorridorConfig, Simulation, Views, Webcam, World
 
 _ROW = np.zeros(1, np.int64)
 

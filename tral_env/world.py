@@ -24,6 +24,11 @@ from tral_env.perception.degrade import ImageCorruption
 from tral_env.randomization import Randomization, level
 from tral_env.simulation.culling import LOCAL_BOXES, max_boxes_in_reach
 from tral_env.simulation.sim import Simulation
+from tral_env.simulation.views import VIEWS, Views
+from tral_env.simulation.vision import Webcam
+
+__all__ = ["VIEWS", "CorridorConfig", "Drawn", "Simulation", "Step", "Views", "Webcam", "World"]
+"""The shells see the simulation through this module alone."""
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
-
-if TYPE_CHECKING:
-    from tral_fsm.estimation.detections import Detection
+from typing import Any, NamedTuple
 
 
 class Command(NamedTuple):
@@ -32,8 +29,8 @@ class Command(NamedTuple):
     """Steer from now on by what the walls have told of the trim."""
     trim_step: float = 0.0
     """To be added to the trim."""
-    target: Detection | None = None
-    """A gate that is the target from now on. The machine fills it in."""
+    target: Any = None
+    """A gate that is the target from now on, a `Detection`; None: no change. The machine fills it in."""
 
 
 IDLE = Command()

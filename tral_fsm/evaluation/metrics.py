@@ -24,14 +24,13 @@ def true_clearances(info: Mapping[str, Any]) -> tuple[Array, Array]:
     """True distances from the side ultrasonics to the walls.
 
     Args:
-        info: of n cars after a tick; an environment that is not ours may tell no clearances.
+        info: of n cars after a tick; a single environment leaves out what cannot be told.
 
     Returns:
         (n,) left and (n,) right, m; NaN near doors and corners, and where they are not told.
     """
-    if "clearance_left_m" in info:
-        return info["clearance_left_m"], info["clearance_right_m"]
-    return np.full(1, math.nan), np.full(1, math.nan)
+    unknown = np.full(1, math.nan)
+    return info.get("clearance_left_m", unknown), info.get("clearance_right_m", unknown)
 
 
 def clearance_error(left: Array, right: Array, wanted: Array) -> Array:
