@@ -32,7 +32,7 @@ def test_each_diagram_is_also_a_machine() -> None:
 
 
 def test_the_palette_is_in_step_with_the_definition() -> None:
-    write = f"python -c \"from tral_fsm.formats import palette as p; print(p.dumps(), end='')\" > {PALETTE}"
+    write = f"python -c \"from tral_fsm.formats.umlet import palette as p; print(p.dumps(), end='')\" > {PALETTE}"
     assert PALETTE.read_text("utf-8") == palette.dumps(), f"out of step: {write}"
 
 
