@@ -116,7 +116,7 @@ class Finished(Condition[FinishedSpec]):
         return bool(self.owner.finished)  # type: ignore[attr-defined]
 
     def why(self, estimate: CarEstimate) -> str:
-        """Who is finished."""
+        """The state that is finished."""
         return f"{self.owner.spec.type} is finished"
 
 

@@ -20,7 +20,7 @@ _MAX_SHOWN = 300
 
 
 def refuse_another(what: str, there: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
-    """Whoever goes on with a study must ask for the same.
+    """A process that goes on with a study must ask for the same.
 
     Raises:
         ConfigError: something else is asked for.

@@ -112,7 +112,7 @@ class OptunaSearch:
         return [tuple(each.params[parameter.label] for parameter in self.parameters) for each in self._open]
 
     def _adopt(self) -> None:
-        """Give trials that were begun long ago, and never told, to whoever asks next."""
+        """Give trials that were begun long ago, and never told, to the process that asks next."""
         import optuna
 
         for each in self.study.get_trials(deepcopy=False, states=(optuna.trial.TrialState.RUNNING,)):
