@@ -15,6 +15,7 @@ from tral_fsm.conditions.simple import (
     Unreachable,
 )
 from tral_fsm.conditions.walls import MoreRoom, ObstacleAhead, Opening
+from tral_fsm.definition.conditions import CONDITIONS
 
 BUILT_IN = (
     Always, Distance, Finished, Unreachable, SensorLevel, ArucoGateFound, Timer, Turned, Aligned, MarkerFound, All,
@@ -25,4 +26,4 @@ BUILT_IN = (
 for _condition in BUILT_IN:
     register(_condition)
 
-__all__ = ["BUILT_IN", "Condition", "register"]
+__all__ = ["BUILT_IN", "CONDITIONS", "Condition", "register"]

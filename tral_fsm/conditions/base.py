@@ -7,29 +7,25 @@ from `Condition`, and decorate the class with `register`.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
-from tral_fsm.definition.validated import register_type
+from tral_fsm.definition.registry import Runtime
+from tral_fsm.definition.validated import Spec
 from tral_fsm.estimation.detections import Detection
 from tral_fsm.estimation.estimate import CarEstimate
-from tral_fsm.states.base import State, spec_in
+from tral_fsm.states.base import State
 
 C = TypeVar("C", bound=ConditionSpec)
 
 
-class Condition(Generic[C]):
+class Condition(Runtime[C]):
     """Base of all conditions at work. `Condition[MySpec]` says which type of machine files a class runs."""
 
-    spec_type: ClassVar[type[ConditionSpec]]
-    """The spec that this class runs; taken from the brackets behind `Condition`."""
+    spec_type: ClassVar[type[Spec]] = ConditionSpec
     counts: bool = True
     """It must be asked in every tick, since it counts ticks or readings. False: All and Any leave it out where another
     part has settled the matter."""
-
-    def __init_subclass__(cls, **kwargs: Any) -> None:
-        super().__init_subclass__(**kwargs)
-        cls.spec_type = spec_in(cls, ConditionSpec) or getattr(cls, "spec_type", ConditionSpec)
 
     def __init__(self, spec: C, owner: State[Any]) -> None:
         self.spec = spec
@@ -55,20 +51,10 @@ class Condition(Generic[C]):
         return None
 
 
-RUNTIMES: dict[str, type[Condition[Any]]] = {}
-"""The class that runs each type of condition."""
-
-R = TypeVar("R", bound=type[Condition[Any]])
-
-
-def register(condition: R) -> R:
-    """Let machine files name a class of conditions from now on; also a decorator.
-
-    Raises:
-        MachineError: another class has its type already, or its spec says none.
-    """
-    RUNTIMES[register_type(CONDITIONS, condition.spec_type)] = condition
-    return condition
+RUNTIMES: dict[str, type[Condition[Any]]] = CONDITIONS.runtimes
+"""Type of condition -> the class that runs it."""
+register = CONDITIONS.register
+"""Let machine files name a class of conditions from now on; also a decorator."""
 
 
 def build(spec: ConditionSpec, owner: State[Any]) -> Condition[Any]:

@@ -2,13 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar, Literal, TypeVar
 
-from tral_fsm.conditions.base import C, Condition, build
-from tral_fsm.definition.conditions import AllSpec, AnySpec, NotSpec
+from pydantic import Field, SerializeAsAny
+
+from tral_fsm.conditions.base import Condition, build
+from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.estimation.detections import Detection
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import State
+
+
+class CombinedSpec(ConditionSpec):
+    """Base of the conditions that are made of others."""
+
+    of: tuple[SerializeAsAny[ConditionSpec], ...] = Field(description="conditions", min_length=1)
+
+    @property
+    def parts(self) -> tuple[ConditionSpec, ...]:
+        """Those in `of`."""
+        return self.of
+
+    @property
+    def hands_over(self) -> bool:
+        """Whether one of its parts hands a gate over."""
+        return any(part.hands_over for part in self.of)
+
+
+C = TypeVar("C", bound=CombinedSpec)
 
 
 class Combination(Condition[C]):
@@ -16,7 +37,7 @@ class Combination(Condition[C]):
 
     def __init__(self, spec: C, owner: State[Any]) -> None:
         super().__init__(spec, owner)
-        self.parts = [build(part, owner) for part in spec.of]  # type: ignore[attr-defined]
+        self.parts = [build(part, owner) for part in spec.of]
         self.counting = [(part, part.triggered) for part in self.parts if part.counts]
         self.others = [(part, part.triggered) for part in self.parts if not part.counts]
         self.counts = bool(self.counting)
@@ -48,6 +69,22 @@ class Combination(Condition[C]):
         return None
 
 
+class AllSpec(CombinedSpec):
+    """Fires when all of its conditions hold in the same tick."""
+
+    word_between: ClassVar[str] = " and "
+
+    type: Literal["All"] = "All"
+
+    def always(self) -> bool:
+        """When each part always holds."""
+        return all(part.always() for part in self.of)
+
+    def never(self) -> bool:
+        """When one part never holds."""
+        return any(part.never() for part in self.of)
+
+
 class All(Combination[AllSpec]):
     """Fires when all parts hold."""
 
@@ -65,6 +102,22 @@ class All(Combination[AllSpec]):
     def reasons(self, estimate: CarEstimate) -> list[Condition[Any]]:
         """All parts."""
         return self.parts
+
+
+class AnySpec(CombinedSpec):
+    """Fires when one of its conditions holds."""
+
+    word_between: ClassVar[str] = " or "
+
+    type: Literal["Any"] = "Any"
+
+    def always(self) -> bool:
+        """When one part always holds."""
+        return any(part.always() for part in self.of)
+
+    def never(self) -> bool:
+        """When no part ever holds."""
+        return all(part.never() for part in self.of)
 
 
 class AnyOf(Combination[AnySpec]):
@@ -90,6 +143,28 @@ class AnyOf(Combination[AnySpec]):
         """The parts that hold, in their order."""
         held = {id(part) for part in self.held} | {id(part) for part, ask in self.others if ask(estimate)}
         return [part for part in self.parts if id(part) in held]
+
+
+class NotSpec(CombinedSpec):
+    """Fires when its one condition does not hold."""
+
+    word_before: ClassVar[str] = "not "
+
+    type: Literal["Not"] = "Not"
+    of: tuple[SerializeAsAny[ConditionSpec], ...] = Field(description="one condition", min_length=1, max_length=1)
+
+    @property
+    def hands_over(self) -> bool:
+        """A gate that is not seen cannot be handed over."""
+        return False
+
+    def always(self) -> bool:
+        """When its part never holds."""
+        return self.of[0].never()
+
+    def never(self) -> bool:
+        """When its part always holds."""
+        return self.of[0].always()
 
 
 class Not(Combination[NotSpec]):

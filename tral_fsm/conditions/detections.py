@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 import math
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
+
+from pydantic import Field
 
 from tral_fsm.conditions.base import Condition
-from tral_fsm.definition.conditions import ArucoGateFoundSpec, MarkerFoundSpec, SightingSpec
+from tral_fsm.definition.conditions import ConditionSpec
+from tral_fsm.definition.validated import MarkerId, quantity
 from tral_fsm.estimation.detections import Detection
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import State
 
 _POST_MARGIN_M = 0.02
 """A way that leads so near past a post leads through the gate still, m. Source: choice."""
+
+
+class SightingSpec(ConditionSpec):
+    """Base of what fires when something is seen."""
+
+    ids: tuple[MarkerId, ...] = Field((), description="only these ids; empty: any", strict=False)
+    max_age: float = quantity(0.25, "s", "the sighting is not older", gt=0.0, le=10.0)
+    max_distance: float = quantity(6.0, "m", "it is not farther away", gt=0.0, le=20.0)
+    max_ahead: float = quantity(20.0, "m", "it is not farther ahead, by dead reckoning", gt=0.0, le=20.0)
+    max_bearing_deg: float = quantity(90.0, "deg", "it is not farther to the side", gt=0.0, le=90.0)
+
 
 G = TypeVar("G", bound=SightingSpec)
 
@@ -44,6 +58,34 @@ class Seen(Condition[G]):
         seen = self.detection(estimate)
         x, y, heading = estimate.seen_from_here(seen)
         return f"id {seen.id} at {x:.2f}, {y:+.2f} m, {math.degrees(heading):+.0f} deg, {seen.age:.2f} s old"
+
+
+class ArucoGateFoundSpec(SightingSpec):
+    """Fires when a gate is seen ahead, and hands its position to the next state."""
+
+    type: Literal["ArucoGateFound"] = "ArucoGateFound"
+    hand_over: bool = Field(True, description="the next state must be targetable and takes the gate as its target")
+    narrower_than: float | None = quantity(
+        None, "m", "only a gate whose opening, as far as it has been seen, is narrower", gt=0.0, le=5.0
+    )
+    missed_by: float | None = quantity(
+        None,
+        "m",
+        "only if the way straight on misses its middle by more, or, its opening known, does not lead through it",
+        ge=0.0,
+        le=5.0,
+    )
+    one_post: bool = Field(
+        False, description="also fires when only one of its markers was ever seen: the middle is guessed beside it"
+    )
+    target: bool = Field(
+        False, description="asks of the gate that was handed over last, whole or not, though another one be nearer"
+    )
+
+    @property
+    def hands_over(self) -> bool:
+        """As the file says."""
+        return self.hand_over
 
 
 class ArucoGateFound(Seen[ArucoGateFoundSpec]):
@@ -78,6 +120,12 @@ class ArucoGateFound(Seen[ArucoGateFoundSpec]):
     def hand_over(self, estimate: CarEstimate) -> Detection | None:
         """The gate."""
         return self.detection(estimate) if self.spec.hand_over else None
+
+
+class MarkerFoundSpec(SightingSpec):
+    """Fires when a single marker is seen ahead."""
+
+    type: Literal["MarkerFound"] = "MarkerFound"
 
 
 class MarkerFound(Seen[MarkerFoundSpec]):

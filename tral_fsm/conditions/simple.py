@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, ClassVar, Literal
 
+from pydantic import Field
+
+from tral_env.interface import NO_ECHO_M
 from tral_fsm.conditions.base import Condition
-from tral_fsm.definition.conditions import (
-    AlignedSpec,
-    AlwaysSpec,
-    DistanceSpec,
-    FinishedSpec,
-    SensorLevelSpec,
-    TimerSpec,
-    TurnedSpec,
-    UnreachableSpec,
-)
+from tral_fsm.definition.conditions import ConditionSpec
+from tral_fsm.definition.validated import SonarName, quantity, required
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import State
+
+
+class AlwaysSpec(ConditionSpec):
+    """Fires at once."""
+
+    type: Literal["Always"] = "Always"
+
+    def always(self) -> bool:
+        """In every tick."""
+        return True
 
 
 class Always(Condition[AlwaysSpec]):
@@ -28,6 +33,17 @@ class Always(Condition[AlwaysSpec]):
     def triggered(self, estimate: CarEstimate) -> bool:
         """Always."""
         return True
+
+
+class DistanceSpec(ConditionSpec):
+    """Fires after a hall distance in the state."""
+
+    type: Literal["Distance"] = "Distance"
+    distance: float = required("m", "driven since entry", ge=0.0, le=10000.0)
+
+    def always(self) -> bool:
+        """With no distance to drive."""
+        return self.distance == 0.0
 
 
 class Distance(Condition[DistanceSpec]):
@@ -48,6 +64,17 @@ class Distance(Condition[DistanceSpec]):
         return f"driven {estimate.distance - self.entry:.3f} >= {self.spec.distance:g} m"
 
 
+class TimerSpec(ConditionSpec):
+    """Fires after a time in the state."""
+
+    type: Literal["Timer"] = "Timer"
+    seconds: float = required("s", "since entry", ge=0.0, le=100000.0)
+
+    def always(self) -> bool:
+        """With no time to wait."""
+        return self.seconds == 0.0
+
+
 class Timer(Condition[TimerSpec]):
     """Fires after a time."""
 
@@ -64,6 +91,13 @@ class Timer(Condition[TimerSpec]):
     def why(self, estimate: CarEstimate) -> str:
         """Time since entry and wanted."""
         return f"{estimate.time - self.entry:.3f} >= {self.spec.seconds:g} s"
+
+
+class TurnedSpec(ConditionSpec):
+    """Fires when the car has turned by an angle in the state, by dead reckoning, to either side."""
+
+    type: Literal["Turned"] = "Turned"
+    angle_deg: float = required("deg", "turned since entry", gt=0.0, le=3600.0)
 
 
 class Turned(Condition[TurnedSpec]):
@@ -88,6 +122,16 @@ class Turned(Condition[TurnedSpec]):
         return f"turned {math.degrees(estimate.yaw - self.entry):+.1f}, {self.spec.angle_deg:g} deg wanted"
 
 
+class AlignedSpec(ConditionSpec):
+    """Fires when the car points along or across the corridor, as wall following has learnt its direction.
+
+    Beyond about 22 degrees a wall gives no echo, and cannot be told from an opening.
+    """
+
+    type: Literal["Aligned"] = "Aligned"
+    angle_deg: float = quantity(12.0, "deg", "within this angle", gt=0.0, le=45.0)
+
+
 class Aligned(Condition[AlignedSpec]):
     """Fires when the car points along or across the corridor."""
 
@@ -106,6 +150,14 @@ class Aligned(Condition[AlignedSpec]):
         return f"heading {math.degrees(estimate.heading):+.1f} within {self.spec.angle_deg:g} deg"
 
 
+class FinishedSpec(ConditionSpec):
+    """Fires when the state says that it is finished."""
+
+    asks_owner_finished: ClassVar[bool] = True
+
+    type: Literal["Finished"] = "Finished"
+
+
 class Finished(Condition[FinishedSpec]):
     """Fires when its owner says that it is finished."""
 
@@ -118,6 +170,17 @@ class Finished(Condition[FinishedSpec]):
     def why(self, estimate: CarEstimate) -> str:
         """The state that is finished."""
         return f"{self.owner.spec.type} is finished"
+
+
+class UnreachableSpec(ConditionSpec):
+    """Fires when the state cannot come to its target any more: it lies behind, or needs too tight a turn."""
+
+    asks_owner_target: ClassVar[bool] = True
+
+    type: Literal["Unreachable"] = "Unreachable"
+    seconds: float = quantity(
+        0.0, "s", "it has been out of reach so long without a break: one bad sighting is none", ge=0.0, le=60.0
+    )
 
 
 class Unreachable(Condition[UnreachableSpec]):
@@ -139,6 +202,18 @@ class Unreachable(Condition[UnreachableSpec]):
     def why(self, estimate: CarEstimate) -> str:
         """The reason."""
         return self.owner.unreachable(estimate) or "the target is within reach"
+
+
+class SensorLevelSpec(ConditionSpec):
+    """Fires when an ultrasonic reads above or below a level. No echo counts as above."""
+
+    exactly_one: ClassVar[tuple[str, ...]] = ("above", "below")
+
+    type: Literal["SensorLevel"] = "SensorLevel"
+    sensor: SonarName = Field("front", description="which ultrasonic")
+    above: float | None = quantity(None, "m", "fires when the range is above", ge=0.0, lt=NO_ECHO_M)
+    below: float | None = quantity(None, "m", "fires when the range is below", gt=0.0, le=NO_ECHO_M)
+    readings: int = Field(1, description="so many readings must agree, one after the other", ge=1, le=100)
 
 
 class SensorLevel(Condition[SensorLevelSpec]):

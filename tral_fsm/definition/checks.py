@@ -195,7 +195,8 @@ def _of_owner(condition: ConditionSpec, owner: StateSpec, pointer: str) -> Itera
 
 def _targetable() -> str:
     names = ", ".join(name for name, spec in STATES.items() if spec.targetable)
-    return f"Allowed: {names}, an FSMState whose root is one of them"
+    holders = " or ".join(name for name, spec in STATES.items() if spec.holds_machine)
+    return f"Allowed: {names}, an {holders} whose root is one of them"
 
 
 def _shadowed(level: _Level) -> Iterator[Problem]:

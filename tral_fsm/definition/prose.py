@@ -13,8 +13,6 @@ from typing import Any
 from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.validated import Spec, unit_of
 
-_JOINED = {"All": " and ", "Any": " or "}
-"""Type of a combined condition -> what stands between its parts."""
 _NO_PARAMETER = ("type", "id", "label", "final", "machine")
 _SIGNS = (("above", ">"), ("below", "<"), ("max", "≤"))
 """Part of a parameter's name -> the sign that says it in the short wording."""
@@ -28,12 +26,11 @@ def combined(condition: ConditionSpec, wording: Callable[[ConditionSpec], str], 
         wording: tells the conditions that combine no others.
         inside: stands among other words, so that several parts need parentheses.
     """
-    if condition.type == "Not" and condition.parts:
-        return f"not {combined(condition.parts[0], wording, inside=True)}"
-    if condition.type not in _JOINED or not condition.parts:
+    if not condition.parts or not (condition.word_before or condition.word_between):
         return wording(condition)
-    text = _JOINED[condition.type].join(combined(part, wording, inside=True) for part in condition.parts)
-    return f"({text})" if inside and len(condition.parts) > 1 else text
+    parts = [combined(part, wording, inside=True) for part in condition.parts]
+    text = condition.word_before + condition.word_between.join(parts)
+    return f"({text})" if inside and len(parts) > 1 else text
 
 
 def in_full(condition: ConditionSpec) -> str:

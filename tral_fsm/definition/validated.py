@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StrictInt, StrictStr, model_validator
 
@@ -70,9 +70,6 @@ def unit_of(spec: type[Spec], name: str) -> str:
     return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
 
 
-T = TypeVar("T", bound=Spec)
-
-
 def type_name(spec: type[Spec]) -> str:
     """The "type" under which a class stands in files.
 
@@ -82,21 +79,4 @@ def type_name(spec: type[Spec]) -> str:
     name = spec.model_fields["type"].default
     if not isinstance(name, str) or not name:
         raise MachineError(f'{spec.__name__} does not say its type: write type: Literal["Name"] = "Name" into it')
-    return name
-
-
-def register_type(known: dict[str, type[T]], spec: type[T]) -> str:
-    """Add a class to the known types; gives its name.
-
-    Raises:
-        MachineError: another class has that name already, or it says none.
-    """
-    name = type_name(spec)
-    taken = known.setdefault(name, spec)
-    if (taken.__module__, taken.__qualname__) != (spec.__module__, spec.__qualname__):
-        raise MachineError(
-            f"{spec.__module__}.{spec.__qualname__} calls itself {name!r}, which {taken.__module__}."
-            f"{taken.__qualname__} does already: choose another type"
-        )
-    known[name] = spec
     return name

@@ -1,5 +1,6 @@
 """What states do: one class for each type of state that a machine file may name."""
 
+from tral_fsm.definition.machine import STATES
 from tral_fsm.states.approach_point import ApproachPoint
 from tral_fsm.states.base import State, register
 from tral_fsm.states.basic import Idle, Motor, Stop
@@ -18,4 +19,4 @@ BUILT_IN = (
 for _state in BUILT_IN:
     register(_state)
 
-__all__ = ["BUILT_IN", "State", "register"]
+__all__ = ["BUILT_IN", "STATES", "State", "register"]

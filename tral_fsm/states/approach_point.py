@@ -3,15 +3,45 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar, Literal
+
+from pydantic import Field
 
 from tral_env.geometry import curvature
 from tral_env.se2 import Pose
 from tral_fsm.control.biarc import out_of_reach
 from tral_fsm.control.command import Command
 from tral_fsm.control.laws import line, pursuit
-from tral_fsm.definition.machine import ApproachPointSpec
+from tral_fsm.definition.machine import DrivingSpec
+from tral_fsm.definition.validated import quantity
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import NO_GATE, DrivingState
+
+
+class ApproachPointSpec(DrivingSpec):
+    """Drives to a point by dead reckoning; a gate that is handed over is approached along its axis."""
+
+    targetable: ClassVar[bool] = True
+
+    type: Literal["ApproachPoint"] = "ApproachPoint"
+    x: float = quantity(1.0, "m", "point ahead of the car at entry, unless one is handed over", ge=-20.0, le=20.0)
+    y: float = quantity(0.0, "m", "point left of the car at entry", ge=-20.0, le=20.0)
+    heading_deg: float | None = quantity(
+        None, "deg", "direction in which the point is passed, + = left; null: any", ge=-180.0, le=180.0
+    )
+    before: float = quantity(
+        1.0, "m", "stops this far before a gate that is handed over; negative: behind it", ge=-5.0, le=5.0
+    )
+    tolerance: float = quantity(0.05, "m", "arrived within this distance along the way", gt=0.0, le=2.0)
+    length: float = quantity(0.35, "m", "an offset from the axis dies away by e in it", gt=0.0, le=5.0)
+    max_angle_deg: float = quantity(45.0, "deg", "the axis is approached no steeper", gt=0.0, le=90.0)
+    aside: float = quantity(0.1, "m", "out of reach if the point would be missed by more", gt=0.0, le=2.0)
+    track: bool = Field(True, description="take each new sighting of the gate that was handed over")
+
+    @property
+    def finishable(self) -> bool:
+        """On arrival."""
+        return True
 
 
 class ApproachPoint(DrivingState[ApproachPointSpec]):

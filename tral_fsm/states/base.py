@@ -7,12 +7,13 @@ with `register`.
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Generic, Protocol, TypeVar, get_args, runtime_checkable
+from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 from tral_env.se2 import Pose
 from tral_fsm.control.command import IDLE, Command
 from tral_fsm.definition.machine import STATES, DrivingSpec, StateSpec
-from tral_fsm.definition.validated import register_type
+from tral_fsm.definition.registry import Runtime
+from tral_fsm.definition.validated import Spec
 from tral_fsm.estimation.detections import Detection
 from tral_fsm.estimation.estimate import CarEstimate
 
@@ -50,17 +51,12 @@ class Targetable(Protocol):
         ...
 
 
-class State(Generic[S]):
+class State(Runtime[S]):
     """Base of all states at work. `State[MySpec]` says which type of machine files a class runs."""
 
-    spec_type: ClassVar[type[StateSpec]]
-    """The spec that this class runs; taken from the brackets behind `State`."""
+    spec_type: ClassVar[type[Spec]] = StateSpec
     aim: Detection | None = None
     """A gate that the state has chosen as its target at entry, though nothing was handed over."""
-
-    def __init_subclass__(cls, **kwargs: Any) -> None:
-        super().__init_subclass__(**kwargs)
-        cls.spec_type = spec_in(cls, StateSpec) or getattr(cls, "spec_type", StateSpec)
 
     def __init__(self, spec: S) -> None:
         self.spec = spec
@@ -80,29 +76,10 @@ class State(Generic[S]):
         return ""
 
 
-def spec_in(cls: type, base: type) -> Any:
-    """The spec in the brackets of a class's bases, as in `State[MySpec]`; None if there is none, or a type variable."""
-    for generic in getattr(cls, "__orig_bases__", ()):
-        for argument in get_args(generic):
-            if isinstance(argument, type) and issubclass(argument, base):
-                return argument
-    return None
-
-
-RUNTIMES: dict[str, type[State[Any]]] = {}
-"""The class that runs each type of state."""
-
-R = TypeVar("R", bound=type[State[Any]])
-
-
-def register(state: R) -> R:
-    """Let machine files name a class of states from now on; also a decorator.
-
-    Raises:
-        MachineError: another class has its type already, or its spec says none.
-    """
-    RUNTIMES[register_type(STATES, state.spec_type)] = state
-    return state
+RUNTIMES: dict[str, type[State[Any]]] = STATES.runtimes
+"""Type of state -> the class that runs it."""
+register = STATES.register
+"""Let machine files name a class of states from now on; also a decorator."""
 
 
 class DrivingState(State[D]):

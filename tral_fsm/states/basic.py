@@ -2,13 +2,31 @@
 
 from __future__ import annotations
 
+from typing import ClassVar, Literal
+
 from tral_fsm.control.command import Command
-from tral_fsm.definition.machine import IdleSpec, MotorSpec, StopSpec
+from tral_fsm.definition.machine import DrivingSpec, StateSpec
+from tral_fsm.definition.validated import quantity
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import DrivingState, State
 
 ROLLING_MPS = 0.1
 """A car that is faster rolls, m/s. Source: choice, the hall sensor's slowest reading."""
+
+
+class MotorSpec(DrivingSpec):
+    """Fixed steering and speed, for a distance or until a transition fires."""
+
+    never_finishes_hint: ClassVar[str] = "a Motor needs a distance for that"
+
+    type: Literal["Motor"] = "Motor"
+    steering: float = quantity(0.0, "", "+1 = full left", ge=-1.0, le=1.0)
+    distance: float | None = quantity(None, "m", "hall distance after which it is finished", gt=0.0, le=1000.0)
+
+    @property
+    def finishable(self) -> bool:
+        """After its distance, if it has one."""
+        return self.distance is not None
 
 
 class Motor(DrivingState[MotorSpec]):
@@ -27,6 +45,21 @@ class Motor(DrivingState[MotorSpec]):
         return self.drive(spec.steering)
 
 
+class StopSpec(StateSpec):
+    """Stops the car: brakes while it rolls, then neutral."""
+
+    type: Literal["Stop"] = "Stop"
+    brake: float = quantity(0.3, "", "throttle against the direction in which the car rolls", ge=0.0, le=1.0)
+    hold: float = quantity(
+        0.0, "s", "brakes at least so long: a motor controller wants to see it before it reverses", ge=0.0, le=60.0
+    )
+
+    @property
+    def may_end(self) -> bool:
+        """A stopped car may stay."""
+        return True
+
+
 class Stop(State[StopSpec]):
     """Brakes against the direction in which the car rolls, then neutral: more would turn the direction."""
 
@@ -39,6 +72,12 @@ class Stop(State[StopSpec]):
         """Wheels straight, brake or neutral."""
         brakes = estimate.speed > ROLLING_MPS or estimate.time < self.until
         return Command(speed=0.0, throttle=-self.spec.brake * self.direction if brakes else 0.0)
+
+
+class IdleSpec(StateSpec):
+    """Does nothing: the command stays at neutral."""
+
+    type: Literal["Idle"] = "Idle"
 
 
 class Idle(State[IdleSpec]):

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, ClassVar, Literal, Protocol
+
+from pydantic import Field
 
 from tral_env.se2 import Pose
 from tral_fsm.control.command import Command
-from tral_fsm.definition.machine import FSMStateSpec
+from tral_fsm.definition.machine import MachineDefinition, StateSpec
 from tral_fsm.estimation.detections import Detection
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import NO_GATE, State, Targetable
@@ -47,6 +49,34 @@ class InnerMachine(Protocol):
 
     def watch(self, trace: Callable[[Any], None] | None) -> None:
         """Call this for each transition that fires."""
+
+
+class FSMStateSpec(StateSpec):
+    """A whole machine as one state, inline or by the name of a packaged one. Its root takes what is handed over."""
+
+    holds_machine: ClassVar[bool] = True
+    never_finishes_hint: ClassVar[str] = "its machine has no state in which it may end"
+
+    type: Literal["FSMState"] = "FSMState"
+    machine: MachineDefinition | str = Field(description="the inner machine, or the name of a packaged one")
+
+    @property
+    def finishable(self) -> bool:
+        """When its machine has come to its end, if it has one. Of a packaged one that is seen when it is loaded."""
+        return isinstance(self.machine, str) or self.machine.may_end
+
+    @property
+    def takes_target(self) -> bool:
+        """If the root of its machine does. Of a packaged one that is seen when it is loaded."""
+        if isinstance(self.machine, str):
+            return True
+        root = self.machine.root
+        return any(state.id == root and state.takes_target for state in self.machine.states)
+
+    @property
+    def inner(self) -> MachineDefinition | str:
+        """Its machine."""
+        return self.machine
 
 
 class FSMState(State[FSMStateSpec]):

@@ -3,12 +3,28 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 from tral_env.interface import MAX_AGE_S
 from tral_fsm.control.command import Command
-from tral_fsm.definition.machine import ArucoGateCenterSpec
+from tral_fsm.definition.machine import DrivingSpec
+from tral_fsm.definition.validated import quantity
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import DrivingState
+
+
+class ArucoGateCenterSpec(DrivingSpec):
+    """Full lock towards the side on which the gate's middle is, until the car is aligned with the gate's axis."""
+
+    type: Literal["ArucoGateCenter"] = "ArucoGateCenter"
+    tolerance_deg: float = quantity(4.0, "deg", "aligned within this angle", gt=0.0, le=45.0)
+    lock: float = quantity(1.0, "", "share of full lock", gt=0.0, le=1.0)
+    max_distance: float = quantity(1.5, "m", "gives up, and is finished, after this hall distance", gt=0.0, le=20.0)
+
+    @property
+    def finishable(self) -> bool:
+        """When aligned."""
+        return True
 
 
 class ArucoGateCenter(DrivingState[ArucoGateCenterSpec]):

@@ -3,23 +3,70 @@
 from __future__ import annotations
 
 import math
-from typing import TypeVar
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal, TypeVar
 
-from tral_env.interface import CONTROL_PERIOD_S
+from pydantic import Field
+
+from tral_env.interface import CONTROL_PERIOD_S, NO_ECHO_M
 from tral_env.se2 import Pose
 from tral_fsm.control.command import Command
 from tral_fsm.control.laws import clip, damping, pid, pid_rate, ramp, slowed, steering_for
-from tral_fsm.definition.machine import BasicFollowWallSpec, FollowWallRampSpec, FollowWallSpec, WallSpec
+from tral_fsm.definition.machine import DrivingSpec
+from tral_fsm.definition.validated import Side, quantity
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.estimation.sonar import SonarReading
 from tral_fsm.states.base import NO_GATE, DrivingState
-
-W = TypeVar("W", bound=WallSpec)
 
 _HOLD_LENGTH = 0.4
 """Length in which the car turns back to the corridor's direction when its wall is lost, m. Source: choice."""
 _TRIM_ERROR, _TRIM_HEADING = 0.12, math.radians(6.0)
 """The trim is learnt within this deviation [m] and heading [rad] alone: elsewhere e is not the car's fault."""
+
+
+class WallSpec(DrivingSpec):
+    """Base of the states that keep a clearance to a wall."""
+
+    needs: ClassVar[Mapping[str, str]] = {"slow_front": "speed"}
+
+    side: Side = Field("right", description="the wall that is followed")
+    p: float = quantity(1.2, "1/m", "steering for a metre of deviation", ge=0.0, le=1000.0)
+    i: float = quantity(0.0, "1/(m s)", "steering for a metre of deviation a second", ge=0.0, le=1000.0)
+    d: float | None = quantity(
+        1.5,
+        "s/m",
+        "steering for a deviation that grows by 1 m/s; null: what damps p by 0.707 at the speed that the car has",
+        ge=0.0,
+        le=1000.0,
+    )
+    derivative: Literal["sonar", "tick"] = Field(
+        "sonar", description="over the sonar's own interval, or tick: the literal law of 2016"
+    )
+    max_error: float | None = quantity(0.4, "m", "e is clipped to this; null: not at all", gt=0.0, le=6.0)
+    max_angle_deg: float | None = quantity(
+        18.0,
+        "deg",
+        "e is clipped so that the wall is approached no steeper, or it gives no echo; null: not",
+        gt=0.0,
+        le=90.0,
+    )
+    max_rate: float = quantity(0.5, "m/s", "e' over the sonar's interval is clipped to this", gt=0.0, le=1000.0)
+    reach: float = quantity(2.5, "m", "a range above it is no wall: the course is held", gt=0.0, le=NO_ECHO_M)
+    at_most_half: bool = Field(
+        False, description="the wanted clearance is never more than half of what both sides have together"
+    )
+    learn_trim: float = quantity(
+        0.0,
+        "1/(m s)",
+        "steering that the car's own fault needs, learnt from what remains of a small e",
+        ge=0.0,
+        le=10.0,
+    )
+    slow_front: float | None = quantity(None, "m", "front range from which on the car slows down", gt=0.0, le=5.0)
+    slow_speed: float = quantity(0.3, "m/s", "speed at half of slow_front and nearer", ge=0.0, le=5.0)
+
+
+W = TypeVar("W", bound=WallSpec)
 
 
 class WallState(DrivingState[W]):
@@ -122,12 +169,31 @@ def hold_course(estimate: CarEstimate) -> float:
     return steering_for(-2.0 / _HOLD_LENGTH * math.sin(estimate.heading))
 
 
+def _clearance() -> Any:
+    return quantity(0.8, "m", "wanted range of the side ultrasonic", gt=0.0, le=5.0)
+
+
+class BasicFollowWallSpec(WallSpec):
+    """Keeps a clearance to one wall: y = p e + i esum PID_S + d (e - eold) PID_INVS, e = range - clearance."""
+
+    type: Literal["BasicFollowWall"] = "BasicFollowWall"
+    clearance: float = _clearance()
+
+
 class BasicFollowWall(WallState[BasicFollowWallSpec]):
     """Wall following that believes every reading."""
 
     def wanted(self, estimate: CarEstimate) -> float:
         """Clearance wanted, m."""
         return self.spec.clearance
+
+
+class FollowWallSpec(WallSpec):
+    """Wall following that ignores sudden changes of the range, so that door frames do not upset it."""
+
+    type: Literal["FollowWall"] = "FollowWall"
+    clearance: float = _clearance()
+    ignore_jump: float = quantity(0.02, "m", "a larger change from one reading to the next is ignored", gt=0.0, le=6.0)
 
 
 class FollowWall(WallState[FollowWallSpec]):
@@ -144,6 +210,26 @@ class FollowWall(WallState[FollowWallSpec]):
     def wanted(self, estimate: CarEstimate) -> float:
         """Clearance wanted, m."""
         return self.spec.clearance
+
+
+class FollowWallRampSpec(WallSpec):
+    """Wall following whose clearance runs linearly with the distance driven, from `start` to `target`."""
+
+    targetable: ClassVar[bool] = True
+
+    type: Literal["FollowWallRamp"] = "FollowWallRamp"
+    start: float | None = quantity(None, "m", "clearance at entry; null: the range then", gt=0.0, le=5.0)
+    target: float = quantity(0.5, "m", "clearance at the end", gt=0.0, le=5.0)
+    distance: float = quantity(1.5, "m", "hall distance in which it changes", gt=0.0, le=100.0)
+    before: float = quantity(0.0, "m", "ends this far before a point that is handed over", ge=0.0, le=5.0)
+    along_wall: bool = Field(
+        False, description="turn a point that is handed over by the car's angle to the wall; false: as 2016 did, not"
+    )
+
+    @property
+    def finishable(self) -> bool:
+        """At the end of its distance."""
+        return True
 
 
 class FollowWallRamp(WallState[FollowWallRampSpec]):
