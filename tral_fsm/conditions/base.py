@@ -1,8 +1,8 @@
-"""What every condition is: it gets the estimate of a tick, and says whether its transition fires.
+"""What every condition has in common: it gets the estimate of a tick and says whether its transition fires.
 
-A condition has a memory of its own (a distance, a timer, readings that agreed), which starts anew whenever the state
-that it leaves is entered. A condition of your own: derive a spec from `definition.conditions.ConditionSpec` and a class
-from `Condition`, and decorate the class with `register`.
+A condition has a memory of its own (a distance, a timer, readings that agreed). The memory starts again whenever the
+machine enters the state that the transition leaves. A condition of your own: derive a spec from
+`definition.conditions.ConditionSpec` and a class from `Condition`, and decorate the class with `register`.
 """
 
 from __future__ import annotations
@@ -24,30 +24,30 @@ class Condition(Runtime[C]):
 
     spec_type: ClassVar[type[Spec]] = ConditionSpec
     counts: bool = True
-    """It must be asked in every tick, since it counts ticks or readings. False: All and Any leave it out where another
-    part has settled the matter."""
+    """The condition must be asked in every tick, since it counts ticks or readings. False: All and Any skip it where
+    another part decides."""
 
     def __init__(self, spec: C, owner: State[Any]) -> None:
         self.spec = spec
         self.owner = owner
-        """The state that is left."""
+        """The state that the transition leaves."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
-        """Called when the owner is entered."""
+        """Begin: the machine enters the owner."""
 
     def restart(self) -> None:
-        """Forget all: a drive begins anew."""
+        """Forget everything: a new drive begins."""
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Whether to fire; called once a tick, after the owner's tick."""
+        """Whether the transition fires. The machine asks once a tick, after the owner's tick."""
         raise NotImplementedError
 
     def why(self, estimate: CarEstimate) -> str:
-        """The values that were compared, for the trace."""
+        """The compared values, for the trace."""
         return self.spec.type
 
     def hand_over(self, estimate: CarEstimate) -> Detection | None:
-        """What the next state gets as its target."""
+        """The gate that the next state gets as its target; None: no gate."""
         return None
 
 

@@ -1,4 +1,4 @@
-"""Conditions on the way, the time, the heading, the owner and the raw ranges."""
+"""Conditions on the distance, the time, the heading, the state that is left, and the raw ranges."""
 
 from __future__ import annotations
 
@@ -21,46 +21,46 @@ class AlwaysSpec(ConditionSpec):
     type: Literal["Always"] = "Always"
 
     def always(self) -> bool:
-        """In every tick."""
+        """The condition holds in every tick."""
         return True
 
 
 class Always(Condition[AlwaysSpec]):
-    """Fires at once: in the tick in which its owner computed its first output."""
+    """Fires at once: in the tick in which its owner computed its first command."""
 
     counts = False
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Always."""
+        """Always true."""
         return True
 
 
 class DistanceSpec(ConditionSpec):
-    """Fires after a hall distance in the state."""
+    """Fires when the car has driven a distance in the state."""
 
     type: Literal["Distance"] = "Distance"
-    distance: float = required("m", "driven since entry", ge=0.0, le=10000.0)
+    distance: float = required("m", "distance since entry, by the hall sensor", ge=0.0, le=10000.0)
 
     def always(self) -> bool:
-        """With no distance to drive."""
+        """Whether there is no distance to drive."""
         return self.distance == 0.0
 
 
 class Distance(Condition[DistanceSpec]):
-    """Fires after a hall distance."""
+    """Fires after a distance."""
 
     counts = False
 
     def on_enter(self, estimate: CarEstimate) -> None:
-        """Remember where it began."""
+        """Remember where the owner began."""
         self.entry = estimate.distance
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Driven far enough."""
+        """Whether the car has driven far enough."""
         return estimate.distance - self.entry >= self.spec.distance
 
     def why(self, estimate: CarEstimate) -> str:
-        """Driven and wanted."""
+        """Distance driven and distance wanted."""
         return f"driven {estimate.distance - self.entry:.3f} >= {self.spec.distance:g} m"
 
 
@@ -68,10 +68,10 @@ class TimerSpec(ConditionSpec):
     """Fires after a time in the state."""
 
     type: Literal["Timer"] = "Timer"
-    seconds: float = required("s", "since entry", ge=0.0, le=100000.0)
+    seconds: float = required("s", "time since entry", ge=0.0, le=100000.0)
 
     def always(self) -> bool:
-        """With no time to wait."""
+        """Whether there is no time to wait."""
         return self.seconds == 0.0
 
 
@@ -81,15 +81,15 @@ class Timer(Condition[TimerSpec]):
     counts = False
 
     def on_enter(self, estimate: CarEstimate) -> None:
-        """Remember when it began."""
+        """Remember when the owner began."""
         self.entry = estimate.time
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Long enough; half a nanosecond of rounding is forgiven."""
+        """Whether the time is over; half a nanosecond of rounding is forgiven."""
         return estimate.time - self.entry >= self.spec.seconds - 5e-10
 
     def why(self, estimate: CarEstimate) -> str:
-        """Time since entry and wanted."""
+        """Time since entry and time wanted."""
         return f"{estimate.time - self.entry:.3f} >= {self.spec.seconds:g} s"
 
 
@@ -97,7 +97,7 @@ class TurnedSpec(ConditionSpec):
     """Fires when the car has turned by an angle in the state, by dead reckoning, to either side."""
 
     type: Literal["Turned"] = "Turned"
-    angle_deg: float = required("deg", "turned since entry", gt=0.0, le=3600.0)
+    angle_deg: float = required("deg", "angle since entry", gt=0.0, le=3600.0)
 
 
 class Turned(Condition[TurnedSpec]):
@@ -114,22 +114,22 @@ class Turned(Condition[TurnedSpec]):
         self.entry = estimate.yaw
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Turned far enough, to either side."""
+        """Whether the car has turned far enough, to either side."""
         return abs(estimate.yaw - self.entry) >= self.angle
 
     def why(self, estimate: CarEstimate) -> str:
-        """Turned and wanted."""
+        """Angle turned and angle wanted."""
         return f"turned {math.degrees(estimate.yaw - self.entry):+.1f}, {self.spec.angle_deg:g} deg wanted"
 
 
 class AlignedSpec(ConditionSpec):
-    """Fires when the car points along or across the corridor, as wall following has learnt its direction.
+    """Fires when the car points along or across the corridor, whose direction it knows from following walls.
 
-    Beyond about 22 degrees a wall gives no echo, and cannot be told from an opening.
+    At an angle of more than about 22 degrees a wall gives no echo, so that it looks like an opening.
     """
 
     type: Literal["Aligned"] = "Aligned"
-    angle_deg: float = quantity(12.0, "deg", "within this angle", gt=0.0, le=45.0)
+    angle_deg: float = quantity(12.0, "deg", "largest angle to that direction", gt=0.0, le=45.0)
 
 
 class Aligned(Condition[AlignedSpec]):
@@ -142,7 +142,7 @@ class Aligned(Condition[AlignedSpec]):
         self.angle = math.radians(spec.angle_deg)
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Within the angle."""
+        """Whether the heading is within the angle."""
         return abs(estimate.heading) <= self.angle
 
     def why(self, estimate: CarEstimate) -> str:
@@ -173,13 +173,17 @@ class Finished(Condition[FinishedSpec]):
 
 
 class UnreachableSpec(ConditionSpec):
-    """Fires when the state cannot come to its target any more: it lies behind, or needs too tight a turn."""
+    """Fires when the state cannot reach its target any more: it lies behind the car, or needs too tight a turn."""
 
     asks_owner_target: ClassVar[bool] = True
 
     type: Literal["Unreachable"] = "Unreachable"
     seconds: float = quantity(
-        0.0, "s", "it has been out of reach so long without a break: one bad sighting is none", ge=0.0, le=60.0
+        0.0,
+        "s",
+        "time for which the target must be out of reach without a break, so that one bad detection does not count",
+        ge=0.0,
+        le=60.0,
     )
 
 
@@ -191,11 +195,11 @@ class Unreachable(Condition[UnreachableSpec]):
         self.counts = spec.seconds > 0.0
 
     def on_enter(self, estimate: CarEstimate) -> None:
-        """It is within reach so far."""
+        """Begin: the target counts as within reach."""
         self.since = math.inf
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """There has been a reason all the time."""
+        """Whether there has been a reason for long enough."""
         self.since = min(self.since, estimate.time) if self.owner.unreachable(estimate) else math.inf
         return estimate.time - self.since >= self.spec.seconds - 5e-10
 
@@ -213,13 +217,13 @@ class SensorLevelSpec(ConditionSpec):
     sensor: SonarName = Field("front", description="which ultrasonic")
     above: float | None = quantity(None, "m", "fires when the range is above", ge=0.0, lt=NO_ECHO_M)
     below: float | None = quantity(None, "m", "fires when the range is below", gt=0.0, le=NO_ECHO_M)
-    readings: int = Field(1, description="so many readings must agree, one after the other", ge=1, le=100)
+    readings: int = Field(1, description="number of readings in a row that must agree", ge=1, le=100)
 
 
 class SensorLevel(Condition[SensorLevelSpec]):
     """Fires when an ultrasonic is above or below a level.
 
-    The reading that stands at entry counts as the first one; later ones count when they are new.
+    The last reading before entry counts as the first one; later readings count when they are new.
     """
 
     def __init__(self, spec: SensorLevelSpec, owner: State[Any]) -> None:
@@ -230,12 +234,12 @@ class SensorLevel(Condition[SensorLevelSpec]):
         self.fresh = True
 
     def on_enter(self, estimate: CarEstimate) -> None:
-        """No reading has agreed yet."""
+        """Begin: no reading has agreed yet."""
         self.agreed = 0
         self.fresh = True
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Count readings that agree, one after the other."""
+        """Count readings in a row that agree."""
         sonar = getattr(estimate, self.spec.sensor)
         if sonar.new or self.fresh:
             self.fresh = False

@@ -13,12 +13,12 @@ from tral_fsm.definition.validated import Spec
 
 
 class ConditionSpec(Spec):
-    """Base of what makes a transition fire. A condition of your own derives from it and names itself in `type`."""
+    """Base of the specs of all conditions. A spec of your own derives from it and gives its name in `type`."""
 
     asks_owner_finished: ClassVar[bool] = False
-    """The state that is left must be one that can say that it is finished."""
+    """The state that the transition leaves must be able to say that it is finished."""
     asks_owner_target: ClassVar[bool] = False
-    """The state that is left must be one that takes a target."""
+    """The state that the transition leaves must take a target."""
     word_before: ClassVar[str] = ""
     """What stands before its parts when it is told in words, with its space: "not "."""
     word_between: ClassVar[str] = ""
@@ -28,20 +28,20 @@ class ConditionSpec(Spec):
 
     @property
     def parts(self) -> tuple[ConditionSpec, ...]:
-        """The conditions that this one combines."""
+        """The conditions that this condition combines."""
         return ()
 
     @property
     def hands_over(self) -> bool:
-        """Whether a gate may be handed to the next state when this fires."""
+        """Whether the condition may hand a gate to the next state."""
         return False
 
     def always(self) -> bool:
-        """Whether it holds in every tick, whatever the car reads."""
+        """Whether the condition holds in every tick, whatever the car reads."""
         return False
 
     def never(self) -> bool:
-        """Whether it holds in no tick, whatever the car reads."""
+        """Whether the condition never holds, whatever the car reads."""
         return False
 
 

@@ -16,53 +16,55 @@ from tral_fsm.definition.validated import Id, Spec, quantity
 
 
 class StateSpec(Spec):
-    """Base of all states. A state of your own derives from it and names itself in `type`."""
+    """Base of the specs of all states. A spec of your own derives from it and gives its name in `type`."""
 
     targetable: ClassVar[bool] = False
-    """Takes a target point at run time."""
+    """The state takes a target point at run time."""
     holds_machine: ClassVar[bool] = False
-    """Its member `machine` is a machine, or the name of a packaged one."""
+    """The member `machine` is a machine, or the name of a packaged one."""
     never_finishes_hint: ClassVar[str] = ""
-    """What an error adds where a state that is not finishable is asked whether it is finished: why it is not."""
+    """Why the state never finishes. An error says it where a transition waits for the end of the state."""
 
     type: str
     id: Id
-    label: str = Field("", description="what it is for, in your words")
+    label: str = Field("", description="what the state is for, in your words")
     final: bool = Field(False, description="the machine may end here: the state needs no way out")
 
     @property
     def finishable(self) -> bool:
-        """Can say that it is finished."""
+        """Whether the state can say that it is finished."""
         return False
 
     @property
     def takes_target(self) -> bool:
-        """Can be handed a target: its type can, or what it holds."""
+        """Whether the state can be handed a target: its type can, or the machine that it holds."""
         return self.targetable
 
     @property
     def may_end(self) -> bool:
-        """Needs no transition that leaves it."""
+        """Whether the machine may end here, so that no transition needs to leave the state."""
         return self.final
 
     @property
     def inner(self) -> MachineDefinition | str | None:
-        """The machine that it holds, or the name of a packaged one; None: it holds none."""
+        """The machine that the state holds, or the name of a packaged one; None: the state holds none."""
         return None
 
 
 class DrivingSpec(StateSpec):
-    """A state that moves the car: with a speed (regulated on the hall sensor) or a throttle (open loop)."""
+    """A state that moves the car, with a speed (regulated) or with a throttle (open loop)."""
 
     exactly_one: ClassVar[tuple[str, ...]] = ("speed", "throttle")
 
-    speed: float | None = quantity(None, "m/s", "regulated on the hall sensor", ge=0.0, le=5.0)
-    throttle: float | None = quantity(None, "", "open loop, as in 2016", ge=-1.0, le=1.0)
-    steering_trim: float = quantity(0.0, "", "added to the steering: a car that does not run straight", ge=-1.0, le=1.0)
+    speed: float | None = quantity(None, "m/s", "regulated by what the hall sensor measures", ge=0.0, le=5.0)
+    throttle: float | None = quantity(None, "", "fixed, open loop, as in 2016", ge=-1.0, le=1.0)
+    steering_trim: float = quantity(
+        0.0, "", "added to the steering of a car that does not run straight", ge=-1.0, le=1.0
+    )
 
 
 class TransitionSpec(Spec):
-    """A way from one state to another. In a file the condition's members stand beside id, from and to."""
+    """A transition from one state to another. In a file the members of its condition stand beside id, from and to."""
 
     id: Id
     source: Id = Field(alias="from")
@@ -71,9 +73,9 @@ class TransitionSpec(Spec):
 
 
 class MachineDefinition(Spec):
-    """A machine: its states, the transitions between them, in the order in which they are checked, and its root."""
+    """A machine: its states, its transitions in the order in which they are checked, and its root."""
 
-    root: Id = Field(description="id of the state in which it starts")
+    root: Id = Field(description="id of the state in which the machine starts")
     name: str = ""
     description: str = ""
     states: tuple[SerializeAsAny[StateSpec], ...]
@@ -81,7 +83,7 @@ class MachineDefinition(Spec):
 
     @property
     def may_end(self) -> bool:
-        """There is a state in which it may end: one that may, and has no way out."""
+        """Whether some state may end the machine and has no transition that leaves it."""
         left = {transition.source for transition in self.transitions}
         return any(state.may_end and state.id not in left for state in self.states)
 

@@ -1,4 +1,4 @@
-"""Conditions in words: what combines them, and the parameters that say something.
+"""Conditions in words: how they are combined, and the parameters that matter.
 
 There are two wordings of a condition that combines no others: `parameters` is short, for pictures ("front < 0.5 m");
 `in_full` names every value as a machine file does ("sensor front below 0.5 m").
@@ -22,9 +22,9 @@ def combined(condition: ConditionSpec, wording: Callable[[ConditionSpec], str], 
     """A condition in words: "(A or B) and not C".
 
     Args:
-        condition: what is told.
-        wording: tells the conditions that combine no others.
-        inside: stands among other words, so that several parts need parentheses.
+        condition: what is put into words.
+        wording: gives the words of a condition that combines no others.
+        inside: the words stand among others, so that several parts need parentheses.
     """
     if not condition.parts or not (condition.word_before or condition.word_between):
         return wording(condition)
@@ -50,8 +50,8 @@ def parameters(part: Spec, always: bool) -> Iterator[str]:
 
     Args:
         part: a condition or a state.
-        always: words are told even if they are the default, and what a word or an only parameter means goes without
-            saying, so that its name is left out.
+        always: a parameter that is a word is given even if it is the default. The name of such a parameter, and of an
+            only one, is left out, since the value says enough.
     """
     fields = {name: field for name, field in type(part).model_fields.items() if name not in _NO_PARAMETER}
     for name, field in fields.items():

@@ -1,4 +1,4 @@
-"""What every state is: it gets the estimate of a tick, and answers with a command.
+"""What every state has in common: it gets the estimate of a tick and answers with a command.
 
 A state of your own: derive a spec from `definition.machine.StateSpec` and a class from `State`, and decorate the class
 with `register`.
@@ -21,7 +21,7 @@ S = TypeVar("S", bound=StateSpec)
 D = TypeVar("D", bound=DrivingSpec)
 
 NO_CLEARANCE = (math.nan, math.nan)
-"""No clearance is kept."""
+"""The state keeps no clearance."""
 NO_GATE = -1
 """Id of a target that is no gate."""
 
@@ -32,7 +32,7 @@ class Finishable(Protocol):
 
     @property
     def finished(self) -> bool:
-        """Its work is done."""
+        """Whether the work of the state is done."""
         ...
 
 
@@ -45,8 +45,8 @@ class Targetable(Protocol):
 
         Args:
             estimate: of this tick.
-            target: x [m] ahead of the car now, y [m] left of it, direction [rad] in which it is to be passed.
-            gate: id of the gate that it is, or -1.
+            target: x [m] ahead of the car now, y [m] left of it, direction [rad] in which the car shall pass it.
+            gate: id of the gate at the target; -1: none.
         """
         ...
 
@@ -56,23 +56,23 @@ class State(Runtime[S]):
 
     spec_type: ClassVar[type[Spec]] = StateSpec
     aim: Detection | None = None
-    """A gate that the state has chosen as its target at entry, though nothing was handed over."""
+    """A gate that the state chose as its target at entry by itself."""
 
     def __init__(self, spec: S) -> None:
         self.spec = spec
 
     def on_enter(self, estimate: CarEstimate) -> None:
-        """Called when the state becomes active."""
+        """Begin: the state becomes active."""
 
     def tick(self, estimate: CarEstimate) -> Command:
-        """The command of this tick."""
+        """Compute the command of this tick."""
         return IDLE
 
     def on_exit(self, estimate: CarEstimate) -> None:
-        """Called when the state is left."""
+        """End: the machine leaves the state."""
 
     def unreachable(self, estimate: CarEstimate) -> str:
-        """Why a targetable state cannot come to its target any more; empty: it can."""
+        """Why a targetable state cannot reach its target any more; empty: it can."""
         return ""
 
 
@@ -94,7 +94,7 @@ class DrivingState(State[D]):
         adopt_trim: bool = False,
         trim_step: float = 0.0,
     ) -> Command:
-        """A command with the spec's throttle, or with the speed given [m/s], or with the spec's.
+        """Make a command with the throttle of the spec or, if it has none, with a speed.
 
         Args:
             steering: in [-1, 1], + = left.

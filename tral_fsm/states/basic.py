@@ -1,4 +1,4 @@
-"""States that need no estimate of walls or gates: fixed commands, standing still."""
+"""States that need no walls and no gates: fixed commands, stopping, waiting."""
 
 from __future__ import annotations
 
@@ -11,21 +11,23 @@ from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import DrivingState, State
 
 ROLLING_MPS = 0.1
-"""A car that is faster rolls, m/s. Source: choice, the hall sensor's slowest reading."""
+"""A faster car counts as rolling, m/s. Source: choice, near the slowest speed that the hall sensor can read."""
 
 
 class MotorSpec(DrivingSpec):
-    """Fixed steering and speed, for a distance or until a transition fires."""
+    """Drives with fixed steering and speed, for a distance or until a transition fires."""
 
     never_finishes_hint: ClassVar[str] = "a Motor needs a distance for that"
 
     type: Literal["Motor"] = "Motor"
     steering: float = quantity(0.0, "", "+1 = full left", ge=-1.0, le=1.0)
-    distance: float | None = quantity(None, "m", "hall distance after which it is finished", gt=0.0, le=1000.0)
+    distance: float | None = quantity(
+        None, "m", "distance after which the state is finished; null: never", gt=0.0, le=1000.0
+    )
 
     @property
     def finishable(self) -> bool:
-        """After its distance, if it has one."""
+        """The state is finished after its distance, if it has one."""
         return self.distance is not None
 
 
@@ -33,7 +35,7 @@ class Motor(DrivingState[MotorSpec]):
     """Fixed steering and speed."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
-        """Remember where it began."""
+        """Remember where the state began."""
         self.finished = False
         self.entry = estimate.distance
 
@@ -51,7 +53,11 @@ class StopSpec(StateSpec):
     type: Literal["Stop"] = "Stop"
     brake: float = quantity(0.3, "", "throttle against the direction in which the car rolls", ge=0.0, le=1.0)
     hold: float = quantity(
-        0.0, "s", "brakes at least so long: a motor controller wants to see it before it reverses", ge=0.0, le=60.0
+        0.0,
+        "s",
+        "shortest time of braking: a motor controller reverses only after it has seen the brake",
+        ge=0.0,
+        le=60.0,
     )
 
     @property
@@ -61,10 +67,10 @@ class StopSpec(StateSpec):
 
 
 class Stop(State[StopSpec]):
-    """Brakes against the direction in which the car rolls, then neutral: more would turn the direction."""
+    """Brakes against the direction in which the car rolls, then stays in neutral, so that the car does not reverse."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
-        """Remember when it began, and in which direction the car rolls."""
+        """Remember when the state began and in which direction the car rolls."""
         self.until = estimate.time + self.spec.hold
         self.direction = estimate.direction
 

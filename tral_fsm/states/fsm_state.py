@@ -16,7 +16,7 @@ from tral_fsm.states.base import NO_GATE, State, Targetable
 
 
 class InnerMachine(Protocol):
-    """What the state asks of its machine."""
+    """What the state needs of its machine."""
 
     @property
     def active(self) -> State[Any]:
@@ -52,7 +52,7 @@ class InnerMachine(Protocol):
 
 
 class FSMStateSpec(StateSpec):
-    """A whole machine as one state, inline or by the name of a packaged one. Its root takes what is handed over."""
+    """Runs a whole machine as one state, given inline or by the name of a packaged one. Its root takes the target."""
 
     holds_machine: ClassVar[bool] = True
     never_finishes_hint: ClassVar[str] = "its machine has no state in which it may end"
@@ -62,12 +62,12 @@ class FSMStateSpec(StateSpec):
 
     @property
     def finishable(self) -> bool:
-        """When its machine has come to its end, if it has one. Of a packaged one that is seen when it is loaded."""
+        """The state is finished when its machine has ended. For a packaged machine that is checked at loading."""
         return isinstance(self.machine, str) or self.machine.may_end
 
     @property
     def takes_target(self) -> bool:
-        """If the root of its machine does. Of a packaged one that is seen when it is loaded."""
+        """The state takes a target if the root of its machine does. For a packaged one that is checked at loading."""
         if isinstance(self.machine, str):
             return True
         root = self.machine.root
@@ -80,7 +80,7 @@ class FSMStateSpec(StateSpec):
 
 
 class FSMState(State[FSMStateSpec]):
-    """A whole machine as one state. It starts at its root at each entry. Finished when its machine has ended.
+    """A whole machine as one state. It starts at its root at each entry and is finished when its machine has ended.
 
     A target that is handed over goes to the root; the active inner state says whether it can still be reached.
     """
@@ -98,7 +98,7 @@ class FSMState(State[FSMStateSpec]):
 
     @property
     def aim(self) -> Detection | None:  # type: ignore[override]
-        """What the inner root has chosen."""
+        """The gate that the inner root has chosen."""
         return self.machine.active.aim
 
     def set_target(self, estimate: CarEstimate, target: Pose, gate: int = NO_GATE) -> None:
@@ -108,7 +108,7 @@ class FSMState(State[FSMStateSpec]):
             root.set_target(estimate, target, gate)
 
     def unreachable(self, estimate: CarEstimate) -> str:
-        """Why the active inner state cannot come to its target any more."""
+        """Why the active inner state cannot reach its target any more; empty: it can."""
         return self.machine.active.unreachable(estimate)
 
     def on_exit(self, estimate: CarEstimate) -> None:
