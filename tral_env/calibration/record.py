@@ -26,7 +26,7 @@ def calibration_record(result: Calibration, truth: CameraConfig | None = None) -
 
     Args:
         result: the calibration.
-        truth: the lens that it should have found; None: nobody knows it.
+        truth: the lens that it should have found; None: it is not known.
     """
     found = parameters(result.camera)
     record: dict[str, Any] = {

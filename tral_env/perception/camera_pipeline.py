@@ -68,7 +68,7 @@ class CameraPipeline:
             self._queue = np.pad(self._queue, ((0, 0), (0, more), (0, 0), (0, 0)))
             self._queue_exposed = np.pad(self._queue_exposed, ((0, 0), (0, more)), constant_values=np.inf)
 
-    def due(self, rows: Index, time_s: Array) -> Index:
+    def trigger(self, rows: Index, time_s: Array) -> Index:
         """Trigger the cameras whose time has come, and give their rows.
 
         Args:

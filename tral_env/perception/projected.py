@@ -78,7 +78,7 @@ class Scenery:
 
 
 @dataclass(frozen=True)
-class Seen:
+class ProjectedMarkers:
     """Markers that k cars see, each array (k, M), in the car's frame; meaningless where not valid."""
 
     ids: Indices
@@ -134,7 +134,7 @@ def project(
     uniform: Array,
     degradation: Array | None = None,
     model: DetectionModel = DETECTION_MODEL,
-) -> Seen:
+) -> ProjectedMarkers:
     """Tell what the detector would report of images that were not rendered.
 
     Args:
@@ -162,7 +162,9 @@ def project(
     ahead, left = near.rays[index, 4, 0], near.rays[index, 4, 1]
     along, across = _position_error(ahead, left, blur, camera, model)
     shape = len(rows), scenery.ids.shape[1]
-    out = Seen(scenery.ids[rows], np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape, np.bool_))
+    out = ProjectedMarkers(
+        scenery.ids[rows], np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape, np.bool_)
+    )
     out.x[where] = car.camera_x + ahead + along
     out.y[where] = left + across
     out.heading[where] = _seen_heading(near, index, blur, camera, model)
