@@ -25,8 +25,12 @@ Rows = NDArray[np.int64] | slice
 ALL = slice(None)
 """All rows."""
 
-DRIVE, BRAKE, WAIT = 0, 1, 2
-"""Phases of the motor controller: driving or coasting; braking; neutral after a brake that was long enough."""
+DRIVE = 0
+"""Phase of a motor controller that drives or lets the car coast."""
+BRAKE = 1
+"""Phase of a motor controller that brakes."""
+WAIT = 2
+"""Phase of a motor controller that got neutral after a brake that was long enough."""
 
 
 @dataclass(frozen=True, kw_only=True)

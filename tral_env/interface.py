@@ -171,7 +171,7 @@ class Layout:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the columns."""
+        """Names of the fields, in the order of the columns."""
         return tuple(field.name for field in self.fields)
 
     @property
@@ -262,8 +262,10 @@ class Layout:
 CORE_LAYOUT = Layout()
 """The layout without optional groups."""
 
-STEERING, THROTTLE = 0, 1
-"""Columns of an action."""
+STEERING = 0
+"""An action has the steering in this column."""
+THROTTLE = 1
+"""An action has the throttle in this column."""
 
 
 def action_space() -> spaces.Box:
@@ -275,7 +277,7 @@ class Policy(Protocol):
     """Anything that drives: a state machine, a trained network, a person with a controller."""
 
     def reset(self, n: int = 1) -> None:
-        """Start anew with n cars."""
+        """Forget all drives, and start anew with n cars."""
 
     def act(self, observation: NDArray[np.floating]) -> NDArray[np.float32]:
         """Command for each car.

@@ -40,11 +40,11 @@ class Box(NamedTuple):
     where: str
     """Its place in the course file, for error messages."""
     x: float
-    """Its middle, m."""
+    """Its middle in the course frame, m."""
     y: float
-    """Its middle, m."""
+    """Its middle in the course frame, m."""
     yaw: float
-    """rad."""
+    """Its turn, counter-clockwise, rad."""
     length: float
     """Half its extent along its own x axis, m."""
     width: float

@@ -28,11 +28,11 @@ class Plan:
     """Geometry of a course, ready for physics, perception and task."""
 
     box_position: Array
-    """(B, 3) centres."""
+    """(B, 3) centres of the boxes."""
     box_yaw: Array
-    """(B,)"""
+    """(B,) yaw of the boxes."""
     box_size: Array
-    """(B, 3) half lengths."""
+    """(B, 3) half lengths of the boxes."""
     box_kind: NDArray[np.int64]
     """(B,) index into `BOX_KINDS`."""
     route: Array

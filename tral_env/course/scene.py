@@ -46,7 +46,7 @@ class Pool:
 
     @classmethod
     def of(cls, plan: Plan) -> Pool:
-        """Just enough for one plan."""
+        """Count what one plan needs."""
         return cls(len(plan.box_kind), len(plan.marker_id), len(plan.tape))
 
     @classmethod
@@ -61,7 +61,7 @@ class Pool:
         return cls(*LIMITS[name])
 
     def union(self, other: Pool) -> Pool:
-        """Enough for either."""
+        """The smallest pool that holds what either of two pools holds."""
         return Pool(max(self.boxes, other.boxes), max(self.markers, other.markers), max(self.tapes, other.tapes))
 
     def __ge__(self, other: Pool) -> bool:

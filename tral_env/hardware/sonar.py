@@ -17,8 +17,14 @@ ADDRESSES: Mapping[str, int] = {"left": 0x70, "front": 0x71, "right": 0x72}
 
 _BROADCAST = 0x00
 """All rangers take what is written to this address, the I2C bus's general call."""
-_COMMAND, _GAIN, _RANGE, _FIRST_ECHO = 0, 1, 2, 2
-"""Registers; number 2 takes the range when written and holds the first echo when read."""
+_COMMAND = 0
+"""Register of the command when written, of the version when read."""
+_GAIN = 1
+"""Register of the greatest analogue gain."""
+_RANGE = 2
+"""Register of the time for which the ranger listens, when written."""
+_FIRST_ECHO = 2
+"""Register of the first echo, high byte first, when read."""
 _REPLY: Mapping[str, int] = {"cm": 0x51, "us": 0x52}
 """Commands that fire, by the unit of the reply."""
 _BUSY = 0xFF

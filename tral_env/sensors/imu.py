@@ -17,7 +17,7 @@ from tral_env.config import ImuConfig
 Array = NDArray[np.float64]
 
 STANDARD_GRAVITY = 9.80665
-"""m/s^2 in 1 g."""
+"""1 g in m/s^2. Source: CGPM 1901."""
 AXES = 6
 """A reading has so many columns: gyro x, y, z in rad/s, then accelerometer x, y, z in m/s^2."""
 
