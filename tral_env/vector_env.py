@@ -104,7 +104,10 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         self._seed(seed, rows)
         cars = self.world.reset(rows, self._rngs, options)
         self._done[rows] = False
-        return self.world.observation(), _masked(self.world.info() | {"car": cars})
+        info = self.world.info()
+        if self._done.any():
+            info = self._told_again(info, self._done)
+        return self.world.observation(), _masked(info | {"car": cars})
 
     def _rows(self, mask: Any) -> NDArray[np.int64]:
         mask = np.asarray(mask)
@@ -172,9 +175,13 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
             np.where(ended, 0.0, step.reward),
             np.where(ended, last.terminated, step.terminated),
             np.where(ended, last.truncated, step.truncated),
-            {name: np.where(_like(ended, values), last.info[name], values) for name, values in step.info.items()},
+            self._told_again(step.info, ended),
             {name: np.where(ended, 0.0, values) for name, values in step.reward_terms.items()},
         )
+
+    def _told_again(self, info: Mapping[str, NDArray[Any]], ended: NDArray[np.bool_]) -> dict[str, NDArray[Any]]:
+        """Info in which the rows that ended tell once more what they told at their end."""
+        return {name: np.where(_like(ended, values), self._last.info[name], values) for name, values in info.items()}
 
     def _after_next_step_reset(
         self, step: Step, again: NDArray[np.bool_]

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from tral_env.simulation.physics import Physics
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 
 class GroundTruth:
@@ -25,6 +26,12 @@ class GroundTruth:
         self.closing_speed = np.zeros(n)
         """(n,) speed towards what it touches, a tick before, m/s."""
         self._velocity = np.zeros((n, 2))
+
+    def reset(self, rows: Index) -> None:
+        """Read where cars (k,) stand; they touch nothing."""
+        self.observe()
+        self.collision[rows] = False
+        self.closing_speed[rows] = 0.0
 
     def observe(self) -> None:
         """Read pose and speed from the state."""
