@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import math
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -11,18 +13,17 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
-from tral_env.config import CameraConfig, CarConfig, TaskConfig
 from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space
-from tral_env.perception.degrade import ImageCorruption
-from tral_env.randomization import Randomization
-from tral_env.world import VIEWS, CorridorConfig, Simulation, Views, Webcam, World
+from tral_env.options import CorridorConfig, check_counts, is_count, option_parameters, takes
+from tral_env.world import VIEWS, Simulation, Views, Webcam, World
 
 _ROW = np.zeros(1, np.int64)
 
 
+@takes(option_parameters())
 class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     """A 1:10 car drives a university corridor by three ultrasonics, a hall sensor and a camera.
 
@@ -66,42 +67,21 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
 
     def __init__(
         self,
-        scenario: str = "office",
-        camera: str = "projected",
-        randomization: str | Randomization = "default",
-        course: Course | str | None = None,
-        groups: tuple[str, ...] = (),
+        *,
         render_mode: str | None = None,
         view: str = "chase",
         width: int = 640,
         height: int = 480,
-        car: CarConfig | None = None,
-        lens: CameraConfig | str | None = None,
-        task: TaskConfig | None = None,
-        courses: int | None = None,
-        image_faults: ImageCorruption | None = None,
+        **options: Any,
     ) -> None:
-        """See the class."""
-        given = {name: value for name, value in locals().items() if name not in ("self", "__class__")}
-        EzPickle.__init__(self, **given)
+        EzPickle.__init__(self, render_mode=render_mode, view=view, width=width, height=height, **options)
         if render_mode not in (None, "rgb_array"):
             raise ConfigError(f"unknown render_mode {render_mode!r}. Allowed: None, 'rgb_array'")
         if view not in VIEWS:
             raise ConfigError(f"unknown view '{view}': {nearest(view, VIEWS)}")
+        check_counts(width=width, height=height)
         self.render_mode, self._view, self._size = render_mode, view, (width, height)
-        config = CorridorConfig.of(
-            scenario=scenario,
-            courses=courses,
-            camera=camera,
-            randomization=randomization,
-            course=course,
-            groups=groups,
-            car=car,
-            lens=lens,
-            task=task,
-            image_faults=image_faults,
-            pixels=self._pixels,
-        )
+        config = CorridorConfig.of(options, allowed=inspect.signature(type(self)).parameters, pixels=self._pixels)
         self.world = World(1, config)
         self.action_space = action_space()
         self.observation_space: spaces.Space[Any] = self.world.layout.space()
@@ -188,6 +168,7 @@ if TralCorridorEnv.__doc__:  # absent under python -OO
     TralCorridorEnv.__doc__ = TralCorridorEnv.__doc__.format(fields=CORE_LAYOUT.table().replace("\n", "\n    "))
 
 
+@takes(inspect.signature(TralCorridorEnv).parameters.values())
 class TralCorridorPixelsEnv(TralCorridorEnv):
     """`TralCorridor-v0` with the camera's image in the observation.
 
@@ -199,12 +180,12 @@ class TralCorridorPixelsEnv(TralCorridorEnv):
 
     _pixels: ClassVar[bool] = True
 
-    def __init__(self, image_size: tuple[int, int] = (160, 120), **kwargs: Any) -> None:
-        """See the class; the other arguments are those of `TralCorridorEnv`."""
-        super().__init__(**kwargs)
-        EzPickle.__init__(self, image_size, **kwargs)
-        self._image_size = tuple(image_size)
-        width, height = self._image_size
+    def __init__(self, *, image_size: Sequence[int] = (160, 120), **options: Any) -> None:
+        super().__init__(**options)
+        EzPickle.__init__(self, image_size=image_size, **options)
+        if np.shape(image_size) != (2,) or not all(map(is_count, image_size)):
+            raise ConfigError(f"image_size = {image_size!r}: expected width and height, px, such as (160, 120)")
+        width, height = self._image_size = tuple(image_size)
         image = spaces.Box(0, 255, (height, width, 3), np.uint8)
         self.observation_space = spaces.Dict({"image": image, "readings": self.world.layout.space()})
         self._image = np.zeros(image.shape, np.uint8)

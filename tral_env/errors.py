@@ -14,6 +14,10 @@ class ConfigError(TralError, ValueError):
     """A value of a configuration, an option or an argument is not allowed."""
 
 
+class UnknownOptionError(ConfigError, TypeError):
+    """An environment does not take an option of this name. Python, too, has a TypeError for unknown arguments."""
+
+
 class CourseError(TralError, ValueError):
     """A course cannot be read, or what it describes cannot be built or driven."""
 

@@ -139,6 +139,19 @@ OPTIONAL_GROUPS: Mapping[str, tuple[Field, ...]] = {
 """Groups of fields that can be added behind the core fields: ``gym.make(..., groups=("imu",))``."""
 
 
+def group_names(groups: Iterable[str]) -> tuple[str, ...]:
+    """Names of optional groups, as a tuple.
+
+    Raises:
+        ConfigError: not names in a sequence; a single string is none.
+    """
+    if not isinstance(groups, str) and isinstance(groups, Iterable):
+        names = tuple(groups)
+        if all(isinstance(name, str) for name in names):
+            return names
+    raise ConfigError(f"groups = {groups!r}: expected names in a tuple, such as ('imu',)")
+
+
 @dataclass(frozen=True)
 class Layout:
     """Which fields an observation has, in which column."""
@@ -153,12 +166,12 @@ class Layout:
             groups: names out of `OPTIONAL_GROUPS`.
 
         Raises:
-            ConfigError: unknown group, or one given twice.
+            ConfigError: unknown group, one given twice, or no names.
         """
         fields = list(CORE_FIELDS)
-        groups = list(groups)
-        for i, group in enumerate(groups):
-            if group in groups[:i]:
+        names = group_names(groups)
+        for i, group in enumerate(names):
+            if group in names[:i]:
                 raise ConfigError(f"observation group '{group}' is given twice")
             if group not in OPTIONAL_GROUPS:
                 raise ConfigError(f"unknown observation group '{group}': {nearest(group, OPTIONAL_GROUPS)}")

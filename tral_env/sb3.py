@@ -118,14 +118,14 @@ def _row(info: dict[str, Any], row: int) -> dict[str, Any]:
     }
 
 
-def make_vec_env(num_envs: int = 64, *, seed: int | None = None, monitor: bool = True, **kwargs: Any) -> VecEnv:
+def make_vec_env(num_envs: int = 64, *, seed: int | None = None, monitor: bool = True, **options: Any) -> VecEnv:
     """A vector environment ready for SB3.
 
     Args:
         num_envs: n.
         seed: row i starts with seed + i.
         monitor: wrap it in `VecMonitor`, which counts episodes' rewards and lengths.
-        kwargs: arguments of `TralCorridorVectorEnv`.
+        options: those of `TralCorridorVectorEnv`.
 
     Returns:
         A `VecEnv`, for example ``PPO("MlpPolicy", make_vec_env(64, scenario="corners"))``.
@@ -133,6 +133,6 @@ def make_vec_env(num_envs: int = 64, *, seed: int | None = None, monitor: bool =
     Raises:
         MissingExtraError: Stable-Baselines3 is not installed.
     """
-    env = SB3CorridorVecEnv(TralCorridorVectorEnv(num_envs, autoreset_mode="SameStep", **kwargs))
+    env = SB3CorridorVecEnv(TralCorridorVectorEnv(num_envs, autoreset_mode="SameStep", **options))
     env.seed(seed)
     return VecMonitor(env, info_keywords=("is_success",)) if monitor else env

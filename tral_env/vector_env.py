@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -11,17 +12,15 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from tral_env.config import CameraConfig, CarConfig, TaskConfig
-from tral_env.course.layout import Course
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, action_space
-from tral_env.perception.degrade import ImageCorruption
-from tral_env.randomization import Randomization
-from tral_env.world import CorridorConfig, Step, World, is_count
+from tral_env.options import CorridorConfig, check_counts, option_parameters, takes
+from tral_env.world import Step, World
 
 Array = NDArray[np.floating]
 
 
+@takes(option_parameters())
 class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
     """`TralCorridor-v0`, n at once: ``gym.make_vec("TralCorridor-v0", num_envs=64)``.
 
@@ -48,35 +47,12 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         num_envs: int = 1,
         autoreset_mode: str | AutoresetMode = "NextStep",
         nthread: int = 2,
-        scenario: str = "office",
-        camera: str = "projected",
-        randomization: str | Randomization = "default",
-        course: Course | str | None = None,
-        groups: tuple[str, ...] = (),
-        car: CarConfig | None = None,
-        lens: CameraConfig | str | None = None,
-        task: TaskConfig | None = None,
-        courses: int | None = None,
-        image_faults: ImageCorruption | None = None,
+        **options: Any,
     ) -> None:
-        """See the class."""
-        for name, count in (("num_envs", num_envs), ("nthread", nthread)):
-            if not is_count(count):
-                raise ConfigError(f"{name} = {count!r}: expected a whole number, 1 or more")
+        check_counts(num_envs=num_envs, nthread=nthread)
         self._mode = _autoreset_mode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
-        config = CorridorConfig.of(
-            scenario=scenario,
-            courses=courses,
-            camera=camera,
-            randomization=randomization,
-            course=course,
-            groups=groups,
-            car=car,
-            lens=lens,
-            task=task,
-            image_faults=image_faults,
-        )
+        config = CorridorConfig.of(options, allowed=inspect.signature(type(self)).parameters)
         self.num_envs = num_envs
         self.world = World(num_envs, config, nthread=nthread)
         self.single_observation_space = self.world.layout.space()
