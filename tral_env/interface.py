@@ -218,7 +218,7 @@ class Layout:
 
     def missing(self, n: int) -> NDArray[np.float64]:
         """Readings of a car that has not measured anything, shape (n, d)."""
-        return np.tile(self._missing, (n, 1))
+        return np.full((n, self.size), self._missing)
 
     def pack(self, values: Mapping[str, FloatArray | float], n: int) -> NDArray[np.float32]:
         """Bring named readings into the order of the observation, within its bounds.
@@ -233,11 +233,12 @@ class Layout:
         Raises:
             ConfigError: a name is not a field of this layout.
         """
-        packed = self.missing(n)
+        packed = np.full((n, self.size), self._missing, np.float32)
+        columns = self._columns
         for name, value in values.items():
-            packed[:, self.column(name)] = value
+            packed[:, columns[name] if name in columns else self.column(name)] = value
         low, high = self._bounds
-        return np.minimum(np.maximum(packed.astype(np.float32), low), high)
+        return np.minimum(np.maximum(packed, low, out=packed), high, out=packed)
 
     def unpack(self, observation: NDArray[np.floating]) -> dict[str, NDArray[np.floating]]:
         """Views of the named readings of an observation.

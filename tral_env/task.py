@@ -34,6 +34,8 @@ GATE_REACH_M = 3.0
 """The plane of a gate ends this far from its middle."""
 GATE_ROUTE_REACH_M = 1.5
 """A gate is looked at while the car's place on the route is this near to the gate's."""
+_NO_STRAIGHT = -1.0
+"""Fills the places of straights that a course has not."""
 
 
 @dataclass
@@ -50,14 +52,16 @@ class Track:
     """(n,) index of the last point."""
     gate_pose: Array
     """(n, G, 3) x, y, yaw; NaN where there is none."""
+    gate_unit: Array
+    """(n, G, 2) cosine and sine of the gates' yaw; NaN where there is none."""
     gate_width: Array
-    """(n, G)"""
+    """(n, G) distance between the posts, m."""
     gate_s: Array
     """(n, G) place of the gates on the route; infinite where there is none."""
     gates: Index
     """(n,) number of gates."""
     straights: Array
-    """(n, S, 5) x, y, yaw, length, width; length 0 where there is none."""
+    """(n, S, 5) x, y, yaw, length, width; a length below 0, which holds no car, where there is none."""
     straight_unit: Array
     """(n, S, 2) cosine and sine of the straights' yaw."""
 
@@ -76,6 +80,7 @@ def empty_track(n: int) -> Track:
         route_unit=np.zeros((n, 2, 2)),
         last=np.ones(n, np.int64),
         gate_pose=np.zeros((n, 0, 3)),
+        gate_unit=np.zeros((n, 0, 2)),
         gate_width=np.zeros((n, 0)),
         gate_s=np.zeros((n, 0)),
         gates=np.zeros(n, np.int64),
@@ -95,9 +100,10 @@ def lay(track: Track, row: int, plan: Plan) -> None:
     track.route_s = _grown(track.route_s, points, edge=True)
     track.route_unit = _grown(track.route_unit, points)
     track.gate_pose = _grown(track.gate_pose, gates, fill=np.nan)
+    track.gate_unit = _grown(track.gate_unit, gates, fill=np.nan)
     track.gate_width = _grown(track.gate_width, gates)
     track.gate_s = _grown(track.gate_s, gates, fill=np.inf)
-    track.straights = _grown(track.straights, straights)
+    track.straights = _grown(track.straights, straights, fill=_NO_STRAIGHT)
     track.straight_unit = _grown(track.straight_unit, straights)
     track.route[row, :points], track.route[row, points:] = route, route[-1]
     track.route_s[row, :points], track.route_s[row, points:] = route_s, route_s[-1]
@@ -106,12 +112,17 @@ def lay(track: Track, row: int, plan: Plan) -> None:
     track.route_unit[row, : points - 1] = along / np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
     track.last[row] = points - 1
     track.gate_pose[row], track.gate_pose[row, :gates] = np.nan, gate_pose
+    track.gate_unit[row] = _unit(track.gate_pose[row, :, 2])
     track.gate_width[row, :gates] = gate_width
     track.gate_s[row], track.gate_s[row, :gates] = np.inf, gate_s
     track.gates[row] = gates
-    track.straights[row], track.straights[row, :straights] = 0.0, plan.straights
-    yaw = track.straights[row, :, 2]
-    track.straight_unit[row] = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+    track.straights[row], track.straights[row, :straights] = _NO_STRAIGHT, plan.straights
+    track.straight_unit[row] = _unit(track.straights[row, :, 2])
+
+
+def _unit(yaw: Array) -> Array:
+    """Cosine and sine, (k,) -> (k, 2)."""
+    return np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
 
 
 def _laps(plan: Plan) -> tuple[Array, Array, Array, Array, Array]:
@@ -193,13 +204,14 @@ def cross_gates(track: Track, before: Array, after: Array, s: Array, passed: Ind
         (n,) missed a gate: crossed a plane outside the posts, or backwards.
     """
     n, gates = track.gate_s.shape
-    if gates == 0:
+    beside = np.abs(s[:, None] - track.gate_s) < GATE_ROUTE_REACH_M
+    if not beside.any():
         return np.zeros(n, bool), np.zeros(n, bool)
-    x0, y0 = _gate_frame(track.gate_pose, before)
-    x1, y1 = _gate_frame(track.gate_pose, after)
+    x0, y0 = _gate_frame(track, before)
+    x1, y1 = _gate_frame(track, after)
     share = np.where(x1 != x0, -x0 / np.where(x1 != x0, x1 - x0, 1.0), 0.0)
     offset = np.abs(y0 + share * (y1 - y0))
-    near = (np.abs(s[:, None] - track.gate_s) < GATE_ROUTE_REACH_M) & (offset < GATE_REACH_M)
+    near = beside & (offset < GATE_REACH_M)
     between = offset < track.gate_width / 2
     forwards = near & (x0 < 0) & (x1 >= 0)
     backwards = near & (x0 >= 0) & (x1 < 0)
@@ -209,10 +221,11 @@ def cross_gates(track: Track, before: Array, after: Array, s: Array, passed: Ind
     return through, missed
 
 
-def _gate_frame(gate_pose: Array, position: Array) -> tuple[Array, Array]:
-    dx = position[:, None, 0] - gate_pose[..., 0]
-    dy = position[:, None, 1] - gate_pose[..., 1]
-    cos, sin = np.cos(gate_pose[..., 2]), np.sin(gate_pose[..., 2])
+def _gate_frame(track: Track, position: Array) -> tuple[Array, Array]:
+    """x and y of the cars as seen from each gate, (n, G) m."""
+    dx = position[:, None, 0] - track.gate_pose[..., 0]
+    dy = position[:, None, 1] - track.gate_pose[..., 1]
+    cos, sin = track.gate_unit[..., 0], track.gate_unit[..., 1]
     return cos * dx + sin * dy, cos * dy - sin * dx
 
 
@@ -237,7 +250,7 @@ def wall_clearance(track: Track, pose: Array, car: CarConfig) -> tuple[Array, Ar
     dx, dy = pose[:, :1] - x0, pose[:, 1:2] - y0
     x = cos * dx + sin * dy + car.middle_x * cos_turn
     y = cos * dy - sin * dx + car.middle_x * np.sin(turn)
-    on = (x >= 0) & (x <= length) & (np.abs(y) < half) & (cos_turn > 0.7) & (length > 0)
+    on = (x >= 0) & (x <= length) & (np.abs(y) < half) & (cos_turn > 0.7)
     pick = np.arange(n), on.argmax(axis=1)
     here, middle, side = on[pick], y[pick], car.sonar_side * cos_turn[pick]
     left = np.where(here, half[pick] - middle - side, np.nan)

@@ -95,6 +95,8 @@ class World:
         self.courses: list[Course | None] = [None] * n
         self.plans: list[Plan | None] = [None] * n
         self._everyone = np.arange(n)
+        self._length = np.zeros(n)
+        self._limit_s = np.zeros(n)
         self._segment = np.zeros(n, np.int64)
         self._s = np.zeros(n)
         self._lateral = np.zeros(n)
@@ -173,6 +175,8 @@ class World:
         """Begin the task of the rows anew."""
         position, first = self.sim.pose[rows, :2], np.zeros(len(rows), np.int64)
         self._s[rows], self._lateral[rows], self._segment[rows] = task.locate(self.track, rows, position, first)
+        self._length = self.track.length.copy()
+        self._limit_s = task.time_limit(self._length, self.config.task)
         self._passed[rows] = 0
         self._steering[rows] = 0.0
 
@@ -243,7 +247,7 @@ class World:
         s, self._lateral, self._segment = task.locate(self.track, self._everyone, sim.pose[:, :2], self._segment)
         through, missed = task.cross_gates(self.track, before, sim.pose[:, :2], s, self._passed)
         self._passed = self._passed + through
-        arrived = s >= self.track.length - 1e-6
+        arrived = s >= self._length - 1e-6
         missed |= arrived & (self._passed < self.track.gates)
         failure = sim.collision | missed
         success = arrived & ~failure
@@ -256,7 +260,7 @@ class World:
         )
         self._s, self._steering = s, sim.command[:, 0].copy()
         terminated = success | failure
-        truncated = (sim.time_s >= task.time_limit(self.track.length, config)) & ~terminated
+        truncated = (sim.time_s >= self._limit_s) & ~terminated
         info = self.info(success, missed)
         terms = task.reward_terms(outcome, config)
         return Step(sim.observation(), task.reward(terms), terminated, truncated, info, terms)
@@ -265,7 +269,6 @@ class World:
         """The ground truth of all cars, which no policy sees."""
         sim = self.sim
         no = np.zeros(self.n, bool)
-        length = np.maximum(self.track.length, 1e-9)
         left, right = task.wall_clearance(self.track, sim.pose, self.config.car)
         crash = sim.collision & (sim.closing_speed >= self.config.task.touch_speed)
         return {
@@ -273,7 +276,7 @@ class World:
             "collision": sim.collision.copy(),
             "crash": crash,
             "missed_gate": no if missed is None else missed,
-            "progress": np.minimum(np.maximum(self._s / length, 0.0), 1.0),
+            "progress": np.minimum(np.maximum(self._s / self._length, 0.0), 1.0),
             "gates_passed": self._passed.copy(),
             "gates_total": self.track.gates.copy(),
             "clearance_left_m": left,
