@@ -25,40 +25,132 @@ _ROW = np.zeros(1, np.int64)
 
 @takes(option_parameters())
 class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
-    """A 1:10 car drives a university corridor by three ultrasonics, a hall sensor and a camera.
+    """A 1:10 car drives a university corridor with three ultrasonics, a hall sensor and a camera.
 
-    ## Action
-    `Box(-1, 1, (2,), float32)`, 80 times a second: steering (+1 = full left, 22 degrees), throttle (+1 = full forward,
-    0 = neutral). Throttle below 0 brakes while the car rolls forward; it reverses only after the ESC's neutral.
+    ## Description
+    The car is an Ackermann car of 0.4 m, simulated in MuJoCo. It starts in a corridor that is new in every episode,
+    passes all gates in order, and reaches the goal line without touching anything. It is told readings that are
+    noisy, late and sometimes wrong, as those of the real car are. Frame: x forward, y left, z up, angles
+    counter-clockwise, origin on the ground below the middle of the rear axle. A step takes 1/80 s.
 
-    ## Observation
-    `Box((d,), float32)`, SI units, frame x forward, y left; each reading with its age, because a sonar answers 8 to
-    15 times a second and a camera 15 times.
+    ## Action Space
+    `Box(-1, 1, (2,), float32)`:
+
+    | # | action | min | max | unit | meaning |
+    | --- | --- | --- | --- | --- | --- |
+    | 0 | `steering` | -1 | 1 | share of full lock | +1 = full left, a steering angle of 22 degrees |
+    | 1 | `throttle` | -1 | 1 | share of full throttle | +1 = full forward, 0 = neutral, -1 = full reverse or brake |
+
+    Negative throttle brakes while the car rolls forward. The car reverses only after the motor controller has seen
+    0.1 s of brake and then 0.1 s of neutral. A command beyond the bounds counts as the bound.
+
+    ## Observation Space
+    `Box((d,), float32)` in SI units. A reading keeps its value until the next one arrives, and its age tells how old
+    it is: a sonar answers 8 to 15 times a second, the camera 15 times.
 
     {fields}
 
-    ## Reward
-    Progress along the route in metres (1 a metre: the slope to climb), 1 for a gate passed, 5 for the goal, -2 for
-    a collision or a missed gate, minus 0.01 times the square of the steering's change and 0.005 a tick.
-    Numbers: `TaskConfig`. `info["reward_terms"]` has each term by name: `progress`, `gate`, `success`, `failure`,
-    `steering`, `time`; the reward is their sum.
+    The option `groups` adds readings behind these:
 
-    ## Start, end
-    The car stands in the middle third of the corridor, within 5 degrees of its direction. *Terminated*: the rear axle
-    crosses the goal line after all gates in order (success); any contact with wall, door, obstacle or post
-    (collision); a gate crossed outside its posts or backwards (missed gate). *Truncated*: the route took longer than
-    its length / (0.3 m/s) + 10 s.
+    | group | columns | what it is |
+    | --- | --- | --- |
+    | `line` | 1 | one byte of the line sensor: one bit a photo diode, bit 7 leftmost, 1 = tape |
+    | `imu` | 6 | angular rate about x, y, z, rad/s; acceleration with gravity along x, y, z, m/s^2 |
+    | `battery` | 1 | voltage of the drive battery under load, V |
+
+    ## Rewards
+    The reward is the sum of these terms, which `info["reward_terms"]` tells by name. The weights are fields of
+    `TaskConfig`, see the option `task`.
+
+    | term | weight | default | formula |
+    | --- | --- | --- | --- |
+    | `progress` | `progress_reward` | 1 | weight * metres gained along the route in this step; negative backwards |
+    | `gate` | `gate_reward` | 1 | weight, when the car passes its next gate |
+    | `success` | `success_reward` | 5 | weight, when the car reaches the goal |
+    | `failure` | `failure_reward` | -2 | weight, at a collision or a missed gate |
+    | `steering` | `steering_cost` | 0.01 | -weight * (change of the steering command in this step)^2 |
+    | `time` | `time_cost` | 0.005 | -weight, in every step |
+
+    ## Starting State
+    The car stands still, its commands are 0, and it is within a sixth of the corridor's width of the middle line and
+    within 5 degrees of the corridor's direction. A course of your own says where its car starts. The ultrasonics have
+    just measured once; the camera has just exposed its first image, which arrives after the camera's latency. Course
+    and car are drawn from the seed: `reset(seed=k)` always gives the same episode.
+
+    ## Episode End
+    ### Termination
+    1. Success: the rear axle crosses the goal line after all gates in order.
+    2. Collision: the car touches a wall, door, obstacle or post.
+    3. Missed gate: the rear axle crosses a gate's plane outside its posts, backwards, or out of order, or crosses the
+       goal line before it passed all gates.
+
+    ### Truncation
+    The episode took longer than the route's length / `nominal_speed` (0.3 m/s) + `grace_s` (10 s), both of
+    `TaskConfig`.
 
     ## Info
-    Ground truth that no policy sees: `success`, `collision`, `crash` (closing speed of 0.2 m/s or more), `missed_gate`,
-    `progress` in [0, 1], `gates_passed`, `gates_total`, `clearance_left_m` and `clearance_right_m` (from the side
-    ultrasonics square to the walls; absent off the plain straights), `lateral_offset_m` to the route, `pose` (x, y [m],
-    yaw [rad]), `speed_mps`, `time_s`; `is_success` when the episode ends; `car` at reset: the drawn parameters.
+    Ground truth. No policy sees it.
+
+    | key | unit | when | what it is |
+    | --- | --- | --- | --- |
+    | `success` | | always | the car reached the goal line after all gates in order and touched nothing |
+    | `collision` | | always | the car touches a wall, door, obstacle or post |
+    | `crash` | | always | the car touches it at a closing speed of 0.2 m/s or more (`touch_speed` of `TaskConfig`) |
+    | `missed_gate` | | always | the car missed a gate in this step, see Episode End |
+    | `progress` | | always | share of the route's length, 0 to 1 |
+    | `gates_passed` | | always | number of gates that the car has passed |
+    | `gates_total` | | always | number of gates of the route |
+    | `clearance_left_m` | m | beside plain walls | from the left ultrasonic to the wall, square to the wall |
+    | `clearance_right_m` | m | beside plain walls | the same on the right |
+    | `lateral_offset_m` | m | always | distance from the route, + = the car is left of it |
+    | `pose` | m, m, rad | always | x, y, yaw of the car in the course's frame |
+    | `speed_mps` | m/s | always | speed along the car's x axis |
+    | `time_s` | s | always | time since reset |
+    | `reward_terms` | | steps | the terms of the reward by name; `sum(info["reward_terms"].values())` is the reward |
+    | `is_success` | | last step | the same as `success` |
+    | `car` | | reset | the drawn parameters of the car by name, see `tral_env.randomization.Randomization` |
+
+    Near doors, corners, gates and obstacles the clearances are absent (NaN in a vector environment).
 
     ## Arguments
-    See `CorridorConfig`. `render_mode="rgb_array"` with `view` "chase", "top" or "onboard".
-    `reset(options={{"course": Course or path, "car": {{"friction": 0.6}}}})`.
-    """
+    ```python
+    import gymnasium as gym
+
+    env = gym.make("tral_env:TralCorridor-v0", scenario="gates", groups=("imu",))
+    ```
+
+    | argument | default | meaning |
+    | --- | --- | --- |
+    | `render_mode` | `None` | `"rgb_array"`: `render()` gives a picture. `None`: it gives none. |
+    | `view` | `'chase'` | What `render()` shows: `"chase"`, `"top"` or `"onboard"`. |
+    | `width` | `640` | Width of the picture, px. |
+    | `height` | `480` | Height of the picture, px. |
+    | `scenario` | `'office'` | Family of the generated courses: one of `tral_env.course.generate.SCENARIOS`, which `tral courses` lists. |
+    | `course` | `None` | Every episode drives this `Course`, or the one in the JSON file of this path, instead of generated ones. |
+    | `courses` | `None` | Every episode draws one of so many courses, 1 or more. Each is built when it is first driven and then kept (up to 40 kB); course k is the one that `reset(seed=k)` gives without this option. `None`: every episode builds a new course, which takes most of a reset. |
+    | `camera` | `'projected'` | `"projected"`: the corners of the markers are projected through the lens, without OpenGL. `"rendered"`: OpenCV's detector searches a rendered image. |
+    | `randomization` | `'default'` | How much cars differ from one another: `"none"`, `"default"`, `"hard"`, or a `Randomization` with other ranges. |
+    | `groups` | `()` | Optional groups of readings behind the core ones: names out of `"line"`, `"imu"`, `"battery"`. |
+    | `car` | `None` | A `CarConfig`: the car's geometry. Only `full_lock_deg` may differ from the car of `assets/car.xml`. |
+    | `lens` | `None` | The camera's lens: a `CameraConfig`, `"default"`, `"wide"`, or the path of a calibration file (.yaml, .yml). |
+    | `task` | `None` | A `TaskConfig`: the weights of the reward, the time limit and the speed of a crash. |
+    | `image_faults` | `None` | An `ImageCorruption`: how much of each fault an `image_degradation` of 1 brings to a rendered image. Streaks and covered patches are off by default. |
+
+    `None` for `car`, `lens`, `task` and `image_faults` is the configuration's own default. These and `randomization`
+    also take a mapping of values.
+
+    ## Reset Options
+    `reset(seed=k, options={...})` takes:
+
+    | option | what it is |
+    | --- | --- |
+    | `course` | a `tral_env.course.layout.Course`, or the path of its file, for this episode |
+    | `car` | values of `Randomization` parameters that are not to be drawn, such as `{"friction": 0.6}` |
+    | `reset_mask` | (n,) bool, in a vector environment with `autoreset_mode="Disabled"` alone: the rows to reset |
+
+    ## Version History
+    * v0: the first version.
+    """  # noqa: E501
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": int(CONTROL_RATE_HZ)}  # noqa: RUF012 (Gymnasium declares it so)
 
@@ -165,7 +257,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
 
 
 if TralCorridorEnv.__doc__:  # absent under python -OO
-    TralCorridorEnv.__doc__ = TralCorridorEnv.__doc__.format(fields=CORE_LAYOUT.table().replace("\n", "\n    "))
+    TralCorridorEnv.__doc__ = TralCorridorEnv.__doc__.replace("{fields}", CORE_LAYOUT.table().replace("\n", "\n    "))
 
 
 @takes(inspect.signature(TralCorridorEnv).parameters.values())

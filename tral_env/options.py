@@ -33,30 +33,31 @@ class CorridorConfig:
     """
 
     scenario: str = "office"
-    """Family of the courses that are generated: one of `SCENARIOS`, which `tral courses` lists."""
+    """Family of the generated courses: one of `tral_env.course.generate.SCENARIOS`, which `tral courses` lists."""
     course: Course | str | Path | None = None
-    """A `Course`, or the path of its JSON file, which is driven instead of generated courses."""
+    """Every episode drives this `Course`, or the one in the JSON file of this path, instead of generated ones."""
     courses: int | None = None
-    """Each episode draws its course among so many, 1 or more, which are built once and kept (up to 40 kB each): course
-    k is that of `reset(seed=k)`. None: each episode builds a new course."""
+    """Every episode draws one of so many courses, 1 or more. Each is built when it is first driven and then kept (up to
+    40 kB); course k is the one that `reset(seed=k)` gives without this option. `None`: every episode builds a new
+    course, which takes most of a reset."""
     camera: str = "projected"
-    """`"projected"`: marker corners are projected through the lens, without OpenGL. `"rendered"`: OpenCV's detector
-    searches a rendered image."""
+    """`"projected"`: the corners of the markers are projected through the lens, without OpenGL. `"rendered"`: OpenCV's
+    detector searches a rendered image."""
     randomization: str | Randomization | Mapping[str, Any] = "default"
-    """How much the cars differ: `"none"`, `"default"`, `"hard"`, or a `Randomization` with ranges of your own."""
+    """How much cars differ from one another: `"none"`, `"default"`, `"hard"`, or a `Randomization` with other ranges."""
     groups: tuple[str, ...] = field(default=(), metadata={"read": group_names})
-    """Names of optional readings behind the core ones: `"line"`, `"imu"`, `"battery"`."""
+    """Optional groups of readings behind the core ones: names out of `"line"`, `"imu"`, `"battery"`."""
     car: CarConfig = field(default_factory=CarConfig, metadata={"read": partial(as_config, CarConfig)})
-    """A `CarConfig`, which may differ from the car of `assets/car.xml` in its full lock alone."""
+    """A `CarConfig`: the car's geometry. Only `full_lock_deg` may differ from the car of `assets/car.xml`."""
     lens: CameraConfig = field(default_factory=CameraConfig, metadata={"read": load_lens})
-    """A `CameraConfig`, `"default"`, `"wide"`, or the path of a calibration file (.yaml)."""
+    """The camera's lens: a `CameraConfig`, `"default"`, `"wide"`, or the path of a calibration file (.yaml, .yml)."""
     task: TaskConfig = field(default_factory=TaskConfig, metadata={"read": partial(as_config, TaskConfig)})
-    """A `TaskConfig`: weights of the reward, time limit, speed of a crash."""
+    """A `TaskConfig`: the weights of the reward, the time limit and the speed of a crash."""
     image_faults: ImageCorruption = field(
         default_factory=ImageCorruption, metadata={"read": partial(as_config, ImageCorruption)}
     )
-    """An `ImageCorruption`: how much of each fault a level of `image_degradation` brings to a rendered image. Streaks
-    and covered patches are off by default."""
+    """An `ImageCorruption`: how much of each fault an `image_degradation` of 1 brings to a rendered image. Streaks and
+    covered patches are off by default."""
     pixels: bool = field(default=False, metadata={"is_option": False})
     """The observation has an image. `TralCorridorPixels-v0` sets it."""
 
