@@ -129,7 +129,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     | `course` | `None` | Every episode drives this `Course`, or the one in the JSON file of this path, instead of generated ones. |
     | `courses` | `None` | Every episode draws one of so many courses, 1 or more. Each is built when it is first driven and then kept (up to 40 kB); course k is the one that `reset(seed=k)` gives without this option. `None`: every episode builds a new course, which takes most of a reset. |
     | `camera` | `'projected'` | `"projected"`: the corners of the markers are projected through the lens, without OpenGL. `"rendered"`: OpenCV's detector searches a rendered image. |
-    | `randomization` | `'default'` | How much cars differ from one another: `"none"`, `"default"`, `"hard"`, or a `Randomization` with other ranges. |
+    | `randomization` | `'default'` | How much cars differ from one another: `"none"`, `"default"`, `"hard"`, or a `Randomization` of other ranges. |
     | `groups` | `()` | Optional groups of readings behind the core ones: names out of `"line"`, `"imu"`, `"battery"`. |
     | `car` | `None` | A `CarConfig`: the car's geometry. Only `full_lock_deg` may differ from the car of `assets/car.xml`. |
     | `lens` | `None` | The camera's lens: a `CameraConfig`, `"default"`, `"wide"`, or the path of a calibration file (.yaml, .yml). |
@@ -180,7 +180,19 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         self._views = Views()
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Start a new episode; see the class for the options."""
+        """Start a new episode.
+
+        Args:
+            seed: draws course, car and noise; None: the generator of the episodes before goes on.
+            options: see Reset Options of the class.
+
+        Returns:
+            The first observation, and the info of a reset.
+
+        Raises:
+            ConfigError: an option is unknown or not allowed.
+            CourseError: the course cannot be built, or its file is no course.
+        """
         super().reset(seed=seed)
         car = self.world.reset(_ROW, [self.np_random], options)
         info = self._info(self.world.info())
@@ -190,8 +202,12 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     def step(self, action: NDArray[np.floating]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive for 12.5 ms.
 
+        Args:
+            action: (2,) steering, throttle.
+
         Raises:
-            ConfigError: the action is not two finite numbers.
+            ConfigError: the action is not two finite numbers, or there was no reset.
+            SimulationError: the physics became unstable; the next reset mends it.
         """
         action = np.asarray(action, np.float64)
         if action.shape != (2,) or not np.isfinite(action).all():
@@ -208,7 +224,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         return readings
 
     def _info(self, info: dict[str, Any]) -> dict[str, Any]:
-        """Info of the only car: Python numbers and bools, and arrays of its own."""
+        """Info of the only car as Python numbers and bools, and arrays that nobody else holds."""
         single = {name: values.item() if values.ndim == 1 else values[0].copy() for name, values in info.items()}
         # Not NaN, which is unequal to itself: Gymnasium's checker would call the env not deterministic.
         for name in ("clearance_left_m", "clearance_right_m"):
@@ -218,7 +234,11 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
 
     @property
     def plan(self) -> Plan:
-        """Geometry of the course being driven."""
+        """Geometry of the course that is driven.
+
+        Raises:
+            ConfigError: there was no reset.
+        """
         plan = self.world.plans[0]
         if plan is None:
             raise ConfigError("there is no course before the first reset()")
@@ -226,7 +246,11 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
 
     @property
     def course(self) -> Course:
-        """The course being driven."""
+        """The course that is driven.
+
+        Raises:
+            ConfigError: there was no reset.
+        """
         course = self.world.courses[0]
         if course is None:
             raise ConfigError("there is no course before the first reset()")
@@ -237,12 +261,15 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         return None if self.render_mode is None else self.render_view(self._view, *self._size)
 
     def render_view(self, view: str, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
-        """Any view at any time.
+        """Render any view at any time.
 
         Args:
             view: "chase", "top" or "onboard".
-            width: px.
-            height: px.
+            width: of the picture, px.
+            height: of the picture, px.
+
+        Returns:
+            (height, width, 3) uint8.
 
         Raises:
             ConfigError: unknown view.
@@ -264,10 +291,14 @@ if TralCorridorEnv.__doc__:  # absent under python -OO
 class TralCorridorPixelsEnv(TralCorridorEnv):
     """`TralCorridor-v0` with the camera's image in the observation.
 
-    Observation: `Dict(image=Box(0, 255, (height, width, 3), uint8), readings=Box((d,), float32))`. The image is that of
-    the last exposure, 15 times a second, scaled to `image_size`, (width, height) in pixels: through the lens, with the
-    mounting error and the degradation that were drawn for the car. It needs OpenGL. `image_faults` are in the image
-    with either camera; the readings of the projected one know nothing of them.
+    ## Observation Space
+    `Dict(image=Box(0, 255, (height, width, 3), uint8), readings=Box((d,), float32))`. `image` is the last one that the
+    camera exposed, 15 times a second, through the lens and with the mounting error and degradation that were drawn for
+    the car. `readings` is the observation of `TralCorridor-v0`. The environment needs OpenGL.
+
+    ## Arguments
+    `image_size`, width and height in pixels, (160, 120) by default, and the arguments of `TralCorridor-v0`. The image
+    shows `image_faults` with either camera; the readings of the projected camera do not know of them.
     """
 
     _pixels: ClassVar[bool] = True
@@ -286,7 +317,7 @@ class TralCorridorPixelsEnv(TralCorridorEnv):
         self._webcam: Webcam | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Start a new episode, with a new image."""
+        """Start a new episode with a new image; see `TralCorridorEnv.reset`."""
         self._exposures = -1
         return super().reset(seed=seed, options=options)
 

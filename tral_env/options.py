@@ -44,7 +44,7 @@ class CorridorConfig:
     """`"projected"`: the corners of the markers are projected through the lens, without OpenGL. `"rendered"`: OpenCV's
     detector searches a rendered image."""
     randomization: str | Randomization | Mapping[str, Any] = "default"
-    """How much cars differ from one another: `"none"`, `"default"`, `"hard"`, or a `Randomization` with other ranges."""
+    """How much cars differ from one another: `"none"`, `"default"`, `"hard"`, or a `Randomization` of other ranges."""
     groups: tuple[str, ...] = field(default=(), metadata={"read": group_names})
     """Optional groups of readings behind the core ones: names out of `"line"`, `"imu"`, `"battery"`."""
     car: CarConfig = field(default_factory=CarConfig, metadata={"read": partial(as_config, CarConfig)})
@@ -146,16 +146,19 @@ def takes(parameters: Iterable[inspect.Parameter]) -> Callable[[Class], Class]:
 
 
 def is_count(value: object) -> bool:
-    """Whether it is a whole number, 1 or more, that can be counted to. True is none."""
+    """Whether a value is a whole number from 1 to the largest int64; `True` is none."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     return whole and 1 <= int(value) <= np.iinfo(np.int64).max  # type: ignore[call-overload]
 
 
 def check_counts(**counts: object) -> None:
-    """Refuse what is no whole number, 1 or more.
+    """Refuse values that are no counts.
+
+    Args:
+        counts: name -> value.
 
     Raises:
-        ConfigError: one of them, told by its name.
+        ConfigError: one of them is no whole number, 1 or more.
     """
     for name, count in counts.items():
         if not is_count(count):

@@ -25,7 +25,7 @@ from tral_env.simulation.views import VIEWS, Views
 from tral_env.simulation.vision import Webcam
 
 __all__ = ["VIEWS", "CorridorConfig", "Drawn", "Simulation", "Step", "Views", "Webcam", "World"]
-"""The shells see the simulation through this module alone."""
+"""The environments see the simulation through this module alone."""
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -36,7 +36,7 @@ RESET_OPTIONS = ("course", "car")
 
 
 def _checked(options: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The options of a reset, if they are any of `RESET_OPTIONS`."""
+    """The options of a reset, which may be those of `RESET_OPTIONS`."""
     if not isinstance(options, Mapping):
         raise ConfigError(f"options = {options!r}: expected a mapping with {', '.join(RESET_OPTIONS)}")
     for name in options:
@@ -56,7 +56,7 @@ class Drawn(NamedTuple):
 
 @dataclass(frozen=True)
 class Step:
-    """What a tick brought, arrays of (n, ...)."""
+    """What n cars got in a tick, as arrays of (n, ...)."""
 
     observation: NDArray[np.float32]
     reward: Array
@@ -172,7 +172,7 @@ class World:
         self._started = True
 
     def _line_up(self, rows: Index) -> None:
-        """Begin the task of the rows anew."""
+        """Put the rows at the beginning of their routes."""
         position, first = self.sim.pose[rows, :2], np.zeros(len(rows), np.int64)
         self._s[rows], self._lateral[rows], self._segment[rows] = task.locate(self.track, rows, position, first)
         self._length = self.track.length.copy()
@@ -234,10 +234,15 @@ class World:
         return self.sim.observation()
 
     def step(self, command: NDArray[np.floating], rows: Index | None = None) -> Step:
-        """Drive all cars, or those of the rows, for one tick. `command` is (n, 2).
+        """Drive for one tick.
+
+        Args:
+            command: (n, 2) steering, throttle.
+            rows: (k,) the cars that move; None: all.
 
         Raises:
             ConfigError: the cars have no courses yet.
+            SimulationError: the physics of a car became unstable; it has to be reset.
         """
         if not self._started:
             raise ConfigError("step() before the first reset()")

@@ -24,7 +24,7 @@ class GroundTruth:
         self.collision = np.zeros(n, bool)
         """(n,) whether the car touches anything but the floor."""
         self.closing_speed = np.zeros(n)
-        """(n,) speed towards what it touches, a tick before, m/s."""
+        """(n,) speed towards what the car touches, a tick before, m/s; 0 where it touches nothing."""
         self._velocity = np.zeros((n, 2))
 
     def reset(self, rows: Index) -> None:
@@ -45,7 +45,7 @@ class GroundTruth:
         self.speed[:] = self._velocity[:, 0] * np.cos(yaw) + self._velocity[:, 1] * np.sin(yaw)
 
     def update(self) -> None:
-        """Read all after a step; a car closes in with the velocity that it had before."""
+        """Read all after a step; a car closes in with the velocity that it had before the step."""
         before = self._velocity.copy()
         self.observe()
         sensordata, handles = self._physics.sensordata, self._physics.handles
