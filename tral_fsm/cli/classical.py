@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from tral_fsm.definition.machine import MachineDefinition
-    from tral_fsm.tuning.classical.loops import WallState
+    from tral_fsm.tuning.classical.loops import WallGains
 
 _SPEEDS = (0.3, 0.5, 0.7, 1.0, 1.3, 1.6, 2.0)
 
@@ -18,25 +18,25 @@ _SPEEDS = (0.3, 0.5, 0.7, 1.0, 1.3, 1.6, 2.0)
 def print_classical(machine: MachineDefinition) -> None:
     """Print classical gains beside those of a machine, with their margins."""
     from tral_fsm.tuning.classical.design import lqr
-    from tral_fsm.tuning.classical.experiments import relay, wall_states
-    from tral_fsm.tuning.classical.loops import WallState
+    from tral_fsm.tuning.classical.experiments import relay, wall_gains
+    from tral_fsm.tuning.classical.loops import WallGains
 
-    states = wall_states(machine)
+    states = wall_gains(machine)
     if states:
         print_figures(_table("Its own gains", states))
-    scheduled = [WallState(name=f"LQR at {speed:g} m/s", gains=lqr(speed), speed=speed) for speed in _SPEEDS]
+    scheduled = [WallGains(name=f"LQR at {speed:g} m/s", gains=lqr(speed), speed=speed) for speed in _SPEEDS]
     print_figures(_table("LQR with kp = 1 rad/m, by speed", scheduled))
     found = []
     for speed in sorted({0.5, *(state.speed for state in states)}):
         swing = relay(speed)
         if swing is not None:
             name = f"Ku = {swing.ultimate_gain:.3g} 1/m, Tu = {swing.period_s:.2f} s"
-            found.append(WallState(name=name, gains=swing.ziegler_nichols(), speed=speed))
+            found.append(WallGains(name=name, gains=swing.ziegler_nichols(), speed=speed))
     if found:
         print_figures(_table("Relay experiment and Ziegler-Nichols", found))
 
 
-def _table(title: str, states: list[WallState]) -> Table:
+def _table(title: str, states: list[WallGains]) -> Table:
     from rich.table import Table
     from rich.text import Text
 

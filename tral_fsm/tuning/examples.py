@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.tuning.classical.design import Gains, lqr
-from tral_fsm.tuning.classical.experiments import relay, step, wall_states
+from tral_fsm.tuning.classical.experiments import relay, step, wall_gains
 from tral_fsm.tuning.classical.loops import Response
 from tral_fsm.tuning.evaluator import Evaluator, OnStage, Stage, Task
 from tral_fsm.tuning.found import Tuned
@@ -95,7 +95,7 @@ def real_parameters(parameters: Sequence[Parameter]) -> list[int]:
 def _landmarks(machine: MachineDefinition, plane: Plane) -> dict[str, tuple[float, float]]:
     """Gains of classical theory, if the plane is one of p and d of a state that follows a wall."""
     first, second = plane.x.sites[0], plane.y.sites[0]
-    state = next((each for each in wall_states(machine) if each.place == first.place[:-1]), None)
+    state = next((each for each in wall_gains(machine) if each.place == first.place[:-1]), None)
     if (first.name, second.name) != ("p", "d") or state is None:
         return {}
     gains = lqr(state.speed)
@@ -109,7 +109,7 @@ def _landmarks(machine: MachineDefinition, plane: Plane) -> dict[str, tuple[floa
 
 def _wall_loops(tuned: Tuned, on_stage: OnStage | None) -> WallLoops | None:
     """The first wall following state whose numbers have changed, else the first."""
-    pairs = list(zip(wall_states(tuned.old), wall_states(tuned.new), strict=False))
+    pairs = list(zip(wall_gains(tuned.old), wall_gains(tuned.new), strict=False))
     if not pairs:
         return None
     old, new = next((pair for pair in pairs if pair[0] != pair[1]), pairs[0])

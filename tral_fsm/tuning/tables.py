@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tral_fsm.evaluation.statistics import Estimate
 from tral_fsm.tuning.classical.design import margins
-from tral_fsm.tuning.classical.loops import WallState
+from tral_fsm.tuning.classical.loops import WallGains
 from tral_fsm.tuning.parameters import Parameter
 
 MARGIN_HEADER = (
@@ -13,7 +13,7 @@ MARGIN_HEADER = (
 """Headings of `margin_cells`."""
 
 
-def margin_cells(state: WallState) -> list[str]:
+def margin_cells(state: WallGains) -> list[str]:
     """Name, speed, gains and margins of a state, one cell for each heading of `MARGIN_HEADER`."""
     found = margins(state.gains, state.speed)
     return [

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from tral_fsm.report.tuning import figures as pictures
 from tral_fsm.report.tuning import model as tuning_model
-from tral_fsm.tuning.classical.loops import WallState
+from tral_fsm.tuning.classical.loops import WallGains
 from tral_fsm.tuning.found import Tuned
 from tral_fsm.tuning.holdout import Comparison
 from tral_fsm.tuning.page_data import PageData, Surroundings
@@ -197,5 +197,5 @@ def _pictures_of_loops(page: PageData) -> list[Picture]:
 def _margins(page: PageData) -> dict[str, Any] | None:
     if page.loops is None:
         return None
-    states = [WallState(name=name, gains=gains, speed=speed) for name, (gains, speed) in page.loops.gains.items()]
+    states = [WallGains(name=name, gains=gains, speed=speed) for name, (gains, speed) in page.loops.gains.items()]
     return {"header": MARGIN_HEADER, "rows": [margin_cells(state) for state in states]}
