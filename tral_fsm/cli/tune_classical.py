@@ -1,10 +1,10 @@
-"""`tral tune --classical`: gains from a linear model, a relay experiment, and the margins of a machine's own gains."""
+"""`tral tune --classical`: margins of a machine's own gains, of LQR gains, and of gains from a relay experiment."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tral_fsm.cli.console import print_figures
+from tral_fsm.evaluation.results import print_figures
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -16,7 +16,7 @@ _SPEEDS = (0.3, 0.5, 0.7, 1.0, 1.3, 1.6, 2.0)
 
 
 def print_classical(machine: MachineDefinition) -> None:
-    """Print classical gains beside those of a machine, with their margins."""
+    """Print the gains of a machine and classical gains, with their margins."""
     from tral_fsm.tuning.classical.design import lqr
     from tral_fsm.tuning.classical.experiments import relay, wall_gains
     from tral_fsm.tuning.classical.loops import WallGains
