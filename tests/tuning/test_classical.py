@@ -126,7 +126,7 @@ def test_beyond_the_gain_margin_the_simulated_car_swings_on() -> None:
 
 
 def test_a_relay_swings_the_car_where_the_models_phase_is_half_a_turn() -> None:
-    cycle = relay(0.5)
+    cycle = relay(0.5, cars=4, seconds=18.0)
     assert cycle is not None
     (response,) = loop(Gains(p=1.0, d=0.0), 0.5, np.array([2.0 * math.pi / cycle.period_s]))
     assert abs(math.degrees(cmath.phase(-response))) < 15.0
