@@ -13,10 +13,10 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from tral_env.geometry import FULL_LOCK, TRACK_M, WHEELBASE_M, curvature
+from tral_env.geometry import FULL_LOCK, TRACK_M, WHEELBASE_M, curvature, steering_play
 from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.se2 import Pose
-from tral_fsm.control.laws import clip, steering_play
+from tral_fsm.control.laws import clip
 from tral_fsm.control.speed import STANDING_MPS
 from tral_fsm.estimation.readings import Readings
 
