@@ -54,7 +54,7 @@ class GateTracker:
             |  0    0    1  0  0 |
     """
 
-    __slots__ = ("P", "_F", "_Q", "_misfits", "_sample", "_trim", "heading", "opening", "x", "y")
+    __slots__ = ("P", "_F", "_H", "_Q", "_R", "_misfits", "_sample", "_trim", "heading", "opening", "x", "y")
 
     def __init__(self, x: float, y: float, heading: float, sample: OdometrySample, trim: float = TRIM_SIGMA) -> None:
         """Begin with a detection.
@@ -69,7 +69,7 @@ class GateTracker:
         self.opening = math.nan
         """Between its boards, m; NaN: not known yet."""
         self._trim = trim
-        self._F, self._Q = np.eye(5), np.zeros((5, 5))
+        self._F, self._Q, self._H, self._R = np.eye(5), np.zeros((5, 5)), np.eye(3, 5), np.zeros((3, 3))
         self.begin(x, y, heading, sample)
 
     def begin(self, x: float, y: float, heading: float, sample: OdometrySample) -> None:
@@ -77,8 +77,8 @@ class GateTracker:
         self.x, self.y, self.heading = x, y, heading
         self._sample = sample
         self._misfits = 0
-        H, R = _measured(x - sample.x, y - sample.y)
-        self.P = H.T.dot(R).dot(H) + np.diag((0.0, 0.0, 0.0, self._trim * self._trim, GAIN_SIGMA * GAIN_SIGMA))
+        self._look(x - sample.x, y - sample.y)
+        self.P = self._H.T.dot(self._R).dot(self._H) + np.diag((0.0, 0.0, 0.0, self._trim * self._trim, GAIN_SIGMA * GAIN_SIGMA))
         """Covariance of x [m], y [m], heading [rad], trim and steering gain at the last detection, (5, 5)."""
 
     def update(self, x: float, y: float, heading: float, sample: OdometrySample) -> tuple[float, float]:
@@ -89,10 +89,10 @@ class GateTracker:
         """
         dx, dy = self.x - sample.x, self.y - sample.y
         self._predict(sample, dx, dy)
-        H, R = _measured(dx, dy)
-        (cos, sin, *_), ex, ey = H[0].tolist(), x - self.x, y - self.y
+        cos, sin = self._look(dx, dy)
+        ex, ey = x - self.x, y - self.y
         innovation = (cos * ex + sin * ey, cos * ey - sin * ex, wrap(heading - self.heading))
-        PH, S = kalman.innovation(self.P, H, R)
+        PH, S = kalman.innovation(self.P, self._H, self._R)
         if not kalman.gate_accepts(innovation, S, _GATE_SIGMAS):
             self._misfits += 1
             if self._misfits >= _ANEW:
@@ -121,20 +121,20 @@ class GateTracker:
         Q[3, 3] = sample.trim_noise(before)
         self.P = kalman.predict(self.P, F, Q)
 
+    def _look(self, dx: float, dy: float) -> tuple[float, float]:
+        """Set H and R for a gate at (dx, dy) [m] from the car; gives the line of sight (cos, sin)."""
+        range_ = max(math.hypot(dx, dy), 1e-3)
+        cos, sin = dx / range_, dy / range_
+        H, R = self._H, self._R
+        H[0, 0], H[0, 1] = cos, sin
+        H[1, 0], H[1, 1] = -sin, cos
+        R[0, 0] = (_ALONG[0] + _ALONG[1] * range_) ** 2
+        R[1, 1] = (_ACROSS[0] + _ACROSS[1] * range_) ** 2
+        R[2, 2] = (_HEADING[0] + _HEADING[1] * range_ * range_) ** 2
+        return cos, sin
+
     def beside(self, x: float, y: float) -> bool:
         """Whether a car at x, y [m] of dead reckoning is so near that its side ultrasonics may hear the posts."""
         dx, dy = self.x - x, self.y - y
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         return -_POSTS[1] < cos * dx + sin * dy < _POSTS[0] and abs(cos * dy - sin * dx) < _POSTS_ASIDE
-
-
-def _measured(dx: float, dy: float) -> tuple[Array, Array]:
-    """H (3, 5) and R (3, 3) of a detection of a gate at (dx, dy) [m] from the car."""
-    range_ = max(math.hypot(dx, dy), 1e-3)
-    cos, sin = dx / range_, dy / range_
-    along = _ALONG[0] + _ALONG[1] * range_
-    across = _ACROSS[0] + _ACROSS[1] * range_
-    heading = _HEADING[0] + _HEADING[1] * range_ * range_
-    H = np.array(((cos, sin, 0.0, 0.0, 0.0), (-sin, cos, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0, 0.0)))
-    R = np.array(((along * along, 0.0, 0.0), (0.0, across * across, 0.0), (0.0, 0.0, heading * heading)))
-    return H, R
