@@ -94,11 +94,7 @@ class WallSpec(DrivingSpec):
         False, description="the wanted clearance is never more than half of what both sides have together"
     )
     learn_trim: float = quantity(
-        0.0,
-        "1/(m s)",
-        "steering that the car's own fault needs, learnt from what remains of a small e",
-        ge=0.0,
-        le=10.0,
+        0.0, "1/(m s)", "kept for old files: the estimator learns the trim itself", ge=0.0, le=10.0
     )
     slow_front: float | None = quantity(None, "m", "front range from which on the car slows down", gt=0.0, le=5.0)
     slow_speed: float = quantity(0.3, "m/s", "speed at half of slow_front and nearer", ge=0.0, le=5.0)

@@ -114,8 +114,6 @@ class DrivingState(State[D]):
         speed: float | None = None,
         *,
         wanted: tuple[float, float] = NO_CLEARANCE,
-        adopt_trim: bool = False,
-        trim_step: float = 0.0,
     ) -> Command:
         """A command with the spec's throttle, or with the speed given [m/s], or with the spec's.
 
@@ -123,8 +121,6 @@ class DrivingState(State[D]):
             steering: in [-1, 1], + = left.
             speed: m/s; None: that of the spec.
             wanted: wall that a clearance is kept to, +1 left, -1 right, and that clearance, m.
-            adopt_trim: see `Command`.
-            trim_step: see `Command`.
         """
         spec = self.spec
         throttle = spec.throttle
@@ -132,4 +128,4 @@ class DrivingState(State[D]):
             speed = None
         elif speed is None:
             speed = spec.speed
-        return Command(steering, speed, throttle, spec.steering_trim, *wanted, adopt_trim, trim_step)
+        return Command(steering, speed, throttle, spec.steering_trim, *wanted)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import TypeVar
 
-from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.se2 import Pose
 from tral_fsm.control.command import Command
 from tral_fsm.control.laws import clip, damping, pid, pid_rate, ramp, slowed, steering_for
@@ -18,8 +17,6 @@ W = TypeVar("W", bound=WallSpec)
 
 _HOLD_LENGTH = 0.4
 """Length in which the car turns back to the corridor's direction when its wall is lost, m. Source: choice."""
-_TRIM_ERROR, _TRIM_HEADING = 0.12, math.radians(6.0)
-"""The trim is learnt within this deviation [m] and heading [rad] alone: elsewhere e is not the car's fault."""
 
 
 class WallState(DrivingState[W]):
@@ -54,7 +51,7 @@ class WallState(DrivingState[W]):
 
     def tick(self, estimate: CarEstimate) -> Command:
         """One tick of the control law."""
-        spec, trim_step = self.spec, 0.0
+        spec = self.spec
         sonar = estimate.left if self.is_left else estimate.right
         if sonar.new:
             self.take(sonar)
@@ -73,9 +70,7 @@ class WallState(DrivingState[W]):
             else:
                 y = pid_rate(spec.p, spec.i, d, error, self.error_sum, self.rate)
             self.error_old = error
-            if spec.learn_trim and abs(error) < _TRIM_ERROR and abs(estimate.heading) < _TRIM_HEADING:
-                trim_step = spec.learn_trim * (self.sign * error) * CONTROL_PERIOD_S
-        return self.drive(self.sign * y, self.speed_now(estimate), wanted=(self.sign, wanted), trim_step=trim_step)
+        return self.drive(self.sign * y, self.speed_now(estimate), wanted=(self.sign, wanted))
 
     def largest(self, d: float, speed: float) -> float:
         """The e that counts at most, m."""
