@@ -16,7 +16,15 @@ from tral_env.course.scene import Pool, apply_materials, build_model
 from tral_env.perception.aruco import Detector, MarkerPoses, marker_poses
 from tral_env.perception.camera import OnboardCamera
 from tral_env.perception.degrade import ImageCorruption, degrade
-from tral_env.perception.projected import NOISE_PLACES, NORMALS, UNIFORMS, Scenery, ProjectedMarkers, project, project_points
+from tral_env.perception.projected import (
+    NOISE_PLACES,
+    NORMALS,
+    UNIFORMS,
+    ProjectedMarkers,
+    Scenery,
+    project,
+    project_points,
+)
 from tral_env.se2 import wrap
 
 Array = NDArray[np.float64]

@@ -31,7 +31,6 @@ SPANS = {
     "clearance": Span(0.3, 1.2),
     "steering_trim": Span(-0.25, 0.25),
     "steering": Span(-1.0, 1.0),
-    "learn_trim": Span(0.02, 2.0, True),
     "max_error": Span(0.05, 1.0, True),
     "max_angle_deg": Span(5.0, 22.0),
     "max_rate": Span(0.1, 2.0, True),
