@@ -3,8 +3,8 @@
     predict:   P = F P F' + Q
     update:    S = H P H' + R          K = P H' / S          x = K y          P = P - K (P H')'
 
-x are n unknowns and P is their covariance; F says how they move, and Q is the doubt that this adds. y, the innovation, is
-by how much m measured numbers differ from the predicted ones; H says what these are of the unknowns, and R is their
+x are n unknowns and P is their covariance. F says how they move, and Q is the doubt that this adds. The innovation y is
+by how much m measured numbers differ from the predicted ones. H says what these are of the unknowns, and R is their
 covariance. S is the covariance of the innovation, K the gain.
 
 Both filters of this project estimate by how much something is wrong, and put it right at once: so x is 0 before an
