@@ -146,6 +146,8 @@ def arithmetic() -> str:
         parts = [
             np.sin(x), np.cos(x), np.arctan2(x, x[::-1] + 0.3), np.exp(x), np.hypot(x, 1.3), np.sqrt(np.abs(x)),
             np.tan(x), np.log(np.abs(x) + 0.1), x[:9].reshape(3, 3) @ x[9:18].reshape(3, 3), np.cumsum(x),
+            x[:25].reshape(5, 5).dot(x[25:50].reshape(5, 5)).dot(x[50:75].reshape(5, 5).T),
+            np.linalg.inv(x[:9].reshape(3, 3) + np.eye(3)),
             np.array([f(v) for v in x.tolist() for f in (math.sin, math.tan, math.atan)]),
         ]  # fmt: skip
     digest = hashlib.sha256(mujoco.__version__.encode())

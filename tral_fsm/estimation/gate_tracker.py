@@ -45,8 +45,8 @@ class GateTracker:
             | 0  0  0   1        0    |          | 0             0              0      trim   0 |
             | 0  0  0   0        1    |          | 0             0              0      0      0 |
 
-    A detection measures place and heading along and across the line of sight, whose direction is (cos, sin), each with
-    a doubt that grows with the distance:
+    A detection measures the place along and across the line of sight, whose direction is (cos, sin), and the heading,
+    each with a doubt that grows with the distance:
 
             |  cos  sin  0  0  0 |
         H = | -sin  cos  0  0  0 |           R = diag(along, across, heading)
@@ -77,9 +77,8 @@ class GateTracker:
         self._sample = sample
         self._misfits = 0
         self._look(x - sample.x, y - sample.y)
-        self.P = self._H.T.dot(self._R).dot(self._H) + np.diag(
-            (0.0, 0.0, 0.0, self._trim * self._trim, GAIN_SIGMA * GAIN_SIGMA)
-        )
+        steering = np.diag((0.0, 0.0, 0.0, self._trim * self._trim, GAIN_SIGMA * GAIN_SIGMA))
+        self.P = self._H.T.dot(self._R).dot(self._H) + steering
         """Covariance of x [m], y [m], heading [rad], trim and steering gain at the last detection, (5, 5)."""
 
     def update(self, x: float, y: float, heading: float, sample: OdometrySample) -> tuple[float, float]:
