@@ -83,13 +83,13 @@ class CorridorConfig:
                 raise ConfigError(f"CarConfig.{place.name} = {got!r}: the car of assets/car.xml has {has!r}")
 
     @classmethod
-    def of(cls, options: Mapping[str, Any], *, allowed: Iterable[str], pixels: bool = False) -> CorridorConfig:
+    def of(cls, options: Mapping[str, Any], *, allowed: Iterable[str] = (), pixels: bool = False) -> CorridorConfig:
         """The configuration that the options of an environment ask for.
 
         Args:
             options: name -> value. None stands for the default of `car`, `lens`, `task` and `image_faults`, a mapping
                 for one that went through JSON.
-            allowed: names of all that the environment takes: the error tells them.
+            allowed: names of all that the environment takes, which the error tells; empty: the options alone.
             pixels: the observation has an image.
 
         Raises:
@@ -99,7 +99,7 @@ class CorridorConfig:
         known, values = {option.name: option for option in option_fields()}, {}
         for name, value in options.items():
             if name not in known:
-                raise UnknownOptionError(f"unknown option '{name}': {nearest(name, allowed)}")
+                raise UnknownOptionError(f"unknown option '{name}': {nearest(name, [*allowed] or known)}")
             read = known[name].metadata.get("read")
             values[name] = value if read is None else _read(name, read, value)
         return cls(pixels=pixels, **values)

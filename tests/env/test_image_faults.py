@@ -174,7 +174,7 @@ def test_the_projected_camera_refuses_faults_and_names_the_remedy(make: object) 
 
 
 def test_the_default_faults_are_those_that_the_projected_camera_has_too() -> None:
-    assert CorridorConfig.of(image_faults=ImageCorruption()) == CorridorConfig()
+    assert CorridorConfig.of({"image_faults": ImageCorruption()}) == CorridorConfig()
 
 
 @pytest.mark.parametrize(
@@ -187,4 +187,4 @@ def test_the_default_faults_are_those_that_the_projected_camera_has_too() -> Non
 )
 def test_faults_that_cannot_be_are_named(given: object, told: str) -> None:
     with pytest.raises(ConfigError, match=re.escape(told)):
-        CorridorConfig.of(camera="rendered", image_faults=given)
+        CorridorConfig.of({"camera": "rendered", "image_faults": given})
