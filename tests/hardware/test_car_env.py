@@ -14,6 +14,7 @@ from tral_env.errors import CalibrationError, ConfigError, HardwareError
 from tral_env.hardware.calibration import pulses
 from tral_env.hardware.calibration_file import load_calibration
 from tral_env.hardware.env import TralCarEnv
+from tral_env.hardware.sensors import HallCounter, SensorGroup
 from tral_env.interface import CORE_LAYOUT, action_space
 
 TT01 = load_calibration("tt01")
@@ -100,6 +101,53 @@ def test_neutral_is_sent_first_and_last():
     env.close()
     assert sent(env)[2] == tuple(pulses(GO, TT01).tolist()) == (1385.0, 1432.5)
     assert sent(env)[3:] == [NEUTRAL]
+
+
+def test_neutral_that_failed_at_the_close_is_sent_by_the_next_one():
+    class Stubborn:
+        def __init__(self):
+            self.sent, self.failures = [], 0
+
+        def write(self, steering_us, throttle_us):
+            self.sent.append((steering_us, throttle_us))
+
+        def close(self):
+            if self.failures:
+                self.failures -= 1
+                raise HardwareError("no answer")
+            self.write(*NEUTRAL)
+
+    output = Stubborn()
+    env, _ = car(output=output)
+    env.reset()
+    env.step(GO)
+    output.failures = 1
+    with pytest.raises(HardwareError):
+        env.close()
+    with pytest.raises(ResetNeeded):
+        env.step(GO)
+    env.close()
+    assert output.sent[-1] == NEUTRAL
+
+
+def test_a_bus_that_fails_at_a_reset_is_an_error_of_the_hardware():
+    class Unplugged:
+        def write(self, steering_us, throttle_us):
+            raise OSError(121, "Remote I/O error")
+
+        def close(self):
+            pass
+
+    env, _ = car(output=Unplugged())
+    with pytest.raises(HardwareError, match="Remote I/O error"):
+        env.reset()
+
+
+def test_devices_that_cannot_be_copied_leave_a_specification():
+    clock = Clock()
+    env = gym.make("TralCar-v0", sensors=SensorGroup(HallCounter(clock=clock)), clock=clock, sleep=clock.sleep)
+    assert isinstance(env.spec.kwargs["sensors"], SensorGroup)
+    env.close()
 
 
 def test_the_observation_has_the_command_as_applied():

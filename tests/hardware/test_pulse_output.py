@@ -143,7 +143,10 @@ def test_an_exception_inside_the_block_ends_in_neutral():
     assert chip.seen[-1] == NEUTRAL
 
 
-@pytest.mark.parametrize("ending", ["", "sys.exit(3)", "1 / 0"])
+CLOSE_FAILS = "bus.failures = 3; output.close()"
+
+
+@pytest.mark.parametrize("ending", ["", "sys.exit(3)", "1 / 0", CLOSE_FAILS])
 def test_the_end_of_the_interpreter_sends_neutral(ending):
     program = f"""
 import atexit, sys
@@ -153,7 +156,8 @@ from tral_env.hardware.calibration_file import load_calibration
 from tral_env.hardware.pwm import Pca9685
 chip = Pca9685Fake()
 atexit.register(lambda: print(round(chip.pulse_us(0)), round(chip.pulse_us(1))))
-output = Pca9685(load_calibration("tt01"), FakeSmbus({{0x40: chip}}))
+bus = FakeSmbus({{0x40: chip}})
+output = Pca9685(load_calibration("tt01"), bus)
 output.write(1240, 1140)
 print(round(chip.pulse_us(0)), round(chip.pulse_us(1)))
 {ending}
@@ -181,6 +185,21 @@ def test_neutral_that_could_not_be_sent_is_an_error():
     with pytest.raises(HardwareError) as caught:
         output.close()
     assert "cut the power" in caught.value.__notes__[0]
+    bus.failures = 0
+    output.close()
+
+
+def test_neutral_that_failed_is_sent_by_the_next_close():
+    output, chip, bus = board()
+    output.write(1240, 1140)
+    bus.failures = 3
+    with pytest.raises(HardwareError):
+        output.close()
+    with pytest.raises(HardwareError, match="closed"):
+        output.write(1240, 1140)
+    assert chip.seen[-1] != NEUTRAL
+    output.close()
+    assert chip.seen[-1] == NEUTRAL
 
 
 def test_another_chip_at_that_address_is_found_out():

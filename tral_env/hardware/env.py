@@ -112,12 +112,12 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         if options:
             raise ConfigError(f"unknown reset option(s) {', '.join(options)}: the real car has none")
         self._running = False
-        self._neutral()
         self._start = self._clock()
         self._deadline: float | None = None
         self._tick = self._late = 0
         self._command = np.zeros(2)
         with _Guard(self):
+            self._neutral()
             if self.sensors is not None:
                 self.sensors.start()
             observation = self._observe()
@@ -151,16 +151,17 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         """Send neutral, then let go of all devices; a second call does nothing.
 
         Raises:
-            HardwareError: neutral could not be sent.
+            HardwareError: neutral could not be sent. Another call tries again.
         """
         if self._closed:
             return
-        self._closed, self._running = True, False
+        self._running = False
         try:
             self.output.close()
         finally:
             if self.sensors is not None:
                 self.sensors.stop()
+        self._closed = True
 
     def _apply(self, action: NDArray[np.floating]) -> None:
         if np.shape(action) != (2,):

@@ -7,11 +7,12 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol, Self
+from typing import Protocol, Self
 
 from tral_env.errors import HardwareError
 from tral_env.hardware.calibration import CarCalibration
 from tral_env.hardware.i2c import Bus, Smbus
+from tral_env.hardware.physical import Physical
 
 
 class PulseOutput(Protocol):
@@ -80,7 +81,7 @@ _ATTEMPTS = 3
 """Neutral is sent so often before the board counts as lost."""
 
 
-class Pca9685:
+class Pca9685(Physical):
     """The PCA9685 PWM board.
 
     The board gets neutral before its outputs wake, and again at its close, at the end of its ``with`` block and at the
@@ -112,7 +113,7 @@ class Pca9685:
         self._prescale = _prescale(calibration)
         self._bus = Bus(bus)
         self._device = self._bus.device(address, "PWM board PCA9685")
-        self._closed = False
+        self._driving, self._closed = True, False
         try:
             self._start(sleep)
         except BaseException:
@@ -132,20 +133,23 @@ class Pca9685:
 
     def write(self, steering_us: float, throttle_us: float) -> None:
         """Send both pulses in one transaction, rounded to steps; see `PulseOutput.write`."""
-        if self._closed:
+        if not self._driving:
             raise HardwareError("the PWM board is closed: open it anew")
         self._send(steering_us, throttle_us)
 
     def close(self) -> None:
-        """Send neutral, then let go of the bus; see `PulseOutput.close`."""
+        """Send neutral, then let go of the bus; see `PulseOutput.close`.
+
+        The board is closed once neutral is out. If neutral fails, the next call and the end of the interpreter try it
+        again.
+        """
         if self._closed:
             return
+        self._driving = False
+        self._send_neutral()
         self._closed = True
         atexit.unregister(self.close)
-        try:
-            self._send_neutral()
-        finally:
-            self._bus.close()
+        self._bus.close()
 
     def __enter__(self) -> Self:
         """The board itself, open."""
@@ -154,10 +158,6 @@ class Pca9685:
     def __exit__(self, *_: object) -> None:
         """Close the board, which sends neutral, whatever happened."""
         self.close()
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        """The board itself: the specification of an environment is copied, a board cannot be."""
-        return self
 
     def _start(self, sleep: Callable[[float], None]) -> None:
         """Set the divider while the board sleeps, give it neutral, and wake it."""

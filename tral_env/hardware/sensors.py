@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from tral_env.config import HallConfig
+from tral_env.hardware.physical import Physical
 from tral_env.sensors.hall import EdgeSpeed
 
 
@@ -38,7 +39,7 @@ class Sensors(Protocol):
         """Let go of the device; a second call does nothing."""
 
 
-class SensorGroup:
+class SensorGroup(Physical):
     """Several sensors as one."""
 
     def __init__(self, *members: Sensors) -> None:
@@ -70,7 +71,7 @@ class SensorGroup:
                 self._stop(first + 1)
 
 
-class HallCounter:
+class HallCounter(Physical):
     """Distance and speed, without direction, from the edges of the hall sensor on a wheel.
 
     The model is that of the simulated sensor, `tral_env.sensors.hall.EdgeSpeed`, for one wheel. Give `edge` to the

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from tral_env.config import UltrasonicConfig
 from tral_env.errors import ConfigError, HardwareError
 from tral_env.hardware.i2c import Bus, Device, Smbus
+from tral_env.hardware.physical import Physical
 from tral_env.interface import NO_ECHO_M
 from tral_env.sensors.ultrasonic import limits, readable, resolution
 
@@ -38,7 +39,7 @@ _START_ATTEMPTS = 10
 """A ranger is asked so often, a quarter of the cadence apart, to finish a ranging and start anew."""
 
 
-class Srf08:
+class Srf08(Physical):
     """One ranger: its registers, without any notion of time."""
 
     def __init__(self, device: Device, config: UltrasonicConfig) -> None:
@@ -71,7 +72,7 @@ class Srf08:
         return metres if readable(metres, self._config) else NO_ECHO_M
 
 
-class SonarArray:
+class SonarArray(Physical):
     """The three rangers as `Sensors`: it fires them again and again, reads them when ready, and never waits."""
 
     def __init__(
