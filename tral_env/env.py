@@ -95,7 +95,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     | --- | --- | --- | --- |
     | `success` | | always | the car reached the goal line after all gates in order and touched nothing |
     | `collision` | | always | the car touches a wall, door, obstacle or post |
-    | `crash` | | always | the car touches it at a closing speed of 0.2 m/s or more (`touch_speed` of `TaskConfig`) |
+    | `crash` | | always | the point of contact moves towards it at 0.2 m/s or more (`touch_speed` of `TaskConfig`) |
     | `missed_gate` | | always | the car missed a gate in this step, see Episode End |
     | `progress` | | always | share of the route's length, 0 to 1 |
     | `gates_passed` | | always | number of gates that the car has passed |

@@ -175,6 +175,11 @@ LEVELS: Mapping[str, Randomization] = {
 """The named levels; docs/randomization.md has them as a table."""
 
 
+def makes_hard_courses(randomization: str | Randomization | Mapping[str, Any]) -> bool:
+    """Whether the courses are harder too: at the level "hard", by its name or by its ranges."""
+    return level(randomization) == LEVELS["hard"]
+
+
 def level(randomization: str | Randomization | Mapping[str, Any]) -> Randomization:
     """Find a level by name, or take over ranges; a mapping of ranges is what the JSON of an environment's spec holds.
 

@@ -147,6 +147,8 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         self._last = step
         self._done = step.terminated | step.truncated
         observation, info = step.observation, _masked(step.info | {"reward_terms": step.reward_terms})
+        if self._mode is not AutoresetMode.SAME_STEP:
+            info |= self._success()
         if self._mode is AutoresetMode.SAME_STEP and self._done.any():
             info["final_obs"], info["_final_obs"] = observation.copy(), self._done.copy()
             final = step.info | {"is_success": step.info["success"], "reward_terms": step.reward_terms}
@@ -184,8 +186,13 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         reward = np.where(again, 0.0, step.reward)
         fresh = self.world.info()
         info = {name: np.where(_like(again, values), fresh[name], values) for name, values in step.info.items()}
-        info = _masked(info) | _earned(step.reward_terms, ~again)
-        return self.world.observation(), reward, terminated, truncated, info
+        self._last = Step(self.world.observation(), reward, terminated, truncated, info, step.reward_terms)
+        told = _masked(info) | _earned(step.reward_terms, ~again) | self._success()
+        return self._last.observation, reward, terminated, truncated, told
+
+    def _success(self) -> dict[str, Any]:
+        """``is_success`` of the rows that have ended; nothing while all are under way."""
+        return _masked({"is_success": self._last.info["success"]}, self._done) if self._done.any() else {}
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free what OpenGL holds."""

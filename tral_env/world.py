@@ -18,7 +18,7 @@ from tral_env.course.scene import Pool
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import Layout
 from tral_env.options import CorridorConfig, as_course
-from tral_env.randomization import Randomization, level
+from tral_env.randomization import Randomization, level, makes_hard_courses
 from tral_env.simulation.culling import LOCAL_BOXES, max_boxes_in_reach
 from tral_env.simulation.sim import Simulation
 from tral_env.simulation.views import VIEWS, Views
@@ -83,6 +83,7 @@ class World:
         self.n, self.config, self._nthread = n, config, nthread
         self.layout = Layout.of(config.groups)
         self._randomization = level(config.randomization)
+        self._hard = makes_hard_courses(config.randomization)
         fixed = config.fixed_course()
         self._fixed = None if fixed is None else (fixed, build_plan(fixed))
         self._near = 0 if self._fixed is None else max_boxes_in_reach(self._fixed[1])
@@ -204,7 +205,7 @@ class World:
 
     def _generate(self, rng: np.random.Generator) -> tuple[Course, Plan]:
         """A new course, or one of those that are kept."""
-        scenario, hard, count = self.config.scenario, self.config.randomization == "hard", self.config.courses
+        scenario, hard, count = self.config.scenario, self._hard, self.config.courses
         if count is None:
             return generate_plan(scenario, rng, hard=hard)
         k = int(rng.integers(count))

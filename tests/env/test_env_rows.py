@@ -7,6 +7,7 @@ from corridors import commands, corridor
 from gymnasium.vector import AutoresetMode
 
 from tral_env.errors import ConfigError
+from tral_env.randomization import LEVELS
 from tral_env.vector_env import TralCorridorVectorEnv
 
 
@@ -137,3 +138,12 @@ def test_an_array_of_seeds_counts_as_a_list() -> None:
     env = TralCorridorVectorEnv(2, scenario="straight")
     counted, _ = env.reset(seed=5)
     assert np.array_equal(env.reset(seed=np.arange(5, 7))[0], counted)
+
+
+def test_the_ranges_of_the_level_hard_bring_its_courses_too() -> None:
+    by_name = corridor(scenario="gates", randomization="hard")
+    by_range = corridor(scenario="gates", randomization=LEVELS["hard"])
+    for seed in range(5):
+        by_name.reset(seed=seed)
+        by_range.reset(seed=seed)
+        assert by_range.unwrapped.course == by_name.unwrapped.course

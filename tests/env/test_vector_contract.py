@@ -49,6 +49,10 @@ def test_it_steps_as_gymnasiums_own_vector_environment_does(mode: AutoresetMode)
             assert mine.dtype == its.dtype
         ended = ours_end[1] | ours_end[2]
         episodes += ended.sum()
+        assert ("is_success" in info) == ("is_success" in their_info)
+        if "is_success" in their_info:
+            assert_array_equal(info["_is_success"], their_info["_is_success"])
+            assert_array_equal(info["is_success"][ended], their_info["is_success"][ended])
         if mode is AutoresetMode.SAME_STEP:
             assert ("final_obs" in info) == ("final_obs" in their_info)
             for row in np.flatnonzero(ended):

@@ -90,7 +90,8 @@ def build_model(pool: Pool, *, car: bool = True, looks: bool = True) -> mujoco.M
     """Compile the corridor's world with a pool of parked boxes and, unless told otherwise, the car.
 
     The boxes are geoms ``box_000``... of the body ``walls``. The sensor ``collision`` tells whether the car touches
-    them: the number of contacts (0: none), then the normal (3) of the deepest one.
+    them: the number of contacts (0: none), then the place (3) and the normal (3) of the deepest one. The normal points
+    from the car to what it touches.
 
     Args:
         pool: how many boxes, markers and tapes.
@@ -152,8 +153,9 @@ def _paint_walls(spec: mujoco.MjSpec) -> None:
 
 
 def _add_collision_sensor(spec: mujoco.MjSpec) -> None:
-    """Add what MJCF writes as <contact name="collision" subtree1="car/car" body2="walls" data="found normal"/>."""
-    found, normal = int(mujoco.mjtConDataField.mjCONDATA_FOUND), int(mujoco.mjtConDataField.mjCONDATA_NORMAL)
+    """Add what MJCF writes as <contact name="collision" subtree1="car/car" body2="walls" data="found pos normal"/>."""
+    kinds = mujoco.mjtConDataField
+    wanted = sum(1 << int(kind) for kind in (kinds.mjCONDATA_FOUND, kinds.mjCONDATA_POS, kinds.mjCONDATA_NORMAL))
     reduce_to_nearest = 1
     spec.add_sensor(
         name="collision",
@@ -162,7 +164,7 @@ def _add_collision_sensor(spec: mujoco.MjSpec) -> None:
         objname=f"{PREFIX}car",
         reftype=mujoco.mjtObj.mjOBJ_BODY,
         refname="walls",
-        intprm=[1 << found | 1 << normal, reduce_to_nearest, 1],
+        intprm=[wanted, reduce_to_nearest, 1],
     )
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tral_env.course.generate import generate_plan
 from tral_env.course.scene import Pool
-from tral_env.randomization import level
+from tral_env.randomization import level, makes_hard_courses
 from tral_env.world import CorridorConfig, Drawn, Step, World
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
@@ -63,7 +63,7 @@ class BatchRunner:
             pool = pool.union(Pool.for_scenario(name))
         self.rows = rows
         self.world = World(rows, configs[0], nthread=nthread, pool=pool)
-        self._randomization, self._hard = level(randomization), randomization == "hard"
+        self._randomization, self._hard = level(randomization), makes_hard_courses(randomization)
         self.patience_s = math.inf if stuck_s is None else stuck_s
         """Time without progress after which the drive of a car ends, s."""
         self._drawn: dict[tuple[str, int], tuple[Drawn, np.random.Generator]] = {}
