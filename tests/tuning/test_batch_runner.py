@@ -14,7 +14,7 @@ from courses import FOLLOW_THEN_CRASH, blind
 from tral_env.errors import ConfigError
 from tral_fsm import load_machine
 from tral_fsm.evaluation.batch import BatchRunner
-from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
+from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult, TickRecorder
 from tral_fsm.evaluation.rollout import drive
 from tral_fsm.runtime.policy import MachinePolicy
 
@@ -59,8 +59,12 @@ def test_each_drive_is_bit_for_bit_the_one_of_the_single_environment(rows: int, 
 
 
 def test_steering_travel_adds_up_every_change(runner: BatchRunner) -> None:
-    (got,) = runner.drive([blind(0.5)], [EpisodeRequest(0, "straight", 1)])
-    assert got.steering_travel == pytest.approx(0.5)  # once to the left, and it stays there
+    recorder = TickRecorder()
+    (got,) = runner.drive([blind(0.5)], [EpisodeRequest(0, "straight", 1)], observers={0: [recorder]})
+    steering = recorder.trace().action[:, 0].astype(float)
+    assert steering[0] == 0.5  # to the left; later what the car has learnt of its trim is added
+    assert got.steering_travel == pytest.approx(np.abs(np.diff(steering, prepend=0.0)).sum())
+    assert got.steering_travel > 0.5
     assert (got.outcome, got.clearance_samples) == ("collision", 0)
     assert math.isnan(got.clearance_rmse)
 
