@@ -91,7 +91,7 @@ def test_its_rewards_are_those_of_the_task_with_their_weights() -> None:
 def test_its_time_limit_is_that_of_the_task() -> None:
     config = TaskConfig()
     assert f"`nominal_speed` ({config.nominal_speed:g} m/s) + `grace_s` ({config.grace_s:g} s)" in PAGE
-    assert f"closing speed of {config.touch_speed:g} m/s or more" in PAGE
+    assert f"moves towards it at {config.touch_speed:g} m/s or more" in PAGE
 
 
 def test_its_reset_options_are_those_of_the_world_and_of_the_vector_environment() -> None:
