@@ -51,9 +51,10 @@ class MarkerPoses:
 class Detector:
     """Finds the markers of DICT_4X4_50, corners refined to fractions of a pixel."""
 
-    def __init__(self) -> None:
+    def __init__(self, valid_bit_threshold: float = 0.49) -> None:
         parameters = cv2.aruco.DetectorParameters()
         parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+        parameters.validBitIdThreshold = valid_bit_threshold
         self._detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(DICTIONARY), parameters)
 
     def detect(self, image: NDArray[np.uint8]) -> MarkerCorners:
