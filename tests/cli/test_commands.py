@@ -146,12 +146,12 @@ def test_a_folder_that_cannot_be_made_is_said_before_anything_is_driven(command:
 def test_a_drive_that_was_interrupted_leaves_a_summary_and_the_next_does_not_claim_its_files(
     tmp_path: Path, short: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(env: object, policy: object, seed: int, folder: Path, arguments: object) -> None:
-        (folder / "drive.mp4").write_text("half")
+    def interrupted(*_: object, **__: object) -> None:
+        (tmp_path / "drive.mp4").write_text("half")
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("tral_fsm.cli.drive._drive_one", interrupted)
+        patch.setattr("tral_fsm.evaluation.rollout.drive", interrupted)
         assert tral("drive", *CALM, "--no-video", "--out", tmp_path).exit_code == 130
     left = json.loads((tmp_path / "summary.json").read_text())
     assert (left["complete"], left["episodes"]) == (False, [])
@@ -177,10 +177,10 @@ def test_a_state_may_be_called_what_looks_like_markup_or_a_formula(tmp_path: Pat
 def test_physics_that_become_unstable_are_a_failed_episode_and_not_bad_usage(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def unstable(*_: object) -> None:
+    def unstable(*_: object, **__: object) -> None:
         raise SimulationError("NaN")
 
-    monkeypatch.setattr("tral_fsm.cli.drive._drive_one", unstable)
+    monkeypatch.setattr("tral_fsm.evaluation.rollout.drive", unstable)
     assert tral("drive", *CALM, "--no-video", "--out", tmp_path).exit_code == 1
 
 
@@ -210,7 +210,7 @@ def test_courses_are_drawn(arguments: list[str], tmp_path: Path) -> None:
 def test_the_doctor_finds_the_core_working_and_says_a_remedy_for_all_that_is_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("tral_fsm.cli.doctor._EXTRAS", {"rl": ("no-such-package",)})
+    monkeypatch.setattr("tral_fsm.cli.doctor.EXTRAS", {"rl": ("no-such-package",)})
     result = tral("doctor", "--json")
     report = json.loads(result.stdout)
     assert (result.exit_code, report["core_works"]) == (0, True)

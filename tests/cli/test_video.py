@@ -1,6 +1,9 @@
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import imageio_ffmpeg
 import numpy as np
@@ -63,11 +66,19 @@ def test_a_video_without_a_frame_leaves_no_file(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_video_whose_encoder_broke_off_leaves_no_file(tmp_path: Path) -> None:
-    video = DriveVideo(tmp_path / "drive.mp4", Painted())
-    video(ticks()[0])
-    video._writer.close()  # as an interrupt in the midst of a frame does
-    video.close()
+def test_a_video_whose_encoder_broke_off_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    encoder = imageio_ffmpeg.write_frames
+
+    def interrupted_in_its_second_frame(*arguments: Any, **options: Any) -> Iterator[None]:
+        with contextlib.closing(encoder(*arguments, **options)) as writer:
+            writer.send(None)
+            writer.send((yield))
+            yield
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(imageio_ffmpeg, "write_frames", interrupted_in_its_second_frame)
+    with pytest.raises(KeyboardInterrupt), DriveVideo(tmp_path / "drive.mp4", Painted()) as video:
+        list(map(video, ticks()[:1] * 2))
     assert list(tmp_path.iterdir()) == []
 
 

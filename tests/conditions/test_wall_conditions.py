@@ -7,11 +7,10 @@ from readings import two_states
 
 from tral_env.geometry import SIDE_SONAR_X_M
 from tral_fsm.conditions.walls import MoreRoom, MoreRoomSpec
-from tral_fsm.definition.machine import IdleSpec
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.estimation.front_obstacle import FrontObstacle
 from tral_fsm.estimation.wall_filter import WallEstimate
-from tral_fsm.states.basic import Idle
+from tral_fsm.states.basic import Idle, IdleSpec
 
 
 def beside(left: float = math.nan, right: float = math.nan, yaw: float = 0.0, **ahead: float) -> CarEstimate:

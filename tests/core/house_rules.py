@@ -254,3 +254,24 @@ def _known(name: str, modules: Set[str] | Mapping[str, object]) -> str:
     while is_ours(name) and name not in modules:
         name = name.rpartition(".")[0]
     return name
+
+
+PROGRAMS = ("tral_env", "tral_fsm", "benchmarks", "tests")
+MAX_FUNCTION_LINES = 40
+
+
+def long_functions(root: Path) -> list[str]:
+    """Functions whose body has more than 40 lines. The docstring does not count."""
+    return [
+        f"{path.relative_to(root)}: {node.name} has {_lines(node)} lines"
+        for folder in PROGRAMS
+        for path in sorted((root / folder).rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and _lines(node) > MAX_FUNCTION_LINES
+    ]
+
+
+def _lines(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """Lines from the first statement behind the docstring to the last."""
+    body = function.body[1:] if ast.get_docstring(function) is not None else function.body
+    return (body[-1].end_lineno or 0) - body[0].lineno + 1 if body else 0

@@ -94,3 +94,15 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
     code = "import sys, tral_env; print([m for m in ('mujoco', 'cv2', 'torch', 'matplotlib') if m in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"
+
+
+def test_functions_are_short() -> None:
+    assert rules.long_functions(ROOT) == []
+
+
+@pytest.mark.parametrize(("statements", "found"), [(40, []), (41, ["tests/long.py: talk has 41 lines"])])
+def test_a_docstring_does_not_make_a_function_long(tmp_path: Path, statements: int, found: list[str]) -> None:
+    (tmp_path / "tests").mkdir()
+    body = ['    """', *["    words"] * 50, '    """', *["    x = 1"] * statements]
+    (tmp_path / "tests" / "long.py").write_text("\n".join(["def talk():", *body]))
+    assert rules.long_functions(tmp_path) == found

@@ -121,7 +121,7 @@ def test_a_type_that_is_taken_is_refused() -> None:
 
     before = STATES["Motor"]
     with pytest.raises(
-        MachineError, match=r"calls itself 'Motor', which tral_fsm\.definition\.machine\.MotorSpec does already"
+        MachineError, match=r"calls itself 'Motor', which tral_fsm\.states\.basic\.MotorSpec does already"
     ):
         register(Motor)
     assert STATES["Motor"] is before
@@ -157,3 +157,12 @@ def test_a_class_may_be_defined_anew_under_its_name() -> None:
         assert CONDITIONS["Nod"] is again
     finally:
         del CONDITIONS["Nod"], conditions.RUNTIMES["Nod"]
+
+
+def test_a_state_is_no_condition() -> None:
+    from tral_fsm.conditions import base as conditions
+    from tral_fsm.states.basic import Idle
+
+    with pytest.raises(MachineError, match="Idle runs IdleSpec, which is no ConditionSpec"):
+        conditions.register(Idle)
+    assert "Idle" not in CONDITIONS

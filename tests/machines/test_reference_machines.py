@@ -10,9 +10,9 @@ import tral_env
 from tral_env.course.layout import Course
 from tral_env.world import CorridorConfig, World
 from tral_fsm import load_machine, load_policy, machine_names
-from tral_fsm.definition.machine import FSMStateSpec
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.episode import EpisodeRequest
+from tral_fsm.states.fsm_state import FSMStateSpec
 
 MADE_FOR = {
     "wall": "straight",

@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -7,7 +8,6 @@ from marker_world import build, camera_or_skip
 
 from tral_env.config import WIDE_LENS, CameraConfig, CarConfig
 from tral_env.errors import ConfigError, RenderError
-from tral_env.perception import camera as camera_module
 from tral_env.perception.camera import OnboardCamera, SceneRenderer
 from tral_env.perception.projected import mounting_turn, project_points
 
@@ -91,7 +91,8 @@ def test_an_unknown_camera_is_named_with_the_nearest_one():
 
 
 def test_without_opengl_the_error_names_the_remedy(monkeypatch):
-    monkeypatch.setattr(camera_module, "_context_class", lambda: _refuse)
+    for module in ("mujoco.egl", "mujoco.rendering.classic.gl_context"):
+        monkeypatch.setitem(sys.modules, module, SimpleNamespace(GLContext=_refuse))
     world = build([])
     with pytest.raises(RenderError, match=r"no display here.*MUJOCO_GL=egl.*camera=\"projected\""):
         SceneRenderer().render(world.model, world.data, "car/front", 64, 48)

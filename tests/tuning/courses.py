@@ -6,17 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from tral_fsm.definition.conditions import AllSpec, DistanceSpec, SensorLevelSpec
-from tral_fsm.definition.machine import (
-    FollowWallSpec,
-    FSMStateSpec,
-    MachineDefinition,
-    MotorSpec,
-    StopSpec,
-    TransitionSpec,
-)
+from tral_fsm.conditions.combined import AllSpec
+from tral_fsm.conditions.simple import DistanceSpec, SensorLevelSpec
+from tral_fsm.definition.machine import MachineDefinition, TransitionSpec
 from tral_fsm.evaluation.episode import EpisodeResult
 from tral_fsm.evaluation.metrics import ERROR_BINS
+from tral_fsm.states.basic import MotorSpec, StopSpec
+from tral_fsm.states.fsm_state import FSMStateSpec
+from tral_fsm.states.wall import FollowWallSpec
 
 TWO_WALLS = MachineDefinition(
     name="two walls",

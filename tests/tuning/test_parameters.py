@@ -10,8 +10,9 @@ from pydantic import Field
 
 from tral_env.errors import ConfigError
 from tral_fsm import load_machine
-from tral_fsm.definition.machine import FollowWallSpec, MachineDefinition, StateSpec
+from tral_fsm.definition.machine import MachineDefinition, StateSpec
 from tral_fsm.formats.library import names
+from tral_fsm.states.wall import FollowWallSpec
 from tral_fsm.tuning.parameters import apply, find, sites
 from tral_fsm.tuning.ranges import Span, limits, span_of
 from tral_fsm.tuning.search.space import from_unit, to_unit
@@ -83,7 +84,7 @@ def test_without_a_value_or_a_span_a_range_must_be_given() -> None:
 
 
 def load_machine_with_stop() -> MachineDefinition:
-    from tral_fsm.definition.machine import StopSpec
+    from tral_fsm.states.basic import StopSpec
 
     return MachineDefinition(root="stop", states=(StopSpec(id="stop"),))
 

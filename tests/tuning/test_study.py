@@ -13,10 +13,12 @@ import pytest
 from courses import blind
 
 from tral_env.errors import ConfigError, MissingExtraError
-from tral_fsm.definition.conditions import DistanceSpec, NotSpec
-from tral_fsm.definition.machine import MachineDefinition, MotorSpec, TransitionSpec
+from tral_fsm.conditions.combined import NotSpec
+from tral_fsm.conditions.simple import DistanceSpec
+from tral_fsm.definition.machine import MachineDefinition, TransitionSpec
 from tral_fsm.evaluation.pool import interrupts_ignored
 from tral_fsm.formats.library import load
+from tral_fsm.states.basic import MotorSpec
 from tral_fsm.tuning import Objective, Progress, Racing, Settings, Stage, Task, Tuned, tune
 from tral_fsm.tuning.evaluator import Evaluator
 from tral_fsm.tuning.found import described

@@ -29,7 +29,8 @@ _CORE = (
     "cmaes",
     "imageio-ffmpeg",
 )
-_EXTRAS = {"rl": ("torch", "stable-baselines3"), "car": ("smbus2",), "tune": ("optuna",)}
+EXTRAS = {"rl": ("torch", "stable-baselines3"), "car": ("smbus2",), "tune": ("optuna",)}
+"""Extra of the distribution -> packages that it brings."""
 _PROBE_TIMEOUT_S = 60.0
 _MAX_LENGTH = 100
 """Characters of a message that are shown."""
@@ -98,7 +99,7 @@ def examine() -> list[Finding]:
         _encoder(),
         *(
             _package(name, f"extra {extra}", f"pip install 'tral-env[{extra}]'", needed=False)
-            for extra, names in _EXTRAS.items()
+            for extra, names in EXTRAS.items()
             for name in names
         ),
     ]

@@ -26,9 +26,9 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout and nothing else.")] = False,
 ) -> None:
     """List the states and conditions of machines: parameters, units, defaults, ranges."""
-    from tral_fsm.definition.conditions import CONDITIONS
-    from tral_fsm.definition.machine import STATES
+    from tral_fsm.conditions import CONDITIONS
     from tral_fsm.definition.plugins import load_plugins
+    from tral_fsm.states import STATES
 
     load_plugins()
     found: dict[str, Mapping[str, type[StateSpec] | type[ConditionSpec]]] = {"states": STATES, "conditions": CONDITIONS}

@@ -1,4 +1,4 @@
-"""When transitions fire: one class for each type of condition that a machine file may name."""
+"""The conditions that a machine file may name: the spec of each type, and the class that runs it."""
 
 from tral_fsm.conditions.base import Condition, register
 from tral_fsm.conditions.combined import All, AnyOf, Not
@@ -15,14 +15,15 @@ from tral_fsm.conditions.simple import (
     Unreachable,
 )
 from tral_fsm.conditions.walls import MoreRoom, ObstacleAhead, Opening
+from tral_fsm.definition.conditions import CONDITIONS
 
 BUILT_IN = (
     Always, Distance, Finished, Unreachable, SensorLevel, ArucoGateFound, Timer, Turned, Aligned, MarkerFound, All,
     AnyOf, Not, RetryLimit, Opening, ObstacleAhead, MoreRoom,
 )  # fmt: skip
-"""The conditions of the package, in the order in which they are listed."""
+"""The conditions of the package, in the order of the schema and of all lists."""
 
 for _condition in BUILT_IN:
     register(_condition)
 
-__all__ = ["BUILT_IN", "Condition", "register"]
+__all__ = ["BUILT_IN", "CONDITIONS", "Condition", "register"]

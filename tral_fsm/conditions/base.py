@@ -1,74 +1,60 @@
-"""What every condition is: it gets the estimate of a tick, and says whether its transition fires.
+"""What every condition has in common: it gets the estimate of a tick and says whether its transition fires.
 
-A condition has a memory of its own (a distance, a timer, readings that agreed), which starts anew whenever the state
-that it leaves is entered. A condition of your own: derive a spec from `definition.conditions.ConditionSpec` and a class
-from `Condition`, and decorate the class with `register`.
+A condition has a memory of its own (a distance, a timer, readings that agreed). The memory starts again whenever the
+machine enters the state that the transition leaves. A condition of your own: derive a spec from
+`definition.conditions.ConditionSpec` and a class from `Condition`, and decorate the class with `register`.
 """
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
-from tral_fsm.definition.validated import register_type
+from tral_fsm.definition.registry import Runtime
+from tral_fsm.definition.validated import Spec
 from tral_fsm.estimation.detections import Detection
 from tral_fsm.estimation.estimate import CarEstimate
-from tral_fsm.states.base import State, spec_in
+from tral_fsm.states.base import State
 
 C = TypeVar("C", bound=ConditionSpec)
 
 
-class Condition(Generic[C]):
+class Condition(Runtime[C]):
     """Base of all conditions at work. `Condition[MySpec]` says which type of machine files a class runs."""
 
-    spec_type: ClassVar[type[ConditionSpec]]
-    """The spec that this class runs; taken from the brackets behind `Condition`."""
+    spec_type: ClassVar[type[Spec]] = ConditionSpec
     counts: bool = True
-    """It must be asked in every tick, since it counts ticks or readings. False: All and Any leave it out where another
-    part has settled the matter."""
-
-    def __init_subclass__(cls, **kwargs: Any) -> None:
-        super().__init_subclass__(**kwargs)
-        cls.spec_type = spec_in(cls, ConditionSpec) or getattr(cls, "spec_type", ConditionSpec)
+    """The condition must be asked in every tick, since it counts ticks or readings. False: All and Any skip it where
+    another part decides."""
 
     def __init__(self, spec: C, owner: State[Any]) -> None:
         self.spec = spec
         self.owner = owner
-        """The state that is left."""
+        """The state that the transition leaves."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
-        """Called when the owner is entered."""
+        """Begin: the machine enters the owner."""
 
     def restart(self) -> None:
-        """Forget all: a drive begins anew."""
+        """Forget everything: a new drive begins."""
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Whether to fire; called once a tick, after the owner's tick."""
+        """Whether the transition fires. The machine asks once a tick, after the owner's tick."""
         raise NotImplementedError
 
     def why(self, estimate: CarEstimate) -> str:
-        """The values that were compared, for the trace."""
+        """The compared values, for the trace."""
         return self.spec.type
 
     def hand_over(self, estimate: CarEstimate) -> Detection | None:
-        """What the next state gets as its target."""
+        """The gate that the next state gets as its target; None: no gate."""
         return None
 
 
-RUNTIMES: dict[str, type[Condition[Any]]] = {}
-"""The class that runs each type of condition."""
-
-R = TypeVar("R", bound=type[Condition[Any]])
-
-
-def register(condition: R) -> R:
-    """Let machine files name a class of conditions from now on; also a decorator.
-
-    Raises:
-        MachineError: another class has its type already, or its spec says none.
-    """
-    RUNTIMES[register_type(CONDITIONS, condition.spec_type)] = condition
-    return condition
+RUNTIMES: dict[str, type[Condition[Any]]] = CONDITIONS.runtimes
+"""Type of condition -> the class that runs it."""
+register = CONDITIONS.register
+"""Let machine files name a class of conditions from now on; also a decorator."""
 
 
 def build(spec: ConditionSpec, owner: State[Any]) -> Condition[Any]:

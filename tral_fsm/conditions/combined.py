@@ -2,45 +2,66 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar, Literal, TypeVar
 
-from tral_fsm.conditions.base import C, Condition, build
-from tral_fsm.definition.conditions import AllSpec, AnySpec, NotSpec
+from pydantic import Field, SerializeAsAny
+
+from tral_fsm.conditions.base import Condition, build
+from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.estimation.detections import Detection
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import State
 
 
+class CombinedSpec(ConditionSpec):
+    """Base of the specs of conditions that combine others."""
+
+    of: tuple[SerializeAsAny[ConditionSpec], ...] = Field(description="the conditions that are combined", min_length=1)
+
+    @property
+    def parts(self) -> tuple[ConditionSpec, ...]:
+        """The conditions in `of`."""
+        return self.of
+
+    @property
+    def hands_over(self) -> bool:
+        """Whether one of the parts hands a gate over."""
+        return any(part.hands_over for part in self.of)
+
+
+C = TypeVar("C", bound=CombinedSpec)
+
+
 class Combination(Condition[C]):
-    """Conditions combined. Those that count are asked in every tick, so that they miss no reading."""
+    """Combined conditions. Parts that count are asked in every tick, so that they miss no reading."""
 
     def __init__(self, spec: C, owner: State[Any]) -> None:
         super().__init__(spec, owner)
-        self.parts = [build(part, owner) for part in spec.of]  # type: ignore[attr-defined]
+        self.parts = [build(part, owner) for part in spec.of]
         self.counting = [(part, part.triggered) for part in self.parts if part.counts]
         self.others = [(part, part.triggered) for part in self.parts if not part.counts]
         self.counts = bool(self.counting)
 
     def on_enter(self, estimate: CarEstimate) -> None:
-        """All parts start anew."""
+        """All parts start again."""
         for part in self.parts:
             part.on_enter(estimate)
 
     def restart(self) -> None:
-        """All parts forget."""
+        """All parts forget everything."""
         for part in self.parts:
             part.restart()
 
     def reasons(self, estimate: CarEstimate) -> list[Condition[Any]]:
-        """The parts for which it fires; asked right after `triggered` said yes."""
+        """The parts that make the condition fire. It is asked right after `triggered` was true."""
         raise NotImplementedError
 
     def why(self, estimate: CarEstimate) -> str:
-        """The values of the parts for which it fires."""
+        """The compared values of the parts that make the condition fire."""
         return f"{self.spec.type}({'; '.join(part.why(estimate) for part in self.reasons(estimate))})"
 
     def hand_over(self, estimate: CarEstimate) -> Detection | None:
-        """What the first of the parts for which it fires hands over."""
+        """The gate of the first part that fires and hands one over."""
         for part in self.reasons(estimate):
             target = part.hand_over(estimate)
             if target is not None:
@@ -48,11 +69,27 @@ class Combination(Condition[C]):
         return None
 
 
+class AllSpec(CombinedSpec):
+    """Fires when all of its conditions hold in the same tick."""
+
+    word_between: ClassVar[str] = " and "
+
+    type: Literal["All"] = "All"
+
+    def always(self) -> bool:
+        """Whether each part always holds."""
+        return all(part.always() for part in self.of)
+
+    def never(self) -> bool:
+        """Whether one part never holds."""
+        return any(part.never() for part in self.of)
+
+
 class All(Combination[AllSpec]):
     """Fires when all parts hold."""
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """All."""
+        """Whether all parts hold."""
         holds = True
         for _, ask in self.counting:
             holds = ask(estimate) and holds
@@ -67,16 +104,32 @@ class All(Combination[AllSpec]):
         return self.parts
 
 
+class AnySpec(CombinedSpec):
+    """Fires when one of its conditions holds."""
+
+    word_between: ClassVar[str] = " or "
+
+    type: Literal["Any"] = "Any"
+
+    def always(self) -> bool:
+        """Whether one part always holds."""
+        return any(part.always() for part in self.of)
+
+    def never(self) -> bool:
+        """Whether all parts never hold."""
+        return all(part.never() for part in self.of)
+
+
 class AnyOf(Combination[AnySpec]):
     """Fires when one part holds."""
 
     def __init__(self, spec: AnySpec, owner: State[Any]) -> None:
         super().__init__(spec, owner)
         self.held: list[Condition[Any]] = []
-        """Counting parts that held when they were asked last."""
+        """Counting parts that held in this tick."""
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Any."""
+        """Whether a part holds."""
         if self.counting:
             self.held = [part for part, ask in self.counting if ask(estimate)]
             if self.held:
@@ -87,16 +140,40 @@ class AnyOf(Combination[AnySpec]):
         return False
 
     def reasons(self, estimate: CarEstimate) -> list[Condition[Any]]:
-        """The parts that hold, in their order."""
+        """The parts that hold, in the order of the file."""
         held = {id(part) for part in self.held} | {id(part) for part, ask in self.others if ask(estimate)}
         return [part for part in self.parts if id(part) in held]
+
+
+class NotSpec(CombinedSpec):
+    """Fires when its one condition does not hold."""
+
+    word_before: ClassVar[str] = "not "
+
+    type: Literal["Not"] = "Not"
+    of: tuple[SerializeAsAny[ConditionSpec], ...] = Field(
+        description="one condition, in an array", min_length=1, max_length=1
+    )
+
+    @property
+    def hands_over(self) -> bool:
+        """Nothing is handed over: the gate is not seen."""
+        return False
+
+    def always(self) -> bool:
+        """Whether the part never holds."""
+        return self.of[0].never()
+
+    def never(self) -> bool:
+        """Whether the part always holds."""
+        return self.of[0].always()
 
 
 class Not(Combination[NotSpec]):
     """Fires when its part does not hold."""
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Not."""
+        """Whether the part does not hold."""
         return not self.parts[0].triggered(estimate)
 
     def reasons(self, estimate: CarEstimate) -> list[Condition[Any]]:
@@ -104,5 +181,5 @@ class Not(Combination[NotSpec]):
         return self.parts
 
     def hand_over(self, estimate: CarEstimate) -> Detection | None:
-        """Nothing: what is not seen cannot be handed over."""
+        """Nothing is handed over: the gate is not seen."""
         return None

@@ -1,24 +1,38 @@
-"""Conditions that fire when something is seen: gates and markers."""
+"""Conditions that fire when the camera sees a gate or a marker."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
+
+from pydantic import Field
 
 from tral_fsm.conditions.base import Condition
-from tral_fsm.definition.conditions import ArucoGateFoundSpec, MarkerFoundSpec, SightingSpec
+from tral_fsm.definition.conditions import ConditionSpec
+from tral_fsm.definition.validated import MarkerId, quantity
 from tral_fsm.estimation.detections import Detection
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import State
 
 _POST_MARGIN_M = 0.02
-"""A way that leads so near past a post leads through the gate still, m. Source: choice."""
+"""Smallest distance between car and post on a way that leads through the gate, m. Source: choice."""
 
-G = TypeVar("G", bound=SightingSpec)
+
+class DetectionSpec(ConditionSpec):
+    """Base of the specs of conditions that fire when the camera sees something."""
+
+    ids: tuple[MarkerId, ...] = Field((), description="fires only for these ids; empty: for any", strict=False)
+    max_age: float = quantity(0.25, "s", "largest age of the detection", gt=0.0, le=10.0)
+    max_distance: float = quantity(6.0, "m", "largest distance", gt=0.0, le=20.0)
+    max_ahead: float = quantity(20.0, "m", "largest distance ahead, by dead reckoning", gt=0.0, le=20.0)
+    max_bearing_deg: float = quantity(90.0, "deg", "largest angle to either side", gt=0.0, le=90.0)
+
+
+G = TypeVar("G", bound=DetectionSpec)
 
 
 class Seen(Condition[G]):
-    """Fires when something is seen ahead, near and fresh enough."""
+    """Fires when the camera sees something ahead that is near and fresh enough."""
 
     counts = False
 
@@ -27,11 +41,11 @@ class Seen(Condition[G]):
         self.bearing = math.radians(spec.max_bearing_deg)
 
     def detection(self, estimate: CarEstimate) -> Detection:
-        """What is looked for."""
+        """What the condition looks for."""
         raise NotImplementedError
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Seen, ahead, near and fresh enough."""
+        """Whether the detection is ahead, near and fresh enough."""
         spec, seen = self.spec, self.detection(estimate)
         if seen.id < 0 or seen.age > spec.max_age or (spec.ids and seen.id not in spec.ids):
             return False
@@ -40,17 +54,45 @@ class Seen(Condition[G]):
         return near and abs(math.atan2(y, x)) <= self.bearing
 
     def why(self, estimate: CarEstimate) -> str:
-        """Id, place and age."""
+        """Id, place and age of the detection."""
         seen = self.detection(estimate)
         x, y, heading = estimate.seen_from_here(seen)
         return f"id {seen.id} at {x:.2f}, {y:+.2f} m, {math.degrees(heading):+.0f} deg, {seen.age:.2f} s old"
 
 
+class ArucoGateFoundSpec(DetectionSpec):
+    """Fires when the car sees a gate ahead, and hands the gate to the next state."""
+
+    type: Literal["ArucoGateFound"] = "ArucoGateFound"
+    hand_over: bool = Field(True, description="the next state, which must be targetable, takes the gate as its target")
+    narrower_than: float | None = quantity(
+        None, "m", "fires only for a gate whose known opening is narrower than this", gt=0.0, le=5.0
+    )
+    missed_by: float | None = quantity(
+        None,
+        "m",
+        "fires only if the way straight on misses the gate: its known opening, or else its middle by more than this",
+        ge=0.0,
+        le=5.0,
+    )
+    one_post: bool = Field(
+        False, description="fires also when the car has seen only one marker of the gate; the middle is then guessed"
+    )
+    target: bool = Field(
+        False, description="looks only at the gate that was handed over last, even if another one is nearer"
+    )
+
+    @property
+    def hands_over(self) -> bool:
+        """As the file says in `hand_over`."""
+        return self.hand_over
+
+
 class ArucoGateFound(Seen[ArucoGateFoundSpec]):
-    """Fires when a gate is seen and hands it over."""
+    """Fires when the car sees a gate, and hands the gate over."""
 
     def detection(self, estimate: CarEstimate) -> Detection:
-        """The target; or the nearest gate, or one that is guessed from its marker if that is nearer or the only one."""
+        """The target gate, or the nearest gate, or the gate guessed from one marker if it is nearer or the only one."""
         if self.spec.target:
             return estimate.target_gate
         gate, guess, oldest = estimate.gate, estimate.guessed_gate, self.spec.max_age
@@ -59,7 +101,7 @@ class ArucoGateFound(Seen[ArucoGateFoundSpec]):
         return guess if gate.age > oldest or estimate.distance_to(guess) < estimate.distance_to(gate) else gate
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Seen, as narrow as asked, and missed as asked."""
+        """Whether the gate is seen, as narrow as asked, and missed as asked."""
         spec = self.spec
         if not super().triggered(estimate):
             return False
@@ -67,7 +109,7 @@ class ArucoGateFound(Seen[ArucoGateFoundSpec]):
         return (spec.narrower_than is None or seen.opening < spec.narrower_than) and self.is_missed(estimate, seen)
 
     def is_missed(self, estimate: CarEstimate, seen: Detection) -> bool:
-        """The way straight on does not lead through it; also true where that is not asked."""
+        """Whether the way straight on does not lead through the gate, or the file does not ask for that."""
         aside = self.spec.missed_by
         if aside is None:
             return True
@@ -78,6 +120,12 @@ class ArucoGateFound(Seen[ArucoGateFoundSpec]):
     def hand_over(self, estimate: CarEstimate) -> Detection | None:
         """The gate."""
         return self.detection(estimate) if self.spec.hand_over else None
+
+
+class MarkerFoundSpec(DetectionSpec):
+    """Fires when the car sees a single marker ahead."""
+
+    type: Literal["MarkerFound"] = "MarkerFound"
 
 
 class MarkerFound(Seen[MarkerFoundSpec]):

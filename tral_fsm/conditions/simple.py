@@ -1,51 +1,78 @@
-"""Conditions on the way, the time, the heading, the owner and the raw ranges."""
+"""Conditions on the distance, the time, the heading, the state that is left, and the raw ranges."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, ClassVar, Literal
 
+from pydantic import Field
+
+from tral_env.interface import NO_ECHO_M
 from tral_fsm.conditions.base import Condition
-from tral_fsm.definition.conditions import (
-    AlignedSpec,
-    AlwaysSpec,
-    DistanceSpec,
-    FinishedSpec,
-    SensorLevelSpec,
-    TimerSpec,
-    TurnedSpec,
-    UnreachableSpec,
-)
+from tral_fsm.definition.conditions import ConditionSpec
+from tral_fsm.definition.validated import SonarName, quantity, required
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import State
 
 
+class AlwaysSpec(ConditionSpec):
+    """Fires at once."""
+
+    type: Literal["Always"] = "Always"
+
+    def always(self) -> bool:
+        """The condition holds in every tick."""
+        return True
+
+
 class Always(Condition[AlwaysSpec]):
-    """Fires at once: in the tick in which its owner computed its first output."""
+    """Fires at once: in the tick in which its owner computed its first command."""
 
     counts = False
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Always."""
+        """Always true."""
         return True
 
 
+class DistanceSpec(ConditionSpec):
+    """Fires when the car has driven a distance in the state."""
+
+    type: Literal["Distance"] = "Distance"
+    distance: float = required("m", "distance since entry, by the hall sensor", ge=0.0, le=10000.0)
+
+    def always(self) -> bool:
+        """Whether there is no distance to drive."""
+        return self.distance == 0.0
+
+
 class Distance(Condition[DistanceSpec]):
-    """Fires after a hall distance."""
+    """Fires after a distance."""
 
     counts = False
 
     def on_enter(self, estimate: CarEstimate) -> None:
-        """Remember where it began."""
+        """Remember where the owner began."""
         self.entry = estimate.distance
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Driven far enough."""
+        """Whether the car has driven far enough."""
         return estimate.distance - self.entry >= self.spec.distance
 
     def why(self, estimate: CarEstimate) -> str:
-        """Driven and wanted."""
+        """Distance driven and distance wanted."""
         return f"driven {estimate.distance - self.entry:.3f} >= {self.spec.distance:g} m"
+
+
+class TimerSpec(ConditionSpec):
+    """Fires after a time in the state."""
+
+    type: Literal["Timer"] = "Timer"
+    seconds: float = required("s", "time since entry", ge=0.0, le=100000.0)
+
+    def always(self) -> bool:
+        """Whether there is no time to wait."""
+        return self.seconds == 0.0
 
 
 class Timer(Condition[TimerSpec]):
@@ -54,16 +81,23 @@ class Timer(Condition[TimerSpec]):
     counts = False
 
     def on_enter(self, estimate: CarEstimate) -> None:
-        """Remember when it began."""
+        """Remember when the owner began."""
         self.entry = estimate.time
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Long enough; half a nanosecond of rounding is forgiven."""
+        """Whether the time is over; half a nanosecond of rounding is forgiven."""
         return estimate.time - self.entry >= self.spec.seconds - 5e-10
 
     def why(self, estimate: CarEstimate) -> str:
-        """Time since entry and wanted."""
+        """Time since entry and time wanted."""
         return f"{estimate.time - self.entry:.3f} >= {self.spec.seconds:g} s"
+
+
+class TurnedSpec(ConditionSpec):
+    """Fires when the car has turned by an angle in the state, by dead reckoning, to either side."""
+
+    type: Literal["Turned"] = "Turned"
+    angle_deg: float = required("deg", "angle since entry", gt=0.0, le=3600.0)
 
 
 class Turned(Condition[TurnedSpec]):
@@ -80,12 +114,22 @@ class Turned(Condition[TurnedSpec]):
         self.entry = estimate.yaw
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Turned far enough, to either side."""
+        """Whether the car has turned far enough, to either side."""
         return abs(estimate.yaw - self.entry) >= self.angle
 
     def why(self, estimate: CarEstimate) -> str:
-        """Turned and wanted."""
+        """Angle turned and angle wanted."""
         return f"turned {math.degrees(estimate.yaw - self.entry):+.1f}, {self.spec.angle_deg:g} deg wanted"
+
+
+class AlignedSpec(ConditionSpec):
+    """Fires when the car points along or across the corridor, whose direction it knows from following walls.
+
+    At an angle of more than about 22 degrees a wall gives no echo, so that it looks like an opening.
+    """
+
+    type: Literal["Aligned"] = "Aligned"
+    angle_deg: float = quantity(12.0, "deg", "largest angle to that direction", gt=0.0, le=45.0)
 
 
 class Aligned(Condition[AlignedSpec]):
@@ -98,12 +142,20 @@ class Aligned(Condition[AlignedSpec]):
         self.angle = math.radians(spec.angle_deg)
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Within the angle."""
+        """Whether the heading is within the angle."""
         return abs(estimate.heading) <= self.angle
 
     def why(self, estimate: CarEstimate) -> str:
         """Heading and angle."""
         return f"heading {math.degrees(estimate.heading):+.1f} within {self.spec.angle_deg:g} deg"
+
+
+class FinishedSpec(ConditionSpec):
+    """Fires when the state says that it is finished."""
+
+    asks_owner_finished: ClassVar[bool] = True
+
+    type: Literal["Finished"] = "Finished"
 
 
 class Finished(Condition[FinishedSpec]):
@@ -120,6 +172,21 @@ class Finished(Condition[FinishedSpec]):
         return f"{self.owner.spec.type} is finished"
 
 
+class UnreachableSpec(ConditionSpec):
+    """Fires when the state cannot reach its target any more: it lies behind the car, or needs too tight a turn."""
+
+    asks_owner_target: ClassVar[bool] = True
+
+    type: Literal["Unreachable"] = "Unreachable"
+    seconds: float = quantity(
+        0.0,
+        "s",
+        "time for which the target must be out of reach without a break, so that one bad detection does not count",
+        ge=0.0,
+        le=60.0,
+    )
+
+
 class Unreachable(Condition[UnreachableSpec]):
     """Fires when its owner has said for long enough why it cannot come to its target."""
 
@@ -128,11 +195,11 @@ class Unreachable(Condition[UnreachableSpec]):
         self.counts = spec.seconds > 0.0
 
     def on_enter(self, estimate: CarEstimate) -> None:
-        """It is within reach so far."""
+        """Begin: the target counts as within reach."""
         self.since = math.inf
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """There has been a reason all the time."""
+        """Whether there has been a reason for long enough."""
         self.since = min(self.since, estimate.time) if self.owner.unreachable(estimate) else math.inf
         return estimate.time - self.since >= self.spec.seconds - 5e-10
 
@@ -141,10 +208,22 @@ class Unreachable(Condition[UnreachableSpec]):
         return self.owner.unreachable(estimate) or "the target is within reach"
 
 
+class SensorLevelSpec(ConditionSpec):
+    """Fires when an ultrasonic reads above or below a level. No echo counts as above."""
+
+    exactly_one: ClassVar[tuple[str, ...]] = ("above", "below")
+
+    type: Literal["SensorLevel"] = "SensorLevel"
+    sensor: SonarName = Field("front", description="which ultrasonic")
+    above: float | None = quantity(None, "m", "fires when the range is above", ge=0.0, lt=NO_ECHO_M)
+    below: float | None = quantity(None, "m", "fires when the range is below", gt=0.0, le=NO_ECHO_M)
+    readings: int = Field(1, description="number of readings in a row that must agree", ge=1, le=100)
+
+
 class SensorLevel(Condition[SensorLevelSpec]):
     """Fires when an ultrasonic is above or below a level.
 
-    The reading that stands at entry counts as the first one; later ones count when they are new.
+    The last reading before entry counts as the first one; later readings count when they are new.
     """
 
     def __init__(self, spec: SensorLevelSpec, owner: State[Any]) -> None:
@@ -155,12 +234,12 @@ class SensorLevel(Condition[SensorLevelSpec]):
         self.fresh = True
 
     def on_enter(self, estimate: CarEstimate) -> None:
-        """No reading has agreed yet."""
+        """Begin: no reading has agreed yet."""
         self.agreed = 0
         self.fresh = True
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Count readings that agree, one after the other."""
+        """Count readings in a row that agree."""
         sonar = getattr(estimate, self.spec.sensor)
         if sonar.new or self.fresh:
             self.fresh = False

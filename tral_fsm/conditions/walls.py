@@ -18,11 +18,13 @@ from tral_fsm.states.base import State
 
 
 class OpeningSpec(ConditionSpec):
-    """Fires when there is no wall on a side: readings found none, though the car stood parallel to hear one."""
+    """Fires when there is no wall on a side: readings found none although the car was parallel enough to hear one."""
 
     type: Literal["Opening"] = "Opening"
-    side: Side = Field("left", description="on which side")
-    readings: int = Field(2, description="so many readings found none since one did", ge=2, le=100)
+    side: Side = Field("left", description="the side of the opening")
+    readings: int = Field(
+        2, description="number of readings without a wall since the last one with a wall", ge=2, le=100
+    )
 
 
 class Opening(Condition[OpeningSpec]):
@@ -35,43 +37,51 @@ class Opening(Condition[OpeningSpec]):
         self.is_left = spec.side == "left"
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """The wall is lost."""
+        """Whether the wall is lost."""
         return estimate.wall(self.is_left).lost >= self.spec.readings
 
     def why(self, estimate: CarEstimate) -> str:
-        """How many readings."""
+        """The number of readings without a wall."""
         return f"{estimate.wall(self.is_left).lost} readings without a wall on the {self.spec.side}"
 
 
 class ObstacleAheadSpec(ConditionSpec):
-    """Fires when front readings agree on something ahead that is nearer than a range, or than the car needs to stop.
+    """Fires when front readings agree on an obstacle that is nearer than a range, or nearer than the car needs to stop.
 
-    A wall across the corridor is heard from 5 m on, the edges of a box from 2 m on.
+    The car first hears a wall across the corridor at 5 m, the edges of a box at 2 m.
     """
 
     type: Literal["ObstacleAhead"] = "ObstacleAhead"
     below: float | None = quantity(
         None,
         "m",
-        "it is nearer than this; null: than the way to stop, room + v reaction + v^2 / (2 braking)",
+        "the obstacle is nearer than this; null: than the way to stop, room + v reaction + v^2 / (2 braking)",
         gt=0.0,
         le=5.0,
     )
-    room: float = quantity(0.3, "m", "left before it when the car has stopped", ge=0.0, le=5.0)
-    reaction: float = quantity(0.4, "s", "readings, command and brake are late", ge=0.0, le=5.0)
+    room: float = quantity(0.3, "m", "distance left before the obstacle when the car has stopped", ge=0.0, le=5.0)
+    reaction: float = quantity(0.4, "s", "delay of readings, command and brake together", ge=0.0, le=5.0)
     braking: float = quantity(1.5, "m/s^2", "deceleration of the braking car", gt=0.0, le=20.0)
-    readings: int = Field(2, description="so many readings must agree on it", ge=2, le=100)
-    heard_above: float = quantity(0.0, "m", "it has been heard from farther away than this", ge=0.0, le=6.0)
-    heard_below: float = quantity(6.0, "m", "it has not been heard from farther away than this", gt=0.0, le=6.0)
+    readings: int = Field(2, description="number of readings that must agree on the obstacle", ge=2, le=100)
+    heard_above: float = quantity(
+        0.0, "m", "the car first heard the obstacle from farther away than this", ge=0.0, le=6.0
+    )
+    heard_below: float = quantity(
+        6.0, "m", "the car did not hear the obstacle from farther away than this", gt=0.0, le=6.0
+    )
     aside_below: float | None = quantity(
-        None, "m", "it is no farther beside the way than this, as far as its approach tells; null: never mind", gt=0.0
+        None,
+        "m",
+        "the obstacle is nearer to the car's way than this, as far as the readings tell; null: anywhere",
+        gt=0.0,
     )
 
 
 class ObstacleAhead(Condition[ObstacleAheadSpec]):
-    """Asks what is known of what is ahead.
+    """Asks the tracker of the front obstacle.
 
-    What has only just come up counts too, unless it is asked what it is: then something else may be followed still.
+    An obstacle that has just appeared counts too, unless the file asks where it was first heard or how far aside it
+    is: the tracker may still follow another one.
     """
 
     counts = False
@@ -82,12 +92,12 @@ class ObstacleAhead(Condition[ObstacleAheadSpec]):
         self.anything = spec.heard_above == 0.0 and spec.heard_below >= NO_ECHO_M and spec.aside_below is None
 
     def level(self, estimate: CarEstimate) -> float:
-        """Range below which it fires, m."""
+        """Range below which the condition fires, m."""
         spec, v = self.spec, estimate.speed
         return spec.room + v * (spec.reaction + v / (2.0 * spec.braking)) if self.below is None else self.below
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Near, and first heard where it should be."""
+        """Whether the obstacle is near, and is one that the file asks for."""
         ahead = estimate.obstacle
         level = self.below or self.level(estimate)
         if ahead.range < level and self.known(ahead):
@@ -95,14 +105,14 @@ class ObstacleAhead(Condition[ObstacleAheadSpec]):
         return self.anything and ahead.last_range < level and ahead.streak >= self.spec.readings
 
     def known(self, ahead: FrontObstacle) -> bool:
-        """It has been heard often enough, from where it should be, and where it should be."""
+        """Whether readings enough agree on the obstacle, and it was first heard and lies where the file says."""
         spec = self.spec
         if ahead.support < spec.readings or not spec.heard_above < ahead.first_range <= spec.heard_below:
             return False
         return spec.aside_below is None or ahead.lateral_offset < spec.aside_below
 
     def why(self, estimate: CarEstimate) -> str:
-        """How near, and from where on."""
+        """How near the obstacle is, and where it was first heard."""
         ahead = estimate.obstacle
         return (
             f"{ahead.nearest:.2f} < {self.level(estimate):.2f} m ahead, {ahead.lateral_offset:.2f} m aside, "
@@ -111,17 +121,18 @@ class ObstacleAhead(Condition[ObstacleAheadSpec]):
 
 
 class MoreRoomSpec(ConditionSpec):
-    """Fires when there is more room on a side than on the other: when the wall there is farther away, or not known.
+    """Fires when one side has more room than the other: its wall is farther away, or not known.
 
-    Where something is ahead its place counts, not the car's: a car that drives aslant comes to it nearer to a wall.
+    If an obstacle is ahead, the room beside the obstacle counts, since a car that drives at an angle comes nearer to
+    one wall on the way.
     """
 
     type: Literal["MoreRoom"] = "MoreRoom"
-    side: Side = Field("left", description="on which side")
+    side: Side = Field("left", description="the side that has more room")
 
 
 class MoreRoom(Condition[MoreRoomSpec]):
-    """Compares the walls."""
+    """Compares the clearances to both walls."""
 
     counts = False
 
@@ -130,14 +141,14 @@ class MoreRoom(Condition[MoreRoomSpec]):
         self.is_left = spec.side == "left"
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """More room there."""
+        """Whether the side has more room."""
         ahead = self.place(estimate)
         here, there = estimate.clearance(self.is_left, ahead), estimate.clearance(not self.is_left, ahead)
         return here > there or (math.isnan(here) and not math.isnan(there))
 
     @staticmethod
     def place(estimate: CarEstimate) -> float:
-        """How far ahead of the side ultrasonics what is ahead is, m; 0: nothing is."""
+        """Distance from the side ultrasonics to the obstacle ahead, m; 0: no obstacle."""
         near = estimate.obstacle.nearest
         return FRONT_SONAR_X_M - SIDE_SONAR_X_M + near if near < math.inf else 0.0
 

@@ -1,4 +1,4 @@
-"""What can be wrong with a machine although each of its parts is right. Found before driving, all at once."""
+"""Checks of how the parts of a machine fit together. They run before driving and find all problems at once."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ class Problem:
     """One fault of a machine file."""
 
     pointer: str
-    """JSON pointer to the place; empty: the whole file."""
+    """JSON pointer to the place of the fault; empty: the whole file."""
     message: str
     """What was got and what is allowed."""
     place: str = ""
-    """Where that is in a file that is no plain JSON, in words: an element of a diagram, a line."""
+    """The place in words, in a file that is no plain JSON: an element of a diagram, a line."""
 
     def __str__(self) -> str:
         return f"{self.place or self.pointer or '/'}: {self.message}"
 
 
 class FormatError(MachineError):
-    """A machine file cannot be used. All that is wrong with it stands in `problems`."""
+    """A machine file cannot be used. `problems` lists all that is wrong with it."""
 
     def __init__(self, source: str, problems: Iterable[Problem]) -> None:
         self.source = source
@@ -37,12 +37,12 @@ class FormatError(MachineError):
         super().__init__(problem_report(source, self.problems))
 
     def __reduce__(self) -> tuple[type[FormatError], tuple[str, tuple[Problem, ...]]]:
-        """Come whole out of a process of its own."""
+        """Let the error travel whole between processes."""
         return FormatError, (self.source, self.problems)
 
 
 def check(machine: MachineDefinition) -> list[Problem]:
-    """All faults in how the parts of a machine hang together, those of inline machines inside it too.
+    """All faults in how the parts of a machine fit together, also in the inline machines inside it.
 
     Args:
         machine: the definition.
@@ -60,12 +60,12 @@ def check(machine: MachineDefinition) -> list[Problem]:
 def check_level(
     root: Id | None, states: Sequence[StateSpec | None], transitions: Sequence[TransitionSpec | None]
 ) -> Iterator[Problem]:
-    """As `check`, without the machines inside, and of what could be read: None stands for what could not.
+    """Check one machine without the machines inside it. Parts that could not be read are None.
 
     Args:
         root: id of the root, or None.
-        states: a state of which the id alone could be read is a `StateSpec` with an empty type.
-        transitions: one of which the ends alone could be read has a `ConditionSpec` with an empty type.
+        states: a state is a `StateSpec` with an empty type if only its id could be read.
+        transitions: a transition has a `ConditionSpec` with an empty type if only its ends could be read.
     """
     level = _Level(root, states, transitions)
     broken = False
@@ -98,7 +98,7 @@ class _Level:
 
 
 def _ids(level: _Level) -> Iterator[Problem]:
-    """Each id once. 1 and "1" are the same id, since diagrams cannot tell them apart."""
+    """Each id stands once. 1 and "1" are the same id, since diagrams cannot tell them apart."""
     if not level.states and level.all_states:
         yield Problem("/states", "got no state: a machine needs at least one")
     lists: dict[str, Sequence[tuple[int, StateSpec | TransitionSpec]]]
@@ -112,7 +112,7 @@ def _ids(level: _Level) -> Iterator[Problem]:
 
 
 def _ends(level: _Level) -> Iterator[Problem]:
-    """Root and both ends of every transition are states."""
+    """The root and both ends of each transition are states."""
     if not level.all_states or not level.states:
         return  # an end may be a state whose id could not be read
     if level.root is not None and level.root not in level.by_id:
@@ -126,7 +126,7 @@ def _ends(level: _Level) -> Iterator[Problem]:
 
 
 def _reachable(level: _Level) -> Iterator[Problem]:
-    """Every state can be come to from the root."""
+    """The root leads to every state."""
     ways: dict[Id, list[Id]] = {}
     for _, way in level.transitions:
         if not way.when.never():
@@ -143,7 +143,7 @@ def _reachable(level: _Level) -> Iterator[Problem]:
 
 
 def _ways_out(level: _Level) -> Iterator[Problem]:
-    """Every state can be left for another one, but for those that may end the machine."""
+    """Every state can be left for another one, except those that may end the machine."""
     left = {way.source for _, way in level.transitions if way.target != way.source and not way.when.never()}
     for index, state in level.states:
         if state.id not in left and not state.may_end:
@@ -157,7 +157,7 @@ def _ways_out(level: _Level) -> Iterator[Problem]:
 def _with_parts(
     condition: ConditionSpec, pointer: str, handed: bool = True
 ) -> Iterator[tuple[ConditionSpec, str, bool]]:
-    """A condition and all that it is combined of.
+    """A condition and all conditions that it combines.
 
     Yields:
         A condition, its JSON pointer, and whether it hands a gate to the next state itself.
@@ -169,7 +169,7 @@ def _with_parts(
 
 
 def _conditions(level: _Level) -> Iterator[Problem]:
-    """Finished leaves finishable states, Unreachable targetable ones, gates are handed to targetable ones."""
+    """States can do what conditions ask: say that they are finished, have a target, take a gate."""
     for index, way in level.transitions:
         owner, target = level.by_id.get(way.source), level.by_id.get(way.target)
         for condition, pointer, hands_over in _with_parts(way.when, f"/transitions/{index}"):
@@ -184,7 +184,7 @@ def _conditions(level: _Level) -> Iterator[Problem]:
 
 
 def _of_owner(condition: ConditionSpec, owner: StateSpec, pointer: str) -> Iterator[Problem]:
-    """What a condition asks its owner the owner can answer."""
+    """The state that a transition leaves can answer what the condition asks it."""
     leaving = f"leaves state {owner.id!r} ({owner.type}), which"
     if condition.asks_owner_finished and not owner.finishable:
         hint = f": {owner.never_finishes_hint}" if owner.never_finishes_hint else ""
@@ -195,11 +195,12 @@ def _of_owner(condition: ConditionSpec, owner: StateSpec, pointer: str) -> Itera
 
 def _targetable() -> str:
     names = ", ".join(name for name, spec in STATES.items() if spec.targetable)
-    return f"Allowed: {names}, an FSMState whose root is one of them"
+    holders = " or ".join(name for name, spec in STATES.items() if spec.holds_machine)
+    return f"Allowed: {names}, an {holders} whose root is one of them"
 
 
 def _shadowed(level: _Level) -> Iterator[Problem]:
-    """Every transition can fire, and none stands behind one that is always taken before it."""
+    """Every transition can fire, and none stands behind one that always fires first."""
     always_before: dict[Id, Id] = {}
     same_before: dict[tuple[Id, str], Id] = {}
     for index, way in level.transitions:
@@ -208,7 +209,7 @@ def _shadowed(level: _Level) -> Iterator[Problem]:
         dead = f"transition {way.id!r} can never fire"
         if way.when.never():
             yield Problem(f"/transitions/{index}", f"{dead}: its condition holds in no tick")
-        same = (way.source, repr(way.when))  # text, since a condition of somebody's own may hold what has no hash
+        same = (way.source, repr(way.when))  # text, since a value in a plugin's condition may have no hash
         if way.source in always_before:
             other = always_before[way.source]
             yield Problem(f"/transitions/{index}", f"{dead}: {other!r}, checked before it, fires always")
@@ -221,7 +222,7 @@ def _shadowed(level: _Level) -> Iterator[Problem]:
 
 
 def _cycles(level: _Level) -> Iterator[Problem]:
-    """No cycle of transitions that all fire at once: the machine would go round in it, a state a tick, for ever."""
+    """No cycle of transitions all fire at once: the machine would go round in it for ever, one state a tick."""
     at_once: dict[Id, tuple[int, TransitionSpec]] = {}
     for index, way in level.transitions:
         if way.when.always():
@@ -245,11 +246,11 @@ def _cycles(level: _Level) -> Iterator[Problem]:
 def check_inner(
     machine: MachineDefinition, names: Iterable[str], load: Callable[[str], MachineDefinition], around: tuple[str, ...]
 ) -> list[Problem]:
-    """All faults of machines that are named inside a machine: unknown, holding itself; what is asked of them in vain.
+    """All faults of the packaged machines that a machine names: unknown, holding itself, asked for what they cannot do.
 
     Args:
         machine: the outer one.
-        names: of the packaged machines.
+        names: names of the packaged machines.
         load: gives the packaged machine of a name, without looking into it.
         around: names of the machines around, the outermost first.
     """
@@ -279,5 +280,5 @@ def check_inner(
 
 
 def unknown_machine(name: object, names: Iterable[str]) -> str:
-    """What to say of a name that is none of a packaged machine. What stands in a folder is none."""
+    """The message for a name that no packaged machine has. The path of a file is no such name."""
     return f"got {str(name)[:60]!r}, which is no packaged machine: {nearest(name, names)}"

@@ -10,10 +10,10 @@ _FOLDER = files("tral_fsm").joinpath("machines")
 
 @cache
 def names() -> tuple[str, ...]:
-    """Their names, sorted."""
+    """Names of the packaged machines, sorted."""
     return tuple(sorted(entry.name[:-5] for entry in _FOLDER.iterdir() if entry.name.endswith(".json")))
 
 
 def text(name: str) -> str:
-    """TRAL JSON of one of them."""
+    """A packaged machine as TRAL JSON."""
     return _FOLDER.joinpath(f"{name}.json").read_text("utf-8")

@@ -8,15 +8,15 @@ from importlib.metadata import EntryPoint, entry_points
 from tral_env.errors import MachineError
 
 GROUP = "tral_fsm.states"
-"""Entry point group. Loading an entry registers its classes, since it imports the module that calls `register`."""
+"""Entry point group. An entry names a module; importing the module registers its classes."""
 
 
 @cache
 def load_plugins() -> None:
-    """Load every plugin; after the first time this does nothing, so whatever reads a definition may call it.
+    """Load every plugin. Only the first call does it, so that each reader of a definition may call it.
 
     Raises:
-        MachineError: a plugin cannot be loaded; it says which distribution it belongs to.
+        MachineError: a plugin cannot be loaded; the error names its distribution.
     """
     for entry in entry_points(group=GROUP):
         try:

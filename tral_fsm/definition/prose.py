@@ -1,4 +1,4 @@
-"""Conditions in words: what combines them, and the parameters that say something.
+"""Conditions in words: how they are combined, and the parameters that matter.
 
 There are two wordings of a condition that combines no others: `parameters` is short, for pictures ("front < 0.5 m");
 `in_full` names every value as a machine file does ("sensor front below 0.5 m").
@@ -13,8 +13,6 @@ from typing import Any
 from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.validated import Spec, unit_of
 
-_JOINED = {"All": " and ", "Any": " or "}
-"""Type of a combined condition -> what stands between its parts."""
 _NO_PARAMETER = ("type", "id", "label", "final", "machine")
 _SIGNS = (("above", ">"), ("below", "<"), ("max", "≤"))
 """Part of a parameter's name -> the sign that says it in the short wording."""
@@ -24,16 +22,15 @@ def combined(condition: ConditionSpec, wording: Callable[[ConditionSpec], str], 
     """A condition in words: "(A or B) and not C".
 
     Args:
-        condition: what is told.
-        wording: tells the conditions that combine no others.
-        inside: stands among other words, so that several parts need parentheses.
+        condition: what is put into words.
+        wording: gives the words of a condition that combines no others.
+        inside: the words stand among others, so that several parts need parentheses.
     """
-    if condition.type == "Not" and condition.parts:
-        return f"not {combined(condition.parts[0], wording, inside=True)}"
-    if condition.type not in _JOINED or not condition.parts:
+    if not condition.parts or not (condition.word_before or condition.word_between):
         return wording(condition)
-    text = _JOINED[condition.type].join(combined(part, wording, inside=True) for part in condition.parts)
-    return f"({text})" if inside and len(condition.parts) > 1 else text
+    parts = [combined(part, wording, inside=True) for part in condition.parts]
+    text = condition.word_before + condition.word_between.join(parts)
+    return f"({text})" if inside and len(parts) > 1 else text
 
 
 def in_full(condition: ConditionSpec) -> str:
@@ -53,8 +50,8 @@ def parameters(part: Spec, always: bool) -> Iterator[str]:
 
     Args:
         part: a condition or a state.
-        always: words are told even if they are the default, and what a word or an only parameter means goes without
-            saying, so that its name is left out.
+        always: a parameter that is a word is given even if it is the default. The name of such a parameter, and of an
+            only one, is left out, since the value says enough.
     """
     fields = {name: field for name, field in type(part).model_fields.items() if name not in _NO_PARAMETER}
     for name, field in fields.items():

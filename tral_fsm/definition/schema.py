@@ -28,8 +28,8 @@ def schema(
         conditions: types of conditions by name.
 
     Returns:
-        Plain JSON values. What the schema refuses is refused when the file is read; that also sees how the parts
-        hang together.
+        Plain JSON values. Reading a file refuses all that the schema refuses, and also checks how the parts fit
+        together.
     """
     parts: dict[str, Any] = {"id": _ID}
     for name, state in states.items():
@@ -118,7 +118,7 @@ def _transition(spec: type[ConditionSpec], name: str) -> dict[str, Any]:
 
 
 def _rules(spec: type[Spec]) -> dict[str, Any]:
-    """What parameters ask of each other."""
+    """What parameters demand of each other."""
     rules: dict[str, Any] = {}
     if spec.exactly_one:
         rules["oneOf"] = [_given(name) for name in spec.exactly_one]
@@ -132,7 +132,7 @@ def _given(name: str) -> dict[str, Any]:
 
 
 def _property(key: str, value: dict[str, Any], defs: Mapping[str, Any]) -> dict[str, Any]:
-    """A parameter: the class's name for itself out, its unit into the description, references resolved."""
+    """A parameter without its title, with its unit in the description and its references resolved."""
     value = {name: part for name, part in value.items() if name not in ("title",)}
     if "$ref" in value:
         value = {**defs[value.pop("$ref").rpartition("/")[2]], **value}
@@ -151,7 +151,7 @@ def _first_line(spec: type[Spec]) -> str:
     return (spec.__doc__ or "").strip().partition("\n")[0]
 
 
-if __name__ == "__main__":
+if __name__ == "__main__":  # Python has imported the package `tral_fsm` before, which registers the built-in types
     from tral_fsm.definition.plugins import load_plugins
 
     load_plugins()

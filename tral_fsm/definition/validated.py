@@ -1,9 +1,9 @@
-"""What the parts of a definition are made of: parameters with unit, meaning, limits, and rules for them."""
+"""What the parts of a definition are made of: parameters with a unit, a meaning and limits, and rules for them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StrictInt, StrictStr, model_validator
 
@@ -12,30 +12,30 @@ from tral_env.errors import MachineError
 Id = StrictInt | Annotated[StrictStr, Field(min_length=1)]
 """Name of a state or transition: a number or a word."""
 MarkerId = Annotated[StrictInt, Field(ge=0, le=49)]
-"""Gates and markers of the dictionary."""
+"""Id of a gate or marker in the ArUco dictionary."""
 Side = Literal["left", "right"]
 SonarName = Literal["left", "front", "right"]
 
 
 def quantity(default: float | None, unit: str, description: str, **limits: Any) -> Any:
-    """A parameter with unit, meaning and limits (`ge`, `gt`, `le`, `lt`)."""
+    """A parameter with a default, a unit, a meaning and limits (`ge`, `gt`, `le`, `lt`)."""
     return Field(default, description=description, json_schema_extra={"unit": unit}, **limits)
 
 
 def required(unit: str, description: str, **limits: Any) -> Any:
-    """A parameter that has no default."""
+    """A parameter without a default, so that a file must give it."""
     return Field(description=description, json_schema_extra={"unit": unit}, **limits)
 
 
 class Spec(BaseModel):
-    """Base of all parts of a machine: frozen, nothing unknown, nothing converted in silence, no NaN."""
+    """Base of all parts of a machine: frozen, without unknown members, silent conversions or NaN."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, populate_by_name=True)
 
     exactly_one: ClassVar[tuple[str, ...]] = ()
-    """Two parameters of which one must be given, and not both."""
+    """Two parameters: a file must give one of them, and not both."""
     needs: ClassVar[Mapping[str, str]] = {}
-    """A parameter that makes sense only beside another one."""
+    """Parameter -> another one that it needs beside it."""
 
     @model_validator(mode="after")
     def _together(self) -> Self:
@@ -45,7 +45,7 @@ class Spec(BaseModel):
 
     @classmethod
     def faults_together(cls, values: Mapping[str, Any]) -> Iterator[str]:
-        """What is wrong with parameters beside each other, whatever each of them is worth.
+        """What is wrong with the parameters together, although each alone may be right.
 
         Args:
             values: by name; those with a default may be missing.
@@ -70,33 +70,13 @@ def unit_of(spec: type[Spec], name: str) -> str:
     return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
 
 
-T = TypeVar("T", bound=Spec)
-
-
 def type_name(spec: type[Spec]) -> str:
-    """The "type" under which a class stands in files.
+    """The "type" by which machine files name a class.
 
     Raises:
-        MachineError: it has none.
+        MachineError: the class has none.
     """
     name = spec.model_fields["type"].default
     if not isinstance(name, str) or not name:
         raise MachineError(f'{spec.__name__} does not say its type: write type: Literal["Name"] = "Name" into it')
-    return name
-
-
-def register_type(known: dict[str, type[T]], spec: type[T]) -> str:
-    """Add a class to the known types; gives its name.
-
-    Raises:
-        MachineError: another class has that name already, or it says none.
-    """
-    name = type_name(spec)
-    taken = known.setdefault(name, spec)
-    if (taken.__module__, taken.__qualname__) != (spec.__module__, spec.__qualname__):
-        raise MachineError(
-            f"{spec.__module__}.{spec.__qualname__} calls itself {name!r}, which {taken.__module__}."
-            f"{taken.__qualname__} does already: choose another type"
-        )
-    known[name] = spec
     return name

@@ -10,13 +10,15 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from tral_env.errors import nearest
+from tral_fsm.conditions import CONDITIONS
 from tral_fsm.definition import packaged
 from tral_fsm.definition.checks import FormatError, Problem, check_level, unknown_machine
-from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
-from tral_fsm.definition.machine import STATES, MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition.conditions import ConditionSpec
+from tral_fsm.definition.machine import MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.definition.plugins import load_plugins
 from tral_fsm.definition.validated import Id, Spec
 from tral_fsm.formats.plain import MAX_PROBLEMS, EnoughProblemsError, Plain, Problems, located
+from tral_fsm.states import STATES
 
 M = TypeVar("M", bound=Spec)
 

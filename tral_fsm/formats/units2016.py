@@ -13,10 +13,10 @@ from collections.abc import Mapping
 from typing import Any, get_args
 
 from tral_env.errors import nearest
-from tral_fsm.definition.conditions import CONDITIONS
-from tral_fsm.definition.machine import STATES
+from tral_fsm.conditions import CONDITIONS
 from tral_fsm.definition.validated import Spec
 from tral_fsm.formats.plain import Problems
+from tral_fsm.states import STATES
 
 HALL_UNITS = 1500.0 / 1.60
 """Hall units of 2016 in a metre: 1500 were measured on 1.60 m."""

@@ -1,4 +1,4 @@
-"""A machine at work: tick and transit. The rules stand in docs/state_machine.md."""
+"""A machine at work: tick and transition. docs/state_machine.md explains the rules."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ class Transit:
     time: float
     """s on the machine's clock."""
     path: tuple[Id, ...]
-    """Ids of the states around the machine, outermost first, that it happened in."""
+    """Ids of the states around the machine, the outermost first."""
     source: Id
     target: Id
     transition: Id
     why: str
-    """The values that were compared."""
+    """The compared values."""
 
 
 Trace = Callable[[Transit], None]
@@ -101,18 +101,18 @@ class Machine:
 
     @property
     def active_path(self) -> str:
-        """Name of the active state: its label or id, with those of inner machines behind a slash."""
+        """Name of the active state: its label or id, then those of inner machines behind slashes."""
         active = self.active
         name = active.spec.label or str(active.spec.id)
         return f"{name}/{active.machine.active_path}" if isinstance(active, FSMState) else name
 
     @property
     def ended(self) -> bool:
-        """The active state is one that the machine ends in, and has no way out."""
+        """Whether the active state may end the machine and has no transition that leaves it."""
         return self._active >= 0 and self.active.spec.may_end and not self._ways[self._active]
 
     def start(self, estimate: CarEstimate) -> Detection | None:
-        """Enter the root; gives the gate that it has chosen as its target by itself."""
+        """Enter the root; gives the gate that the root chose as its target by itself."""
         return self._enter(self._root, estimate)
 
     def leave(self, estimate: CarEstimate) -> None:
@@ -122,7 +122,7 @@ class Machine:
         self._active = -1
 
     def restart(self) -> None:
-        """Begin again at the root at the next tick, as if nothing had been: no `on_exit` is called."""
+        """Begin again at the root at the next tick. All is forgotten, and no `on_exit` is called."""
         self._active = -1
         for state in self._states:
             if isinstance(state, FSMState):
@@ -131,20 +131,20 @@ class Machine:
             way.condition.restart()
 
     def watch(self, trace: Trace | None) -> None:
-        """Call this for each transition that fires from now on, in machines inside too; None: nothing."""
+        """Call `trace` for each transition that fires from now on, also in inner machines; None: call nothing."""
         self.trace = trace
         for state in self._states:
             if isinstance(state, FSMState):
                 state.machine.watch(trace)
 
     def tick(self, estimate: CarEstimate) -> Command:
-        """The active state computes its command; then the first of its transitions that has triggered is taken.
+        """Let the active state compute its command, then take the first of its transitions that fires.
 
         Args:
             estimate: of this tick.
 
         Returns:
-            The command of the state that was active, with the target of the one that is entered.
+            The command of the state that was active, with the target of the state that is entered.
         """
         entered = None
         if self._active < 0:
@@ -175,7 +175,7 @@ class Machine:
         return found
 
     def _enter(self, index: int, estimate: CarEstimate) -> Detection | None:
-        """Enter a state; gives the gate that it has chosen as its target by itself."""
+        """Enter a state; gives the gate that the state chose as its target by itself."""
         self._active = index
         state = self._states[index]
         state.on_enter(estimate)

@@ -37,7 +37,7 @@ class MachinePolicy:
         self.reset()
 
     def reset(self, n: int = 1) -> None:
-        """Start anew with n cars."""
+        """Start again with n cars."""
         if n != len(self._drivers):
             self._drivers = [
                 Driver(self.definition, self._trace if row == 0 else None, checked=row > 0) for row in range(n)
@@ -46,10 +46,10 @@ class MachinePolicy:
             driver.reset()
 
     def reset_rows(self, rows: NDArray[np.bool_]) -> None:
-        """Start anew where `rows` (n,) says so.
+        """Start the cars again where `rows` (n,) is true.
 
         Raises:
-            MachineError: it is not one truth value for each car.
+            MachineError: `rows` is not one truth value for each car.
         """
         if np.shape(rows) != (len(self._drivers),) or np.asarray(rows).dtype != np.bool_:
             raise MachineError(
@@ -60,7 +60,7 @@ class MachinePolicy:
             self._drivers[row].reset()
 
     def act(self, observation: NDArray[np.floating]) -> NDArray[np.float32]:
-        """One tick of every machine.
+        """Run one tick of every machine.
 
         Args:
             observation: (d,) or (n, d), the columns of `tral_env.interface.Layout`.
@@ -94,9 +94,9 @@ class MachinePolicy:
 
         Args:
             observation: (d,) or (n, d).
-            state: handed back as it came: each machine keeps its own.
-            episode_start: (n,) cars whose episode begins now.
-            deterministic: a machine always is.
+            state: returned unchanged, since each machine keeps its own.
+            episode_start: (n,) true for cars whose episode begins now.
+            deterministic: not used, since a machine always is.
 
         Returns:
             Action (2,) or (n, 2), and the state.

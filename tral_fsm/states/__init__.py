@@ -1,5 +1,6 @@
-"""What states do: one class for each type of state that a machine file may name."""
+"""The states that a machine file may name: the spec of each type, and the class that runs it."""
 
+from tral_fsm.definition.machine import STATES
 from tral_fsm.states.approach_point import ApproachPoint
 from tral_fsm.states.base import State, register
 from tral_fsm.states.basic import Idle, Motor, Stop
@@ -13,9 +14,9 @@ BUILT_IN = (
     BasicFollowWall, FollowWall, FollowWallRamp, ApproachPoint, ArucoGateCenter, Motor, Stop, Idle, FSMState,
     FollowCorridor, Turn, BackUp, SCurve,
 )  # fmt: skip
-"""The states of the package, in the order in which they are listed."""
+"""The states of the package, in the order of the schema and of all lists."""
 
 for _state in BUILT_IN:
     register(_state)
 
-__all__ = ["BUILT_IN", "State", "register"]
+__all__ = ["BUILT_IN", "STATES", "State", "register"]

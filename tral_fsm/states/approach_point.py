@@ -3,15 +3,53 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar, Literal
+
+from pydantic import Field
 
 from tral_env.geometry import curvature
 from tral_env.se2 import Pose
 from tral_fsm.control.biarc import out_of_reach
 from tral_fsm.control.command import Command
 from tral_fsm.control.laws import line, pursuit
-from tral_fsm.definition.machine import ApproachPointSpec
+from tral_fsm.definition.machine import DrivingSpec
+from tral_fsm.definition.validated import quantity
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import NO_GATE, DrivingState
+
+
+class ApproachPointSpec(DrivingSpec):
+    """Drives to a point by dead reckoning, and to a gate that is handed over along the gate's axis."""
+
+    targetable: ClassVar[bool] = True
+
+    type: Literal["ApproachPoint"] = "ApproachPoint"
+    x: float = quantity(
+        1.0,
+        "m",
+        "the point lies this far ahead of the car at entry; a point that is handed over replaces it",
+        ge=-20.0,
+        le=20.0,
+    )
+    y: float = quantity(0.0, "m", "the point lies this far to the left of the car at entry", ge=-20.0, le=20.0)
+    heading_deg: float | None = quantity(
+        None, "deg", "direction in which the car passes the point, + = left; null: any", ge=-180.0, le=180.0
+    )
+    before: float = quantity(
+        1.0, "m", "ends this far before a gate that is handed over; negative: behind it", ge=-5.0, le=5.0
+    )
+    tolerance: float = quantity(
+        0.05, "m", "the car has arrived when no more than this is left of the way", gt=0.0, le=2.0
+    )
+    length: float = quantity(0.35, "m", "an offset from the axis falls to 1/e over this length", gt=0.0, le=5.0)
+    max_angle_deg: float = quantity(45.0, "deg", "largest angle at which the car approaches the axis", gt=0.0, le=90.0)
+    aside: float = quantity(0.1, "m", "the point is out of reach if the car would miss it by more", gt=0.0, le=2.0)
+    track: bool = Field(True, description="use each new detection of the gate that was handed over")
+
+    @property
+    def finishable(self) -> bool:
+        """The state is finished on arrival."""
+        return True
 
 
 class ApproachPoint(DrivingState[ApproachPointSpec]):
@@ -53,7 +91,7 @@ class ApproachPoint(DrivingState[ApproachPointSpec]):
         return self.drive(steering)
 
     def unreachable(self, estimate: CarEstimate) -> str:
-        """Why no way leads there."""
+        """Why no way leads to the point; empty: one does."""
         x, y, heading = estimate.from_here(self.point)
         if self.free:
             heading = 2.0 * math.atan2(y, x)  # the circle through the point comes there with this heading

@@ -1,4 +1,4 @@
-"""What every state is: it gets the estimate of a tick, and answers with a command.
+"""What every state has in common: it gets the estimate of a tick and answers with a command.
 
 A state of your own: derive a spec from `definition.machine.StateSpec` and a class from `State`, and decorate the class
 with `register`.
@@ -7,12 +7,13 @@ with `register`.
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Generic, Protocol, TypeVar, get_args, runtime_checkable
+from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 from tral_env.se2 import Pose
 from tral_fsm.control.command import IDLE, Command
 from tral_fsm.definition.machine import STATES, DrivingSpec, StateSpec
-from tral_fsm.definition.validated import register_type
+from tral_fsm.definition.registry import Runtime
+from tral_fsm.definition.validated import Spec
 from tral_fsm.estimation.detections import Detection
 from tral_fsm.estimation.estimate import CarEstimate
 
@@ -20,7 +21,7 @@ S = TypeVar("S", bound=StateSpec)
 D = TypeVar("D", bound=DrivingSpec)
 
 NO_CLEARANCE = (math.nan, math.nan)
-"""No clearance is kept."""
+"""The state keeps no clearance."""
 NO_GATE = -1
 """Id of a target that is no gate."""
 
@@ -31,7 +32,7 @@ class Finishable(Protocol):
 
     @property
     def finished(self) -> bool:
-        """Its work is done."""
+        """Whether the work of the state is done."""
         ...
 
 
@@ -44,65 +45,41 @@ class Targetable(Protocol):
 
         Args:
             estimate: of this tick.
-            target: x [m] ahead of the car now, y [m] left of it, direction [rad] in which it is to be passed.
-            gate: id of the gate that it is, or -1.
+            target: x [m] ahead of the car now, y [m] left of it, direction [rad] in which the car shall pass it.
+            gate: id of the gate at the target; -1: none.
         """
         ...
 
 
-class State(Generic[S]):
+class State(Runtime[S]):
     """Base of all states at work. `State[MySpec]` says which type of machine files a class runs."""
 
-    spec_type: ClassVar[type[StateSpec]]
-    """The spec that this class runs; taken from the brackets behind `State`."""
+    spec_type: ClassVar[type[Spec]] = StateSpec
     aim: Detection | None = None
-    """A gate that the state has chosen as its target at entry, though nothing was handed over."""
-
-    def __init_subclass__(cls, **kwargs: Any) -> None:
-        super().__init_subclass__(**kwargs)
-        cls.spec_type = spec_in(cls, StateSpec) or getattr(cls, "spec_type", StateSpec)
+    """A gate that the state chose as its target at entry by itself."""
 
     def __init__(self, spec: S) -> None:
         self.spec = spec
 
     def on_enter(self, estimate: CarEstimate) -> None:
-        """Called when the state becomes active."""
+        """Begin: the state becomes active."""
 
     def tick(self, estimate: CarEstimate) -> Command:
-        """The command of this tick."""
+        """Compute the command of this tick."""
         return IDLE
 
     def on_exit(self, estimate: CarEstimate) -> None:
-        """Called when the state is left."""
+        """End: the machine leaves the state."""
 
     def unreachable(self, estimate: CarEstimate) -> str:
-        """Why a targetable state cannot come to its target any more; empty: it can."""
+        """Why a targetable state cannot reach its target any more; empty: it can."""
         return ""
 
 
-def spec_in(cls: type, base: type) -> Any:
-    """The spec in the brackets of a class's bases, as in `State[MySpec]`; None if there is none, or a type variable."""
-    for generic in getattr(cls, "__orig_bases__", ()):
-        for argument in get_args(generic):
-            if isinstance(argument, type) and issubclass(argument, base):
-                return argument
-    return None
-
-
-RUNTIMES: dict[str, type[State[Any]]] = {}
-"""The class that runs each type of state."""
-
-R = TypeVar("R", bound=type[State[Any]])
-
-
-def register(state: R) -> R:
-    """Let machine files name a class of states from now on; also a decorator.
-
-    Raises:
-        MachineError: another class has its type already, or its spec says none.
-    """
-    RUNTIMES[register_type(STATES, state.spec_type)] = state
-    return state
+RUNTIMES: dict[str, type[State[Any]]] = STATES.runtimes
+"""Type of state -> the class that runs it."""
+register = STATES.register
+"""Let machine files name a class of states from now on; also a decorator."""
 
 
 class DrivingState(State[D]):
@@ -117,7 +94,7 @@ class DrivingState(State[D]):
         adopt_trim: bool = False,
         trim_step: float = 0.0,
     ) -> Command:
-        """A command with the spec's throttle, or with the speed given [m/s], or with the spec's.
+        """Make a command with the throttle of the spec or, if it has none, with a speed.
 
         Args:
             steering: in [-1, 1], + = left.

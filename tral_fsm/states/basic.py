@@ -1,21 +1,41 @@
-"""States that need no estimate of walls or gates: fixed commands, standing still."""
+"""States that need no walls and no gates: fixed commands, stopping, waiting."""
 
 from __future__ import annotations
 
+from typing import ClassVar, Literal
+
 from tral_fsm.control.command import Command
-from tral_fsm.definition.machine import IdleSpec, MotorSpec, StopSpec
+from tral_fsm.definition.machine import DrivingSpec, StateSpec
+from tral_fsm.definition.validated import quantity
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import DrivingState, State
 
 ROLLING_MPS = 0.1
-"""A car that is faster rolls, m/s. Source: choice, the hall sensor's slowest reading."""
+"""A faster car counts as rolling, m/s. Source: choice, near the slowest speed that the hall sensor can read."""
+
+
+class MotorSpec(DrivingSpec):
+    """Drives with fixed steering and speed, for a distance or until a transition fires."""
+
+    never_finishes_hint: ClassVar[str] = "a Motor needs a distance for that"
+
+    type: Literal["Motor"] = "Motor"
+    steering: float = quantity(0.0, "", "+1 = full left", ge=-1.0, le=1.0)
+    distance: float | None = quantity(
+        None, "m", "distance after which the state is finished; null: never", gt=0.0, le=1000.0
+    )
+
+    @property
+    def finishable(self) -> bool:
+        """The state is finished after its distance, if it has one."""
+        return self.distance is not None
 
 
 class Motor(DrivingState[MotorSpec]):
     """Fixed steering and speed."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
-        """Remember where it began."""
+        """Remember where the state began."""
         self.finished = False
         self.entry = estimate.distance
 
@@ -27,11 +47,30 @@ class Motor(DrivingState[MotorSpec]):
         return self.drive(spec.steering)
 
 
+class StopSpec(StateSpec):
+    """Stops the car: brakes while it rolls, then neutral."""
+
+    type: Literal["Stop"] = "Stop"
+    brake: float = quantity(0.3, "", "throttle against the direction in which the car rolls", ge=0.0, le=1.0)
+    hold: float = quantity(
+        0.0,
+        "s",
+        "shortest time of braking: a motor controller reverses only after it has seen the brake",
+        ge=0.0,
+        le=60.0,
+    )
+
+    @property
+    def may_end(self) -> bool:
+        """A stopped car may stay."""
+        return True
+
+
 class Stop(State[StopSpec]):
-    """Brakes against the direction in which the car rolls, then neutral: more would turn the direction."""
+    """Brakes against the direction in which the car rolls, then stays in neutral, so that the car does not reverse."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
-        """Remember when it began, and in which direction the car rolls."""
+        """Remember when the state began and in which direction the car rolls."""
         self.until = estimate.time + self.spec.hold
         self.direction = estimate.direction
 
@@ -39,6 +78,12 @@ class Stop(State[StopSpec]):
         """Wheels straight, brake or neutral."""
         brakes = estimate.speed > ROLLING_MPS or estimate.time < self.until
         return Command(speed=0.0, throttle=-self.spec.brake * self.direction if brakes else 0.0)
+
+
+class IdleSpec(StateSpec):
+    """Does nothing: the command stays at neutral."""
+
+    type: Literal["Idle"] = "Idle"
 
 
 class Idle(State[IdleSpec]):

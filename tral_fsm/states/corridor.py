@@ -1,7 +1,7 @@
 """States that drive by the walls of the estimate instead of by the raw ranges.
 
-The laws are those of `control.laws.line`: a place in the corridor is kept by where the car is and how it points, both
-from the filter of the walls, so that jitter, recesses and openings do not reach the wheel.
+The law is that of `control.laws.line`: the car keeps a line in the corridor by its place and its heading. Both come
+from the filter of the walls, so that noise, recesses and openings do not reach the wheels.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from tral_fsm.states.base import NO_CLEARANCE, DrivingState
 
 _QUARTER = math.pi / 2.0
 _SURE_LOCK = 0.9
-"""A linkage that is off does not reach full lock on one side, which dead reckoning cannot know. Source: choice."""
+"""Share of full lock that a car with a badly set linkage reaches on both sides. Source: choice."""
 _LATE = 0.25
-"""A turn takes so much more than its radius: late readings, slow servo, an end that dies away, m. Source: choice."""
+"""Room that a turn takes beyond its radius, for late readings, a slow servo and a soft end, m. Source: choice."""
 _FADE = 0.6
-"""The line comes to its place without a kink: over this length, m. Source: choice."""
+"""Length over which the line comes to its place, so that it has no kink, m. Source: choice."""
 
 
 class FollowCorridorSpec(DrivingSpec):
-    """Keeps a place in the corridor: a clearance to the wall on `side`, at most half of what both sides have."""
+    """Keeps a line in the corridor: a clearance to the wall on `side`, at most half of the free width."""
 
     needs: ClassVar[Mapping[str, str]] = {"slow_front": "speed", "unsure_speed": "speed"}
 
@@ -38,12 +38,12 @@ class FollowCorridorSpec(DrivingSpec):
     side: Side = Field("right", description="the wall that the clearance is to")
     clearance: float = quantity(0.9, "m", "wanted range of that side's ultrasonic", gt=0.0, le=5.0)
     least: float = quantity(
-        0.3, "m", "at least this much is kept to the other wall if it alone is known", ge=0.0, le=5.0
+        0.3, "m", "smallest clearance to the other wall while only that one is known", ge=0.0, le=5.0
     )
-    length: float = quantity(0.4, "m", "an offset from the line dies away by e in it", gt=0.0, le=5.0)
-    slope: float = quantity(0.15, "", "the line shifts to the side by at most this, m for a metre", gt=0.0, le=1.0)
-    shift: float = quantity(5.0, "m", "the line shifts towards `side` by no more than this altogether", gt=0.0, le=5.0)
-    max_angle_deg: float = quantity(18.0, "deg", "the line is approached no steeper", gt=0.0, le=60.0)
+    length: float = quantity(0.4, "m", "an offset from the line falls to 1/e over this length", gt=0.0, le=5.0)
+    slope: float = quantity(0.15, "", "the line shifts sideways by at most this per metre driven", gt=0.0, le=1.0)
+    shift: float = quantity(5.0, "m", "the line shifts towards `side` by at most this in all", gt=0.0, le=5.0)
+    max_angle_deg: float = quantity(18.0, "deg", "largest angle at which the car approaches the line", gt=0.0, le=60.0)
     learn_trim: bool = Field(True, description="learn at which steering the car drives straight")
     unsure_speed: float | None = quantity(
         None,
@@ -52,8 +52,8 @@ class FollowCorridorSpec(DrivingSpec):
         gt=0.0,
         le=5.0,
     )
-    slow_front: float | None = quantity(None, "m", "front range from which on the car slows down", gt=0.0, le=5.0)
-    slow_speed: float = quantity(0.3, "m/s", "speed at half of slow_front and nearer", ge=0.0, le=5.0)
+    slow_front: float | None = quantity(None, "m", "front range below which the car slows down", gt=0.0, le=5.0)
+    slow_speed: float = quantity(0.3, "m/s", "speed at half of slow_front and below", ge=0.0, le=5.0)
 
 
 class FollowCorridor(DrivingState[FollowCorridorSpec]):
@@ -71,13 +71,13 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
     def on_enter(self, estimate: CarEstimate) -> None:
         """The line begins at the car."""
         self.offset = 0.0
-        """Where the line is, + = left of the car, m."""
+        """Place of the line beside the car, + = left, m."""
         self.reference = 0.0
-        """Wall that it is kept to: +1 left, -1 right, 0 none."""
+        """Wall that the line is measured from: +1 left, -1 right, 0 none."""
         self.clearance = math.nan
-        """Of the line to that wall, m."""
+        """Clearance of the line to that wall, m."""
         self.shifted = 0.0
-        """How far it has shifted towards `side`, m."""
+        """Shift of the line towards `side` so far, m."""
         self.moved = -1
         self.place = (estimate.x, estimate.y)
         self.driven = estimate.distance
@@ -93,7 +93,7 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
         return self.drive(steering, speed, wanted=wanted, adopt_trim=spec.learn_trim)
 
     def shift(self, estimate: CarEstimate) -> float:
-        """Find the line anew; gives the slope with which it moves to the left."""
+        """Find the line again; gives the slope with which it moves to the left."""
         spec = self.spec
         along = estimate.along
         x, y = self.place
@@ -136,25 +136,23 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
 
 
 class TurnSpec(DrivingSpec):
-    """Turns into the corridor on `side`: full lock, then onto the direction a right angle away from this corridor's."""
+    """Turns into the corridor on `side`, to a direction at a right angle to this corridor."""
 
     type: Literal["Turn"] = "Turn"
-    side: Side = Field("left", description="to which side")
-    room: float = quantity(
-        0.65, "m", "the turn ends so far before the wall ahead, if lock and wall allow", gt=0.0, le=5.0
-    )
-    lock: float = quantity(0.85, "", "share of full lock at least", gt=0.0, le=1.0)
-    length: float = quantity(0.4, "m", "the rest of the turn dies away by e in half of it", gt=0.0, le=5.0)
-    tolerance_deg: float = quantity(2.0, "deg", "turned when no more than this is left", gt=0.0, le=45.0)
+    side: Side = Field("left", description="the side to which the car turns")
+    room: float = quantity(0.65, "m", "wanted distance to the wall ahead at the end of the turn", gt=0.0, le=5.0)
+    lock: float = quantity(0.85, "", "smallest share of full lock at the beginning of the turn", gt=0.0, le=1.0)
+    length: float = quantity(0.4, "m", "the rest of the turn falls to 1/e over half of this length", gt=0.0, le=5.0)
+    tolerance_deg: float = quantity(2.0, "deg", "the turn is finished when no more than this is left", gt=0.0, le=45.0)
 
     @property
     def finishable(self) -> bool:
-        """When turned."""
+        """The state is finished when the car has turned."""
         return True
 
 
 class Turn(DrivingState[TurnSpec]):
-    """A quarter turn against the corridor, not against the heading that the car happened to have."""
+    """A quarter turn measured from the corridor's direction, not from the heading that the car has at entry."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
         """Aim at a right angle to the corridor."""
@@ -173,27 +171,29 @@ class Turn(DrivingState[TurnSpec]):
 
 
 class BackUpSpec(DrivingSpec):
-    """Reverses for a distance and turns back to the corridor's direction meanwhile. Stop before and after it."""
+    """Reverses for a distance and turns the car along the corridor. A Stop belongs before and after it."""
 
     type: Literal["BackUp"] = "BackUp"
-    distance: float = quantity(0.7, "m", "hall distance", gt=0.0, le=100.0)
-    length: float = quantity(0.4, "m", "the heading dies away by e in half of it", gt=0.0, le=5.0)
+    distance: float = quantity(0.7, "m", "distance to reverse", gt=0.0, le=100.0)
+    length: float = quantity(
+        0.4, "m", "the angle to the corridor falls to 1/e over half of this length", gt=0.0, le=5.0
+    )
 
     @property
     def finishable(self) -> bool:
-        """After its distance."""
+        """The state is finished after its distance."""
         return True
 
 
 class BackUp(DrivingState[BackUpSpec]):
-    """In reverse the wheels turn the car the other way."""
+    """Drives in reverse, where the wheels turn the car the other way."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
-        """Remember where it began."""
+        """Remember where the state began."""
         self.finished = False
         self.entry = estimate.distance
 
     def tick(self, estimate: CarEstimate) -> Command:
-        """Drive back, wheels so that the car comes to point along the corridor."""
+        """Steer so that the car points along the corridor in the end."""
         self.finished = estimate.distance - self.entry >= self.spec.distance
         return self.drive(steering_for(2.0 / self.spec.length * math.sin(estimate.heading)))

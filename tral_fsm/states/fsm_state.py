@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, ClassVar, Literal, Protocol
+
+from pydantic import Field
 
 from tral_env.se2 import Pose
 from tral_fsm.control.command import Command
-from tral_fsm.definition.machine import FSMStateSpec
+from tral_fsm.definition.machine import MachineDefinition, StateSpec
 from tral_fsm.estimation.detections import Detection
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import NO_GATE, State, Targetable
 
 
 class InnerMachine(Protocol):
-    """What the state asks of its machine."""
+    """What the state needs of its machine."""
 
     @property
     def active(self) -> State[Any]:
@@ -49,8 +51,36 @@ class InnerMachine(Protocol):
         """Call this for each transition that fires."""
 
 
+class FSMStateSpec(StateSpec):
+    """Runs a whole machine as one state, given inline or by the name of a packaged one. Its root takes the target."""
+
+    holds_machine: ClassVar[bool] = True
+    never_finishes_hint: ClassVar[str] = "its machine has no state in which it may end"
+
+    type: Literal["FSMState"] = "FSMState"
+    machine: MachineDefinition | str = Field(description="the inner machine, or the name of a packaged one")
+
+    @property
+    def finishable(self) -> bool:
+        """The state is finished when its machine has ended. For a packaged machine that is checked at loading."""
+        return isinstance(self.machine, str) or self.machine.may_end
+
+    @property
+    def takes_target(self) -> bool:
+        """The state takes a target if the root of its machine does. For a packaged one that is checked at loading."""
+        if isinstance(self.machine, str):
+            return True
+        root = self.machine.root
+        return any(state.id == root and state.takes_target for state in self.machine.states)
+
+    @property
+    def inner(self) -> MachineDefinition | str:
+        """Its machine."""
+        return self.machine
+
+
 class FSMState(State[FSMStateSpec]):
-    """A whole machine as one state. It starts at its root at each entry. Finished when its machine has ended.
+    """A whole machine as one state. It starts at its root at each entry and is finished when its machine has ended.
 
     A target that is handed over goes to the root; the active inner state says whether it can still be reached.
     """
@@ -68,7 +98,7 @@ class FSMState(State[FSMStateSpec]):
 
     @property
     def aim(self) -> Detection | None:  # type: ignore[override]
-        """What the inner root has chosen."""
+        """The gate that the inner root has chosen."""
         return self.machine.active.aim
 
     def set_target(self, estimate: CarEstimate, target: Pose, gate: int = NO_GATE) -> None:
@@ -78,7 +108,7 @@ class FSMState(State[FSMStateSpec]):
             root.set_target(estimate, target, gate)
 
     def unreachable(self, estimate: CarEstimate) -> str:
-        """Why the active inner state cannot come to its target any more."""
+        """Why the active inner state cannot reach its target any more; empty: it can."""
         return self.machine.active.unreachable(estimate)
 
     def on_exit(self, estimate: CarEstimate) -> None:

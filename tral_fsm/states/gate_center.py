@@ -3,20 +3,39 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 from tral_env.interface import MAX_AGE_S
 from tral_fsm.control.command import Command
-from tral_fsm.definition.machine import ArucoGateCenterSpec
+from tral_fsm.definition.machine import DrivingSpec
+from tral_fsm.definition.validated import quantity
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import DrivingState
 
 
-class ArucoGateCenter(DrivingState[ArucoGateCenterSpec]):
-    """Full lock towards the side on which the gate's middle is, until aligned.
+class ArucoGateCenterSpec(DrivingSpec):
+    """Steers with full lock towards the gate's middle until the car is aligned with the gate's axis."""
 
-    The gate is the one that a state was handed last, or the nearest one if that is behind the car or long out of view.
-    A gate out of view is followed by dead reckoning. Aligned: the car's heading is within the tolerance of the gate's
-    axis, or has swept over it. The state also ends when the middle changes sides, since to turn on would lead away.
+    type: Literal["ArucoGateCenter"] = "ArucoGateCenter"
+    tolerance_deg: float = quantity(4.0, "deg", "the car is aligned within this angle", gt=0.0, le=45.0)
+    lock: float = quantity(1.0, "", "share of full lock", gt=0.0, le=1.0)
+    max_distance: float = quantity(
+        1.5, "m", "the state gives up, and is finished, after this distance", gt=0.0, le=20.0
+    )
+
+    @property
+    def finishable(self) -> bool:
+        """The state is finished when the car is aligned."""
+        return True
+
+
+class ArucoGateCenter(DrivingState[ArucoGateCenterSpec]):
+    """Steers with full lock towards the side on which the gate's middle is.
+
+    The gate is the one that was handed to a state last, or the nearest one if that gate is behind the car or long out
+    of view. The state follows a gate out of view by dead reckoning. The car is aligned when its heading is within the
+    tolerance of the gate's axis, or has just passed it. The state also ends when the middle changes sides, since the
+    car would turn away from it.
     """
 
     def on_enter(self, estimate: CarEstimate) -> None:

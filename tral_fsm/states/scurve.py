@@ -1,5 +1,7 @@
-"""The two-arc approach to a gate or point. 2016 gave it up, because hall values and steering did not repeat; here the
-way is followed under control, and planned anew from each sighting of the gate.
+"""The approach to a gate or point on two arcs.
+
+The program of 2016 gave it up, since hall values and steering did not repeat. Here the car follows the way under
+control, and plans it again from each detection of the gate.
 """
 
 from __future__ import annotations
@@ -20,13 +22,13 @@ from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import NO_GATE, DrivingState
 
 _LEAD_S = 0.1
-"""The curvature is ordered so long before it is needed: servo and command are late. Source: choice."""
+"""The state commands a curvature this long before it is needed, since servo and command lag, s. Source: choice."""
 _LAST_PLAN = 0.5
-"""Nearer to the end of the arcs than this the plan moves with the gate instead of being made anew, m: small errors
-would give tight arcs. Source: choice."""
+"""Nearer to the end of the arcs than this the plan moves with the gate and is not made again, m. Source: choice; there
+small errors would give tight arcs."""
 
 _MARGIN_M = 0.05
-"""Kept free on either side of the car in a gate that is within reach, m. Source: choice."""
+"""Free space on each side of the car in a gate that counts as within reach, m. Source: choice."""
 
 
 class SCurveSpec(DrivingSpec):
@@ -35,33 +37,49 @@ class SCurveSpec(DrivingSpec):
     targetable: ClassVar[bool] = True
 
     type: Literal["SCurve"] = "SCurve"
-    x: float = quantity(2.0, "m", "point ahead of the car at entry, unless one is handed over", ge=-20.0, le=20.0)
-    y: float = quantity(0.0, "m", "point left of the car at entry", ge=-20.0, le=20.0)
-    heading_deg: float = quantity(0.0, "deg", "direction in which the point is passed, + = left", ge=-180.0, le=180.0)
+    x: float = quantity(
+        2.0,
+        "m",
+        "the point lies this far ahead of the car at entry; a point that is handed over replaces it",
+        ge=-20.0,
+        le=20.0,
+    )
+    y: float = quantity(0.0, "m", "the point lies this far to the left of the car at entry", ge=-20.0, le=20.0)
+    heading_deg: float = quantity(
+        0.0, "deg", "direction in which the car passes the point, + = left", ge=-180.0, le=180.0
+    )
     before: float = quantity(
         0.5, "m", "ends this far before a gate that is handed over; negative: behind it", ge=-5.0, le=5.0
     )
     straight: float = quantity(0.2, "m", "the last part of the way is straight, along the axis", ge=0.0, le=10.0)
-    radius: float = quantity(0.75, "m", "an arc of a smaller radius is not driven: out of reach", gt=0.0, le=100.0)
-    tolerance: float = quantity(0.05, "m", "arrived within this distance along the way", gt=0.0, le=2.0)
-    aside: float = quantity(
-        0.1, "m", "out of reach if missed by more, unless a gate's opening is known", gt=0.0, le=2.0
+    radius: float = quantity(
+        0.75, "m", "smallest radius of an arc: a target that needs a smaller one is out of reach", gt=0.0, le=100.0
     )
-    length: float = quantity(0.35, "m", "an offset from the way dies away by e in it", gt=0.0, le=5.0)
-    max_angle_deg: float = quantity(25.0, "deg", "the way is approached no steeper", gt=0.0, le=90.0)
-    track: bool = Field(True, description="plan anew from each new detection of the gate that was handed over")
+    tolerance: float = quantity(
+        0.05, "m", "the car has arrived when no more than this is left of the way", gt=0.0, le=2.0
+    )
+    aside: float = quantity(
+        0.1,
+        "m",
+        "the target is out of reach if the car would miss it by more; a known opening of a gate replaces this",
+        gt=0.0,
+        le=2.0,
+    )
+    length: float = quantity(0.35, "m", "an offset from the way falls to 1/e over this length", gt=0.0, le=5.0)
+    max_angle_deg: float = quantity(25.0, "deg", "largest angle at which the car approaches the way", gt=0.0, le=90.0)
+    track: bool = Field(True, description="plan again from each new detection of the gate that was handed over")
 
     @property
     def finishable(self) -> bool:
-        """On arrival."""
+        """The state is finished on arrival."""
         return True
 
 
 class SCurve(DrivingState[SCurveSpec]):
-    """Two arcs and a straight end: curvature ahead of time, and `control.laws.curvature_onto` for what is off.
+    """Follows two arcs and a straight end: their curvature ahead of time, and `control.laws.curvature_onto` for errors.
 
-    The plan is kept in the frame of the target, so that it moves with it. Where no two arcs lead to the target the
-    axis itself is the way.
+    The plan stands in the frame of the target, so that it moves with the target. Where no two arcs lead to the target,
+    the axis itself is the way.
     """
 
     def on_enter(self, estimate: CarEstimate) -> None:
@@ -91,7 +109,7 @@ class SCurve(DrivingState[SCurveSpec]):
             self.turning = along(self.begin, self.arcs.first, self.arcs.curvature)
 
     def take(self, estimate: CarEstimate, gate: Detection) -> None:
-        """Take a new detection of the gate: plan anew, or, near the end, move the plan."""
+        """Take a new detection of the gate: plan again or, near the end, move the plan."""
         old = self.arcs
         self.target = along((gate.x, gate.y, gate.heading), -self.spec.before - self.spec.straight)
         if old is None or estimate.from_here(self.target)[0] > _LAST_PLAN:
@@ -113,7 +131,7 @@ class SCurve(DrivingState[SCurveSpec]):
         return self.drive(steering_for(ahead + correction))
 
     def beside_way(self, here: Pose, lead: float) -> Pose:
-        """Curvature of the way `lead` metres on, and where the car is beside it: offset [m], heading [rad]."""
+        """Curvature of the way `lead` metres ahead, and the car beside the way: offset [m], heading [rad]."""
         arcs = self.arcs
         if arcs is None:
             return 0.0, here[1], here[2]
@@ -140,7 +158,7 @@ class SCurve(DrivingState[SCurveSpec]):
         return out_of_reach(estimate.from_here(along(self.target, passed)), self.spec.radius, self.aside(estimate))
 
     def aside(self, estimate: CarEstimate) -> float:
-        """How far beside the way is near enough, m: what a gate of a known width leaves beside the car."""
+        """How far the car may miss the target, m: in a gate of known opening, the free space beside the car."""
         gate = estimate.target_gate
         room = gate.room(_MARGIN_M) if gate.id == self.gate else math.nan
         return room if not math.isnan(room) else self.spec.aside

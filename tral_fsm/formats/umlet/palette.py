@@ -7,10 +7,10 @@ from typing import Any, Literal, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
-from tral_fsm.definition.conditions import CONDITIONS
-from tral_fsm.definition.machine import STATES
+from tral_fsm.conditions import CONDITIONS
 from tral_fsm.definition.validated import Spec, type_name
 from tral_fsm.formats.umlet.writer import Box, diagram, element, relation, size
+from tral_fsm.states import STATES
 
 FILE = "machines/palette/TRAL_State-Machine.uxf"
 """Within the package."""

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from tral_env.course.layout import Course, Segment, Start
 from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ, CORE_LAYOUT
 from tral_env.vector_env import TralCorridorVectorEnv
+from tral_fsm.conditions.simple import DistanceSpec
 from tral_fsm.control.laws import damping
 from tral_fsm.control.speed import speed_control
-from tral_fsm.definition.conditions import DistanceSpec
-from tral_fsm.definition.machine import BasicFollowWallSpec, MachineDefinition, TransitionSpec, WallSpec
+from tral_fsm.definition.machine import MachineDefinition, TransitionSpec
 from tral_fsm.runtime.policy import MachinePolicy
+from tral_fsm.states.wall import BasicFollowWallSpec, WallSpec
 from tral_fsm.tuning.classical.design import Gains, LimitCycle
 from tral_fsm.tuning.classical.loops import Response, WallState
 

@@ -7,10 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tral_fsm import load_machine, machine_names
-from tral_fsm.definition.conditions import DistanceSpec, SensorLevelSpec, TimerSpec
-from tral_fsm.definition.machine import IdleSpec, MachineDefinition, MotorSpec, TransitionSpec
+from tral_fsm.conditions.simple import DistanceSpec, SensorLevelSpec, TimerSpec
+from tral_fsm.definition.machine import MachineDefinition, TransitionSpec
 from tral_fsm.draw.layered.shapes import Arrangement, Point, Rect
 from tral_fsm.draw.layout import layout
+from tral_fsm.states.basic import IdleSpec, MotorSpec
 
 CONDITIONS = st.sampled_from(
     [TimerSpec(seconds=1.0), DistanceSpec(distance=2.5), SensorLevelSpec(sensor="left", above=1.5, readings=3)]

@@ -4,22 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tral_fsm.definition.conditions import (
-    AllSpec,
-    AlwaysSpec,
-    AnySpec,
-    ArucoGateFoundSpec,
-    ConditionSpec,
-    DistanceSpec,
-    FinishedSpec,
-    MarkerFoundSpec,
-    NotSpec,
-    SensorLevelSpec,
-    TimerSpec,
-    TurnedSpec,
-)
-from tral_fsm.definition.machine import FSMStateSpec, MotorSpec, StopSpec, TransitionSpec
+from tral_fsm.conditions.combined import AllSpec, AnySpec, NotSpec
+from tral_fsm.conditions.detections import ArucoGateFoundSpec, MarkerFoundSpec
+from tral_fsm.conditions.simple import AlwaysSpec, DistanceSpec, FinishedSpec, SensorLevelSpec, TimerSpec, TurnedSpec
+from tral_fsm.definition.conditions import ConditionSpec
+from tral_fsm.definition.machine import TransitionSpec
 from tral_fsm.draw import text
+from tral_fsm.states.basic import MotorSpec, StopSpec
+from tral_fsm.states.fsm_state import FSMStateSpec
 
 FRONT = SensorLevelSpec(sensor="front", below=0.5)
 

@@ -1,6 +1,8 @@
 """Conditions in words."""
 
-from tral_fsm.definition.conditions import AllSpec, AnySpec, ConditionSpec, NotSpec, SensorLevelSpec, TimerSpec
+from tral_fsm.conditions.combined import AllSpec, AnySpec, NotSpec
+from tral_fsm.conditions.simple import SensorLevelSpec, TimerSpec
+from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.prose import combined, in_full
 
 WAIT = TimerSpec(seconds=2.0)

@@ -7,7 +7,7 @@ import pytest
 
 from tral_fsm.formats import FORMATS, read
 
-PAGE = (Path(__file__).parents[3] / "docs/machine_files.md").read_text("utf-8")
+PAGE = (Path(__file__).parents[2] / "docs/machine_files.md").read_text("utf-8")
 FILES = re.findall(r"^```(?:json)?\n([<{].*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
 
 

@@ -8,18 +8,15 @@ from typing import Any, ClassVar
 import pytest
 
 from tral_fsm import FormatError, MachineDefinition, MachinePolicy, check, load_machine
+from tral_fsm.conditions.combined import AllSpec, AnySpec, NotSpec
+from tral_fsm.conditions.detections import ArucoGateFoundSpec
+from tral_fsm.conditions.simple import AlwaysSpec, DistanceSpec
 from tral_fsm.definition import packaged
-from tral_fsm.definition.conditions import (
-    AllSpec,
-    AlwaysSpec,
-    AnySpec,
-    ArucoGateFoundSpec,
-    DistanceSpec,
-    NotSpec,
-)
-from tral_fsm.definition.machine import FSMStateSpec, MotorSpec, StopSpec, TransitionSpec
+from tral_fsm.definition.machine import TransitionSpec
 from tral_fsm.formats import library
 from tral_fsm.formats.tral_json import loads
+from tral_fsm.states.basic import MotorSpec, StopSpec
+from tral_fsm.states.fsm_state import FSMStateSpec
 
 STOP = {"id": 1, "type": "Stop"}
 MOTOR = {"id": 0, "type": "Motor", "throttle": 0.2}

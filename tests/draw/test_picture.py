@@ -10,13 +10,15 @@ from PIL import Image
 
 from tral_env.errors import MachineError
 from tral_fsm import load_machine, machine_names
-from tral_fsm.definition.conditions import TimerSpec
-from tral_fsm.definition.machine import FSMStateSpec, IdleSpec, MachineDefinition, StopSpec, TransitionSpec
+from tral_fsm.conditions.simple import TimerSpec
+from tral_fsm.definition.machine import MachineDefinition, TransitionSpec
 from tral_fsm.draw import text
 from tral_fsm.draw.layered.shapes import Rect
 from tral_fsm.draw.picture import Line, Outline, Picture, Words, arrow_head, picture
 from tral_fsm.draw.png import png
 from tral_fsm.draw.svg import svg
+from tral_fsm.states.basic import IdleSpec, StopSpec
+from tral_fsm.states.fsm_state import FSMStateSpec
 
 NS = "{http://www.w3.org/2000/svg}"
 INNER = MachineDefinition(root=0, name="inner", states=(StopSpec(id=0, label="halt"),))

@@ -1,0 +1,67 @@
+"""The types that machine files may name: each has a spec, which is its data, and a class that runs the spec."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Generic, TypeVar, get_args
+
+from tral_env.errors import MachineError
+from tral_fsm.definition.validated import Spec, type_name
+
+T = TypeVar("T", bound=Spec)
+
+
+class Runtime(Generic[T]):
+    """Base of the classes that run a spec. `State[MySpec]` and `Condition[MySpec]` say which."""
+
+    spec_type: ClassVar[type[Spec]]
+    """The spec that this class runs, taken from the brackets behind its base."""
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        for base in cls.__dict__.get("__orig_bases__", ()):
+            for argument in get_args(base):
+                if isinstance(argument, type) and issubclass(argument, Spec):
+                    cls.spec_type = argument
+
+
+R = TypeVar("R", bound=type[Runtime[Any]])
+
+
+class Registry(dict[str, type[T]]):
+    """Type in machine files -> its spec. It starts empty; `register` fills it."""
+
+    def __init__(self, base: type[T]) -> None:
+        """Make an empty registry.
+
+        Args:
+            base: what every spec in it derives from.
+        """
+        super().__init__()
+        self.base = base
+        self.runtimes: dict[str, type[Any]] = {}
+        """Type in machine files -> the class that runs its spec."""
+
+    def register(self, runtime: R) -> R:
+        """Let machine files name the type of a class from now on. It is also a decorator.
+
+        Args:
+            runtime: a class of states or conditions.
+
+        Returns:
+            The class, unchanged.
+
+        Raises:
+            MachineError: the spec is of the wrong kind or has no type, or another spec has its type already.
+        """
+        spec: type[Any] = runtime.spec_type
+        if not issubclass(spec, self.base):
+            raise MachineError(f"{runtime.__qualname__} runs {spec.__qualname__}, which is no {self.base.__name__}")
+        name = type_name(spec)
+        taken = self.get(name, spec)
+        if (taken.__module__, taken.__qualname__) != (spec.__module__, spec.__qualname__):
+            raise MachineError(
+                f"{spec.__module__}.{spec.__qualname__} calls itself {name!r}, which {taken.__module__}."
+                f"{taken.__qualname__} does already: choose another type"
+            )
+        self[name], self.runtimes[name] = spec, runtime
+        return runtime
