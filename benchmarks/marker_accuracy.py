@@ -36,8 +36,8 @@ from tral_env.perception.projected import (
     NOISE_PLACES,
     NORMALS,
     UNIFORMS,
+    ProjectedMarkers,
     Scenery,
-    Seen,
     project,
     project_points,
 )
@@ -173,7 +173,7 @@ def projected(lens: CameraConfig, views: Columns, level: float, rng: np.random.G
     return errors(views, np.where(seen.valid[:, :1], pose, np.nan))
 
 
-def from_the_origin(scenery: Scenery, lens: CameraConfig, level: float, rng: np.random.Generator) -> Seen:
+def from_the_origin(scenery: Scenery, lens: CameraConfig, level: float, rng: np.random.Generator) -> ProjectedMarkers:
     """What the projected camera of cars at the origin makes of the scenery around each."""
     n = len(scenery.markers)
     return project(

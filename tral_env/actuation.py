@@ -1,6 +1,6 @@
-"""From a command to what servo and motor get: latency, servo, servo saver's scrub, motor controller, battery.
+"""From a command to what servo and motor get: latency, servo, scrub of the tyres, motor controller, battery.
 
-Laws are pure functions over a leading axis (n, ...); `Actuation` keeps their state, a row of its own for each car.
+The models are pure functions over a leading axis (n, ...); `Actuation` keeps their state, a row for each car.
 Only additions, products, quotients, comparisons and square roots are used, which IEEE 754 rounds alike everywhere, so
 row i is the same bit for bit whatever the other rows do.
 """
@@ -25,8 +25,12 @@ Rows = NDArray[np.int64] | slice
 ALL = slice(None)
 """All rows."""
 
-DRIVE, BRAKE, WAIT = 0, 1, 2
-"""Phases of the motor controller: driving or coasting; braking; neutral after a brake that was long enough."""
+DRIVE = 0
+"""Phase of a motor controller that drives or lets the car coast."""
+BRAKE = 1
+"""Phase of a motor controller that brakes."""
+WAIT = 2
+"""Phase of a motor controller that got neutral after a brake that was long enough."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,6 +99,9 @@ def steering_target(command: Array, neutral: Array, lock: Array, low: Array, hig
 
 def servo_step(position: Array, moving: Mask, target: Array, max_step: Array, dead_zone: float) -> tuple[Array, Mask]:
     """One tick of a servo: it sets out when its error exceeds the dead zone and runs at its speed until it is there.
+
+    With the error e = target - position, a servo that moves advances by ``clip(e, -w T, w T)``, w its speed, T the
+    tick.
 
     Args:
         position: angle now, rad, (n,).
@@ -225,7 +232,8 @@ class Actuation:
             car: their geometry.
             servo: their servos.
             esc: their motor controllers.
-            lead_s: the horn's angle is handed on so much late, at most a tick: what steers is as much ahead of time.
+            lead_s: the horn's angle is handed on this much late, at most a tick, because the integrator that takes it
+                steers this much too early.
         """
         self._car, self._servo, self._esc = car or CarConfig(), servo or ServoConfig(), esc or EscConfig()
         self._dead_zone = math.radians(self._servo.dead_zone_deg)
@@ -308,7 +316,10 @@ class Actuation:
         return ActuatorInputs(steering_angle=held, voltage=voltage, scrub_torque=scrub, battery_v=battery_v)
 
     def _delayed(self, rows: Rows, command: Array) -> Array:
-        """Command of `latency_s` ago; between two ticks the two neighbours are mixed linearly."""
+        """Keep a command and give the one of `latency_s` ago: ``u(t - d) = (1 - f) u[k - m] + f u[k - m - 1]``.
+
+        The delay d is m + f ticks, m whole and f in [0, 1).
+        """
         row, cursor = self._row[rows], self._cursor[rows]
         self._history[row, cursor] = command
         newer = cursor - self._delay[rows]  # negative indices wrap around the ring by themselves
@@ -318,7 +329,7 @@ class Actuation:
         return delayed
 
     def _motor(self, rows: Rows, throttle: Array, speed: Array) -> tuple[Array, Array]:
-        """Voltage at the motor and of the battery."""
+        """Advance the motor controllers by a tick, and give the voltages (k,) at the motor and of the battery, V."""
         esc = self._esc
         direction, phase = self._direction[rows], self._phase[rows]
         if phase.any() or (direction * throttle < -esc.dead_zone).any():  # else the step would change nothing

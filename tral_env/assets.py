@@ -1,4 +1,4 @@
-"""Where the MJCF files are, from a checkout and from an installed wheel alike."""
+"""Where the MJCF files are, in a checkout as in an installed wheel."""
 
 from __future__ import annotations
 

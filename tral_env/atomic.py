@@ -1,4 +1,4 @@
-"""Files that are written at once: who reads one, or what interrupts the writing, never meets half of it."""
+"""Files that are written whole: a reader never meets half of one, not even after the writer was interrupted."""
 
 from __future__ import annotations
 
@@ -6,12 +6,16 @@ from pathlib import Path
 
 
 def is_device(path: Path) -> bool:
-    """Something is there that is neither a file nor a folder."""
+    """Whether a path leads to something that is neither a file nor a folder: a pipe, a terminal, /dev/stdout."""
     return path.exists() and not path.is_file() and not path.is_dir()
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Replace a file at once; a link stays one. What is no file (/dev/stdout, a pipe) is written to, not replaced."""
+    """Replace a file as a whole; a link stays one. A device (`is_device`) is written to, not replaced.
+
+    Raises:
+        OSError: the file cannot be written; the old one is still there.
+    """
     if is_device(path):
         path.write_bytes(content)
         return

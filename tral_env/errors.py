@@ -15,11 +15,11 @@ class ConfigError(TralError, ValueError):
 
 
 class CourseError(TralError, ValueError):
-    """A course cannot be read, or what it describes cannot be built or driven."""
+    """A course file cannot be read, or the course that it describes cannot be built or driven."""
 
 
 class MachineError(TralError, ValueError):
-    """A state machine cannot be read, or what it describes cannot run."""
+    """A machine file cannot be read, or the machine that it describes cannot run."""
 
 
 class CalibrationError(TralError, ValueError):
@@ -48,16 +48,16 @@ class MissingExtraError(TralError, ImportError):
 
 
 _MAX_NAMES = 60
-"""Names that are looked at and told: a file with thousands must not make an error slow."""
+"""`nearest` looks at so many names and tells them: a file with thousands must not make an error slow."""
 _MAX_LETTERS = 40
-"""Letters of a name that are looked at and told."""
+"""`nearest` looks at so many letters of a name and tells them."""
 
 
 def nearest(got: object, allowed: Iterable[object]) -> str:
-    """Say which names are allowed and which of them is nearest to the one that was got.
+    """Say which names are allowed and which of them is nearest to the one that was asked for.
 
     Args:
-        got: the name that was got.
+        got: the name that was asked for.
         allowed: the names that are allowed.
 
     Returns:

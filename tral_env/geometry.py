@@ -27,37 +27,40 @@ HEIGHT_M = 0.18
 """Height of the car's outline. Source: PSES."""
 
 STEERING_PLAY = 0.3
-"""Standing, the tyres' scrub holds the wheels this far from where the servo wants them, in units of steering: 0.075 N m
-over the servo saver's 0.65 N m/rad, 6.6 deg of the 22. Source: choice, fits the fault in the report."""
+"""While the car stands, the tyres' scrub holds the wheels up to this far from where the servo wants them, in units of
+steering: 0.075 N m over the servo saver's 0.65 N m/rad, 6.6 deg of the 22. Source: choice, fits the fault in the
+report."""
 SCRUB_SPEED = 0.06
-"""Rolling this fast the scrub has fallen to 71 %, m/s: a patch of 2 cm turning at 3 rad/s. Source: choice."""
+"""At this rolling speed the scrub has fallen to 71 %, m/s: a patch of 2 cm that turns at 3 rad/s. Source: choice."""
 
 SONAR_SIDE_M = 0.10
 """Side ultrasonics stand this far from the middle line, midway between the axles. Source: ucboard."""
 SONAR_FRONT_M = 0.175
 """The front ultrasonic stands this far ahead of midway between the axles. Source: ucboard."""
 SIDE_SONAR_X_M = WHEELBASE_M / 2
-"""Side ultrasonics ahead of the rear axle."""
+"""The side ultrasonics stand this far ahead of the rear axle."""
 FRONT_SONAR_X_M = SIDE_SONAR_X_M + SONAR_FRONT_M
-"""Front ultrasonic ahead of the rear axle."""
+"""The front ultrasonic stands this far ahead of the rear axle."""
 
 MARKER_SIZE_M = 0.18
 """Edge of an ArUco marker's black square. Source: era."""
 MARKER_BOARD_WIDTH_M = 0.24
-"""Edge of its board: a quiet zone of one module (0.03 m) on each side of the marker."""
+"""Edge of a marker's board: a quiet zone of one module (0.03 m) on each side of the black square."""
 MARKER_MODULES = 6
 """Cells along the edge of a marker's black square."""
 MARKER_QUIET_MODULES = 1
 """White cells between the black square and the edge of its board."""
 
 HALL_METRES_PER_TICK = 0.02513
-"""Way of a tick of the hall sensor: 8 magnets on the rear left wheel. Source: ucboard."""
+"""The rim of the rear left wheel travels this far from one tick of the hall sensor to the next: 8 magnets, 2 pi 0.032
+/ 8. Source: ucboard."""
 
 
 def steering_play(speed: float) -> float:
     """Play of the steering at a speed [m/s], in units of steering: play / sqrt(1 + (v / v0)^2).
 
-    It is the law of `tral_env.actuation.scrub_torque`, over the stiffness of the servo saver and the full lock.
+    The formula is that of `tral_env.actuation.scrub_torque`, divided by the stiffness of the servo saver and the full
+    lock.
     """
     return STEERING_PLAY / math.sqrt(1.0 + (speed / SCRUB_SPEED) ** 2)
 

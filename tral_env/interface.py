@@ -1,4 +1,4 @@
-"""The waist of the house: what a policy is told (readings) and what it answers (a command).
+"""The one interface of cars and policies: what a policy is told (readings) and what it answers (a command).
 
 The simulated car, the real car and every policy meet here and nowhere else. Frame: x forward, y left, z up, angles
 counter-clockwise (REP 103), origin on the ground below the middle of the rear axle. SI units.
@@ -23,6 +23,7 @@ BoolArray = NDArray[np.bool_]
 CONTROL_RATE_HZ = 80.0
 """Commands per second. Source: PID_S = 0.0125 s of the 2016 controllers."""
 CONTROL_PERIOD_S = 1.0 / CONTROL_RATE_HZ
+"""Time from one command to the next."""
 
 MAX_AGE_S = 10.0
 """A reading of this age or older, or one that never came, has this age."""
@@ -43,18 +44,21 @@ class Field:
 
     name: str
     unit: str
+    """SI; empty for a number without a unit."""
     low: float
+    """Lower bound of the observation space; a smaller value is raised to it."""
     high: float
+    """Upper bound of the observation space; a larger value is lowered to it."""
     missing: float
     """Value before anything has been measured ("nothing seen")."""
     meaning: str
 
 
-def _ages(name: str, what: str) -> Field:
+def _age(name: str, what: str) -> Field:
     return Field(name=name, unit="s", low=0.0, high=MAX_AGE_S, missing=MAX_AGE_S, meaning=f"age of {what}")
 
 
-def _sighting(prefix: str, what: str, axis: str) -> tuple[Field, ...]:
+def _detection(prefix: str, what: str, axis: str) -> tuple[Field, ...]:
     return (
         Field(
             name=f"{prefix}_id",
@@ -67,7 +71,7 @@ def _sighting(prefix: str, what: str, axis: str) -> tuple[Field, ...]:
         Field(name=f"{prefix}_x", unit="m", low=-20.0, high=20.0, missing=0.0, meaning=f"position of {what}, forward"),
         Field(name=f"{prefix}_y", unit="m", low=-20.0, high=20.0, missing=0.0, meaning=f"position of {what}, left"),
         Field(name=f"{prefix}_heading", unit="rad", low=-np.pi, high=np.pi, missing=0.0, meaning=axis),
-        _ages(f"{prefix}_age", f"that sighting: time since the image of {what} was exposed"),
+        _age(f"{prefix}_age", f"that detection: time since the image of {what} was exposed"),
     )
 
 
@@ -84,7 +88,7 @@ CORE_FIELDS: tuple[Field, ...] = (
         for side in ("left", "front", "right")
     ),
     *(
-        _ages(f"ultrasonic_{side}_age", f"the {side} range, since the sensor fired")
+        _age(f"ultrasonic_{side}_age", f"the {side} range, since the sensor fired")
         for side in ("left", "front", "right")
     ),
     Field(
@@ -96,12 +100,12 @@ CORE_FIELDS: tuple[Field, ...] = (
         meaning="distance travelled since reset, counted by the hall sensor, which knows no direction",
     ),
     Field(name="speed", unit="m/s", low=0.0, high=5.0, missing=0.0, meaning="speed from the hall sensor, without sign"),
-    *_sighting(
+    *_detection(
         "gate",
         "the middle of the nearest gate in view",
         "heading of the gate's axis: 0 = the car points straight through",
     ),
-    *_sighting(
+    *_detection(
         "marker",
         "the nearest single marker in view",
         "heading into the marker: 0 = the car points straight at its face",
@@ -167,7 +171,7 @@ class Layout:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the columns."""
+        """Names of the fields, in the order of the columns."""
         return tuple(field.name for field in self.fields)
 
     @property
@@ -256,9 +260,12 @@ class Layout:
 
 
 CORE_LAYOUT = Layout()
+"""The layout without optional groups."""
 
-STEERING, THROTTLE = 0, 1
-"""Columns of an action."""
+STEERING = 0
+"""An action has the steering in this column."""
+THROTTLE = 1
+"""An action has the throttle in this column."""
 
 
 def action_space() -> spaces.Box:
@@ -270,7 +277,7 @@ class Policy(Protocol):
     """Anything that drives: a state machine, a trained network, a person with a controller."""
 
     def reset(self, n: int = 1) -> None:
-        """Start anew with n cars."""
+        """Forget all drives, and start anew with n cars."""
 
     def act(self, observation: NDArray[np.floating]) -> NDArray[np.float32]:
         """Command for each car.

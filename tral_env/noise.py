@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LENGTH = 4096
-"""Draws of each kind that a row keeps; the tapes are read round and round."""
+"""A row keeps this many draws of each kind; after the last one it reads the first one again."""
 
 
 class NoiseTape:
@@ -27,15 +27,16 @@ class NoiseTape:
         rng.standard_normal(out=self._normal[row])
         self._cursor[row] = 0
 
-    def _columns(self, rows: NDArray[np.int64], k: int) -> NDArray[np.int64]:
+    def _advance(self, rows: NDArray[np.int64], k: int) -> NDArray[np.int64]:
+        """Move the cursors of the rows on by k, and give the columns that they passed, (len(rows), k)."""
         columns: NDArray[np.int64] = (self._cursor[rows, None] + np.arange(k)) % self._uniform.shape[1]
         self._cursor[rows] += k
         return columns
 
     def uniform(self, rows: NDArray[np.int64], k: int) -> NDArray[np.float64]:
         """Next k numbers in [0, 1) of each of the rows, shape (len(rows), k)."""
-        return self._uniform[rows[:, None], self._columns(rows, k)]
+        return self._uniform[rows[:, None], self._advance(rows, k)]
 
     def normal(self, rows: NDArray[np.int64], k: int) -> NDArray[np.float64]:
         """Next k standard normal numbers of each of the rows, shape (len(rows), k)."""
-        return self._normal[rows[:, None], self._columns(rows, k)]
+        return self._normal[rows[:, None], self._advance(rows, k)]

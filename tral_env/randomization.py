@@ -4,7 +4,7 @@
 | --- | --- |
 | none | the nominal car: unit tests, system identification, first steps |
 | default | cars as they are: what a policy must cope with |
-| hard | cars as one fears them |
+| hard | the worst cars that a policy may meet |
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Randomization:
     sonar_cadence_s: Range = (0.065, 0.065)
     """Time from one ranging to the next, s. Source: SRF08, 65 ms."""
     sonar_together: Range = (0.0, 0.0)
-    """Above 0.5: the three sonars fire together and hear each other; else they fire in turn. Source: choice."""
+    """Above 0.5: the three sonars fire together and hear each other; else they fire apart. Source: choice."""
     sonar_outlier_rate: Range = (0.0, 0.0)
     """Share of readings that are nonsense. Source: report ("many outliers")."""
     hall_miss_rate: Range = (0.0, 0.0)
@@ -69,11 +69,11 @@ class Randomization:
     camera_latency_s: Range = (0.03, 0.03)
     """From exposure to detection, s. Source: webcams of the era."""
     camera_roll_deg: Range = (0.0, 0.0)
-    """Mounting error, deg. Source: choice."""
+    """Mounting error of the camera about x, forward, deg. Source: choice."""
     camera_pitch_deg: Range = (0.0, 0.0)
-    """Mounting error, deg. Source: choice."""
+    """Mounting error of the camera about y, + looks down, deg. Source: choice."""
     camera_yaw_deg: Range = (0.0, 0.0)
-    """Mounting error, deg. Source: choice."""
+    """Mounting error of the camera about z, + looks left, deg. Source: choice."""
     image_degradation: Range = (0.0, 0.0)
     """Noise, blur and wrong exposure of the camera image: 0 none, 1 mild, 3 strong, 10 at most. Source: choice."""
 
@@ -98,7 +98,7 @@ class Randomization:
         return names, low, high - low
 
     def fixed(self, **values: float) -> Randomization:
-        """The same with some parameters fixed.
+        """The same ranges with some parameters fixed.
 
         Raises:
             ConfigError: unknown parameter.
@@ -182,7 +182,7 @@ LEVELS: Mapping[str, Randomization] = {
 
 
 def level(randomization: str | Randomization | Mapping[str, Any]) -> Randomization:
-    """The level of that name, or the given one; a mapping of ranges is what comes back from a spec's JSON.
+    """Find a level by name, or take over ranges; a mapping of ranges is what the JSON of an environment's spec holds.
 
     Raises:
         ConfigError: unknown name.

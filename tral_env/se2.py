@@ -25,7 +25,10 @@ def wrap(angle: Number) -> Number:
 
 
 def rotate(cos: Number, sin: Number, x: Number, y: Number) -> tuple[Number, Number]:
-    """A vector turned by an angle of which cosine and sine are known: R v."""
+    """Turn a vector by an angle whose cosine and sine are known: R v, R = [[cos, -sin], [sin, cos]].
+
+    With -sin in place of sin it turns back: R^T v.
+    """
     return cos * x - sin * y, sin * x + cos * y
 
 

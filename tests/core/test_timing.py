@@ -31,7 +31,7 @@ def test_a_range_is_published_when_the_next_ranging_begins() -> None:
 def test_an_image_is_known_after_its_latency_and_grows_old() -> None:
     eyes = CameraPipeline(1, rate_hz=15.0)
     eyes.reset(ROW, np.array([0.05]))
-    assert eyes.due(ROW, np.array([0.0])).tolist() == [0]
+    assert eyes.trigger(ROW, np.array([0.0])).tolist() == [0]
     eyes.expose(ROW, np.array([0.0]), sighting(3.0, 7.0))
     eyes.deliver(np.array([0.0375]))
     assert eyes.readings(np.array([0.0375]))["gate_id"][0] == -1.0
@@ -46,7 +46,7 @@ def test_images_of_a_slow_camera_arrive_one_by_one(rate_hz: float) -> None:
     eyes.reset(ROW, np.array([0.4]))
     ages = []
     for time_s in np.arange(160)[:, None] * 0.0125:
-        if len(eyes.due(ROW, time_s)):
+        if len(eyes.trigger(ROW, time_s)):
             eyes.expose(ROW, time_s, sighting(3.0, 7.0))
         eyes.deliver(time_s)
         ages.append(eyes.readings(time_s)["gate_age"][0])
@@ -55,7 +55,7 @@ def test_images_of_a_slow_camera_arrive_one_by_one(rate_hz: float) -> None:
 
 def test_a_camera_of_15_hz_exposes_15_images_a_second() -> None:
     eyes = CameraPipeline(1, rate_hz=15.0)
-    images = sum(len(eyes.due(ROW, np.array([tick * 0.0125]))) for tick in range(800))
+    images = sum(len(eyes.trigger(ROW, np.array([tick * 0.0125]))) for tick in range(800))
     assert images == 150
 
 

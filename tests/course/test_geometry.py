@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from probe import CELL, flat, flooded, hidden, leaks, overlaps
 
-from tral_env.course.frames import place
+from tral_env.course.frames import place_segments
 from tral_env.course.furniture import WALL_THICKNESS
 from tral_env.course.generate import SCENARIOS, generate_plan
 from tral_env.course.geometry import build_plan
@@ -134,7 +134,7 @@ def test_a_crossing_can_go_without_a_sign():
 @given(seed=st.integers(0, 2**32))
 def test_a_sign_is_in_view_2_5_m_before_its_crossing(seed: int):
     course, plan = generate_plan("crossing", np.random.default_rng(seed))
-    crossings = [frame for frame in place(course) if frame.segment.branches]
+    crossings = [frame for frame in place_segments(course) if frame.segment.branches]
     assert len(crossings) == len(plan.marker_id)
     for frame, face, yaw in zip(crossings, plan.marker_position[:, :2], plan.marker_yaw, strict=True):
         eye = np.array(frame.point(frame.clear_to - 2.5, 0.0))

@@ -13,7 +13,7 @@ from tral_env.course.generate import SCENARIOS, generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, example_names, example_path
 from tral_env.course.plan import Plan
-from tral_env.course.route import CLEARANCE, CORNER_RADIUS, bends, clearance, headings
+from tral_env.course.route import CLEARANCE, CORNER_RADIUS, clearance, curvatures, headings
 
 CAR = CarConfig()
 FULL_LOCK = np.tan(CAR.full_lock) / CAR.wheelbase
@@ -44,7 +44,7 @@ def test_generated_routes_can_be_driven(family: str, seed: int):
     steps = np.diff(plan.route_s)
     assert steps.max() <= 0.1
     assert steps.min() > 0
-    assert np.abs(bends(plan.route)).max() <= FULL_LOCK
+    assert np.abs(curvatures(plan.route)).max() <= FULL_LOCK
     assert clearance(plan) >= CLEARANCE
 
 
@@ -70,7 +70,7 @@ def test_a_route_ends_at_the_goal_line_before_the_end_wall():
 def test_a_corner_is_an_arc_that_the_car_can_steer():
     plan = plan_of({"length": 6, "then": "left"}, {"length": 6})
     assert plan.length == pytest.approx(5 + 5 - 2 * CORNER_RADIUS + CORNER_RADIUS * np.pi / 2, abs=0.01)
-    assert bends(plan.route).max() == pytest.approx(1 / CORNER_RADIUS, rel=0.01)
+    assert curvatures(plan.route).max() == pytest.approx(1 / CORNER_RADIUS, rel=0.01)
 
 
 def test_a_closed_route_is_one_lap_that_ends_where_it_begins():

@@ -18,18 +18,18 @@ Image = NDArray[np.uint8]
 Kind = Literal["charuco", "chessboard"]
 
 DICTIONARY = cv2.aruco.DICT_5X5_50
-"""Of the board's markers. Not the gates' own, so that a board left in view is never taken for a gate."""
+"""The markers of a board come from this dictionary: not that of the gates, so that no board is taken for a gate."""
 MODULES = 7
-"""Cells along the edge of such a marker: five of code between two of border."""
-USUAL: dict[Kind, tuple[int, int, float]] = {"charuco": (7, 5, 36.0), "chessboard": (10, 7, 25.0)}
-"""Columns, rows and edge of a square, mm, of each board when nothing else is said: it fills a page of A4."""
+"""A marker of a board has so many cells along its edge: five of code between two of border."""
+DEFAULT_SIZES: dict[Kind, tuple[int, int, float]] = {"charuco": (7, 5, 36.0), "chessboard": (10, 7, 25.0)}
+"""Each board has so many columns and rows, and squares of this edge, mm, by default: it fills a page of A4."""
 _LENGTHS = (1e-4, 100.0)
-"""Shortest and longest edge, m: OpenCV counts in single precision."""
+"""An edge is at least and at most this long, m: OpenCV counts in single precision."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Board:
-    """A flat board of squares; its frame: origin in the upper left corner, x right, y down, z into the board."""
+    """A flat board of squares; its frame has its origin in the upper left corner, x right, y down, z into the board."""
 
     kind: Kind = "charuco"
     """"charuco": markers in the white squares tell the corners apart, so a part of the board is enough; "chessboard":
@@ -69,18 +69,18 @@ class Board:
 
     @property
     def size(self) -> tuple[float, float]:
-        """Width and height of all squares, m."""
+        """Width and height of the squares all together, m."""
         return self.columns * self.square, self.rows * self.square
 
     @cached_property
     def corners(self) -> Array:
-        """(k, 3) m: the inner corners, row by row; a corner's index is its id."""
+        """Inner corners, row by row, (k, 3) m; a corner's index is its id."""
         y, x = np.mgrid[1 : self.rows, 1 : self.columns] * self.square
         return np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
 
     @cached_property
     def black(self) -> Array:
-        """(r, 4) m: what is black, as rectangles x, y, width, height that do not overlap."""
+        """What is black, as rectangles x, y, width, height that do not overlap, (r, 4) m."""
         y, x = np.mgrid[: self.rows, : self.columns]
         dark = (x + y) % 2 == 0
         squares = [
@@ -96,11 +96,11 @@ class Board:
         return np.concatenate(inked)
 
     def image(self, pixels_per_metre: float, margin: float = 0.0) -> Image:
-        """The board seen straight on, (h, w) grey; pixels that are partly black are grey by that share.
+        """Draw the board as seen straight on, (h, w) uint8; a pixel that is partly black is grey by that share.
 
         Args:
-            pixels_per_metre: px for a metre.
-            margin: white around it, m.
+            pixels_per_metre: resolution, px/m.
+            margin: width of the white around the board, m.
         """
         width, height = (round((length + 2 * margin) * pixels_per_metre) for length in self.size)
         ink = np.zeros((height, width))
@@ -110,13 +110,13 @@ class Board:
         return np.rint(255 * (1 - np.clip(ink, 0, 1))).astype(np.uint8)
 
     def find(self, image: Image) -> tuple[NDArray[np.int64], Array]:
-        """Corners in an image.
+        """Find the board's corners in an image.
 
         Args:
             image: (h, w) grey, uint8.
 
         Returns:
-            ids (k,) and pixels (k, 2); nothing found: k = 0.
+            ids (k,) and pixels (k, 2); k = 0 where no board is seen.
         """
         found, ids = self._find_charuco(image) if self.kind == "charuco" else self._find_chessboard(image)
         if found is None or ids is None or not len(ids):
@@ -137,9 +137,9 @@ class Board:
         return found, ids if self._starts_black(image, found) else ids[::-1]
 
     def _refined(self, image: Image, found: NDArray[Any]) -> Array:
-        """Corners moved to where the edges cross.
+        """Move corners, (k, 2) px, to where the edges cross.
 
-        As found they make focal lengths 0.2 % too long, which is six times their standard deviation.
+        As OpenCV finds them they make focal lengths 0.2 % too long, which is six times their standard deviation.
         """
         side = float(np.linalg.norm(np.diff(found.reshape(self.rows - 1, -1, 2), axis=1), axis=2).min())
         reach = max(2, min(int(side / 3), 8))
@@ -147,7 +147,7 @@ class Board:
         return np.asarray(cv2.cornerSubPix(image, found, (reach, reach), (-1, -1), until), np.float64)
 
     def _starts_black(self, image: Image, found: Array) -> bool:
-        """Whether the first corner found is the one beside the black square, or the board was read from its end."""
+        """Whether the square above and left of the first corner is the black one; else the board was read backwards."""
         across, down = (found[1] - found[0]) / 2, (found[self.columns - 1] - found[0]) / 2
         height, width = image.shape
         middles = np.rint([found[0] - across - down, found[0] + across - down]).astype(int)
@@ -156,12 +156,12 @@ class Board:
 
 
 def marker_ink(dictionary: int, marker: int, modules: int) -> Array:
-    """What is black of a marker, (r, 4): x, y, width, height of bars in units of its edge, that do not overlap.
+    """What is black of a marker: x, y, width, height of bars that do not overlap, (r, 4) in units of its edge.
 
     Args:
-        dictionary: one of OpenCV's.
-        marker: id.
-        modules: cells along the edge, border included.
+        dictionary: number of a dictionary of OpenCV.
+        marker: id of the marker.
+        modules: cells along its edge, border included.
     """
     code = cv2.aruco.generateImageMarker(cv2.aruco.getPredefinedDictionary(dictionary), marker, modules)
     bars = []
@@ -180,7 +180,7 @@ def _charuco_detector(board: Board) -> Any:
 
 
 def _share(start: float, end: float, count: int) -> tuple[slice, Array]:
-    """Which of `count` pixels lie between two places, and how much of each."""
+    """Which of `count` pixels lie between two places, and the share of each that does."""
     first, last = max(math.floor(start), 0), min(math.ceil(end), count)
     edges = np.arange(first, last)
     return slice(first, last), np.clip(np.minimum(edges + 1, end) - np.maximum(edges, start), 0, 1)
@@ -193,14 +193,14 @@ def printed_board(
     square_mm: float | None = None,
     marker_mm: float | None = None,
 ) -> Board:
-    """A board measured in millimetres; what is left out is as `USUAL` says, a marker 7/9 of a square.
+    """Make a board from millimetres; `DEFAULT_SIZES` gives what is left out, and a marker is 7/9 of a square.
 
     Raises:
         ConfigError: there is no such board.
     """
-    if kind not in USUAL:
-        raise ConfigError(f"unknown board {kind!r}: {nearest(kind, USUAL)}")
-    usual = USUAL[kind]
-    square = (usual[2] if square_mm is None else square_mm) / 1000
+    if kind not in DEFAULT_SIZES:
+        raise ConfigError(f"unknown board {kind!r}: {nearest(kind, DEFAULT_SIZES)}")
+    default = DEFAULT_SIZES[kind]
+    square = (default[2] if square_mm is None else square_mm) / 1000
     marker = square * 28 / 36 if marker_mm is None else marker_mm / 1000
-    return Board(kind=kind, columns=columns or usual[0], rows=rows or usual[1], square=square, marker=marker)
+    return Board(kind=kind, columns=columns or default[0], rows=rows or default[1], square=square, marker=marker)

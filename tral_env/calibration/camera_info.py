@@ -1,7 +1,7 @@
-"""Lenses by name and as files: the YAML that ROS calls camera_info, written and read.
+"""Lenses by name and as files: the YAML that ROS calls camera_info, written and read without OpenCV or ROS.
 
-Needs neither OpenCV nor ROS. The mounting, the frame rate and the size of markers are not part of such a file: they are
-those of `CameraConfig`.
+Such a file says nothing of the mounting, the frame rate and the size of markers; these are the defaults of
+`CameraConfig`.
 """
 
 from __future__ import annotations
@@ -19,30 +19,28 @@ from tral_env.config import WIDE_LENS, CameraConfig, as_config
 from tral_env.errors import CalibrationError, ConfigError, nearest
 
 LENSES = {"default": CameraConfig(), "wide": WIDE_LENS}
-"""Lenses that have a name."""
+"""These lenses have a name."""
 
 _SUFFIXES = (".yaml", ".yml")
 _MODELS = {"plumb_bob": 5, "radtan": 5, "rational_polynomial": 8}
-"""Distortion models that can be read -> coefficients. Of the third, only what the first could say."""
+"""A file may name one of these distortion models, with so many coefficients; beyond the fifth all have to be 0."""
 _REQUIRED = ("image_width", "image_height", "camera_matrix", "distortion_model", "distortion_coefficients")
-
-
-_MOST_PIXELS = 65535
-"""Across or down."""
+_MAX_PIXELS = 65535
+"""An image has at most so many pixels across or down."""
 _SHORT = reprlib.Repr()
-"""Tells what was got: a few lines of YAML can mean millions of values."""
+"""An error tells by this what was got: a few lines of YAML can mean millions of values."""
 _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxstring = 2, 9, 60
 
 
 def load_lens(source: str | Path | CameraConfig | Mapping[str, Any] | None) -> CameraConfig:
-    """A lens, wherever one is named.
+    """Find a lens by its name, by its file, or as it is.
 
     Args:
         source: "default", "wide", path of a camera_info file (.yaml, .yml), a configuration or a mapping of its values;
             None: the default.
 
     Raises:
-        ConfigError: no such name, or nothing of these.
+        ConfigError: there is no such name, or the source is none of these.
         CalibrationError: the file cannot be used.
     """
     if isinstance(source, str) and not source.lower().endswith(_SUFFIXES):
@@ -58,8 +56,8 @@ def read_camera_info(path: str | Path) -> CameraConfig:
     """Read a lens from a camera_info file.
 
     Raises:
-        CalibrationError: no such file, no YAML, something is missing or of the wrong form, or another model of
-            distortion than plumb_bob.
+        CalibrationError: the file cannot be read, is no YAML, lacks something or has it in the wrong form, or needs
+            another model of distortion than plumb_bob.
     """
     try:
         text = Path(path).read_text("utf-8")
@@ -72,8 +70,8 @@ def parse_camera_info(text: str, where: str) -> CameraConfig:
     """Read a lens from the text of a camera_info file.
 
     Args:
-        text: YAML.
-        where: what to call it in an error message.
+        text: the YAML.
+        where: name of the file in error messages.
 
     Raises:
         CalibrationError: see `read_camera_info`.
@@ -114,7 +112,7 @@ def parse_camera_info(text: str, where: str) -> CameraConfig:
 
 
 def _distortion(content: Mapping[str, Any], where: str) -> tuple[float, ...]:
-    """k1, k2, p1, p2, k3."""
+    """Read the coefficients k1, k2, p1, p2, k3."""
     model = content["distortion_model"]
     if not isinstance(model, str) or model not in _MODELS:
         raise CalibrationError(
@@ -133,6 +131,7 @@ def _distortion(content: Mapping[str, Any], where: str) -> tuple[float, ...]:
 
 
 def _numbers(matrix: Any, where: str, lengths: tuple[int, ...]) -> list[float]:
+    """Read the numbers of a matrix that has one of these lengths."""
     data = matrix.get("data") if isinstance(matrix, dict) else None
     if not isinstance(data, list) or len(data) not in lengths:
         allowed = " or ".join(str(length) for length in sorted(set(lengths)))
@@ -152,19 +151,17 @@ def _number(value: Any, where: str) -> float:
 
 
 def _whole(value: Any, where: str) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= _MOST_PIXELS:
-        raise CalibrationError(
-            f"{where} = {_SHORT.repr(value)}: expected a whole number of pixels, 1 to {_MOST_PIXELS}"
-        )
+    if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= _MAX_PIXELS:
+        raise CalibrationError(f"{where} = {_SHORT.repr(value)}: expected a whole number of pixels, 1 to {_MAX_PIXELS}")
     return value
 
 
 def camera_info(camera: CameraConfig, name: str = "camera") -> str:
-    """Text of a camera_info file; read again it gives the same lens to the last bit.
+    """Write the text of a camera_info file, which gives the same lens to the last bit when it is read again.
 
     Args:
         camera: the lens.
-        name: of the camera.
+        name: name of the camera.
     """
     fx, fy, cx, cy = camera.fx, camera.fy, camera.cx, camera.cy
     content = {
@@ -185,12 +182,12 @@ def _matrix(rows: int, columns: int, values: list[float]) -> dict[str, Any]:
 
 
 def write_camera_info(path: Path, camera: CameraConfig, name: str = "camera") -> None:
-    """Write a camera_info file at once: it is whole, or what was there before is still there; a link stays one.
+    """Write a camera_info file as a whole: if that fails, the old file is still there; a link stays one.
 
     Args:
-        path: file.
+        path: the file.
         camera: the lens.
-        name: of the camera.
+        name: name of the camera.
 
     Raises:
         ConfigError: the file cannot be written.

@@ -15,19 +15,21 @@ from tral_env.errors import ConfigError, HardwareError
 Image = NDArray[np.uint8]
 
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp")
+"""A file with one of these suffixes is an image."""
 VIDEOS = (".mp4", ".avi", ".mkv", ".mov", ".webm", ".m4v")
+"""A file with one of these suffixes is a video."""
 DEVICE = "/dev/video"
-"""A source that begins so is a camera; it ends only when nobody asks for more."""
+"""A source that begins so is a camera; it gives images until the caller stops asking."""
 
 
 def find_sources(sources: Sequence[str]) -> list[str]:
-    """Files and cameras that are meant: folders and patterns are replaced by what is in them, sorted by name.
+    """Replace folders and patterns by the files that are in them, sorted by name.
 
     Args:
         sources: images, videos, folders, patterns such as "shots/*.png", or a camera such as "/dev/video0".
 
     Raises:
-        ConfigError: one of them is not there, or holds or is nothing that can be read.
+        ConfigError: a source is not there, holds no image or video, or is neither.
     """
     return [found for source in sources for found in _expand(source)]
 
@@ -51,11 +53,11 @@ def _expand(source: str) -> list[str]:
 
 
 def read_images(sources: Sequence[str], every: int = 1) -> Iterator[tuple[str, Image | None]]:
-    """Name and image of each frame, (h, w, 3) BGR; None for an image or video that cannot be read.
+    """Read images one after the other: name and (h, w, 3) BGR; None for an image or video that cannot be read.
 
     Args:
         sources: what `find_sources` gave.
-        every: of a video or a camera, one in so many frames.
+        every: one in so many frames of a video or a camera counts.
 
     Raises:
         HardwareError: a camera cannot be opened, or stops.
@@ -70,7 +72,7 @@ def read_images(sources: Sequence[str], every: int = 1) -> Iterator[tuple[str, I
 def _still(source: str) -> Image | None:
     try:
         image = cv2.imread(source, cv2.IMREAD_COLOR)
-    except cv2.error:  # of a damaged header: it says that the image is larger than any can be
+    except cv2.error:  # a damaged header can claim an image larger than OpenCV takes
         return None
     return None if image is None else np.asarray(image, np.uint8)
 

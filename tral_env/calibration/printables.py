@@ -1,4 +1,4 @@
-"""What there is to print: calibration boards, and the markers of signs and gates."""
+"""Pages to print: calibration boards, and the markers of signs and gates."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from tral_env.perception.aruco import DICTIONARY
 from tral_env.perception.gate import DICTIONARY_SIZE
 
 EDGE_MM = 8.0
-"""White that stays at the edges of a board's page: most printers leave out 4 to 6 mm."""
+"""The edges of a board's page stay white for this much: most printers leave out 4 to 6 mm."""
 FOOT_MM = 18.0
-"""Below, with ruler and text."""
+"""The foot of a board's page, with ruler and text, is this high."""
 FOOT_LEFT_MM = 20.0
-"""Ruler and text begin here at the latest, so that they end on the page beside a small board too."""
+"""Ruler and text begin at most this far from the left edge, so that they end on the page below a small board too."""
 MIN_QUIET = 0.5
-"""White around a marker, in cells, that the detector needs: with a quarter on a black wall it loses markers between 10
+"""The detector needs so many cells of white around a marker: with a quarter on a black wall it loses markers between 10
 and 14 px that it reads with this."""
 SIZE_MM = 1000 * MARKER_SIZE_M
-"""Edge of the black square of a gate's marker."""
+"""The black square of a gate's marker has this edge."""
 
 
 def board_sheet(board: Board, paper: str = "A4") -> Sheet:
-    """A calibration board on one page, upright or lying, as it fits.
+    """Put a calibration board on one page, lying if that fits and else upright.
 
     Raises:
-        ConfigError: it does not fit; the message says what would.
+        ConfigError: the board does not fit; the message says which would.
     """
     width, height = (1000 * length for length in board.size)
     for landscape in (True, False):
@@ -55,16 +55,16 @@ def board_sheet(board: Board, paper: str = "A4") -> Sheet:
 
 
 def marker_sheet(marker: int, size_mm: float = SIZE_MM, paper: str = "A4", note: str = "") -> Sheet:
-    """A marker of DICT_4X4_50 on one page, as high up as its white border allows.
+    """Put a marker of DICT_4X4_50 on one page, as high up as its white border allows.
 
     Args:
-        marker: id.
+        marker: id of the marker.
         size_mm: edge of the black square.
         paper: "A4" or "A3".
-        note: printed beside the id.
+        note: a text beside the id.
 
     Raises:
-        ConfigError: no such marker, or it does not fit with the white it needs.
+        ConfigError: there is no such marker, or it does not fit with the white that it needs.
     """
     if not 0 <= marker < DICTIONARY_SIZE:
         raise ConfigError(f"marker {marker}: DICT_4X4_50 has 0 to {DICTIONARY_SIZE - 1}")
@@ -94,17 +94,17 @@ def marker_sheet(marker: int, size_mm: float = SIZE_MM, paper: str = "A4", note:
 
 
 def gate_sheets(gate: int, size_mm: float = SIZE_MM, paper: str = "A4") -> list[Sheet]:
-    """The left and the right marker of a gate, a page each.
+    """Put the left and the right marker of a gate on a page each.
 
     Raises:
-        ConfigError: no such gate, or a marker does not fit.
+        ConfigError: there is no such gate, or a marker does not fit.
     """
     gates = len(GATE_MARKER_IDS) // 2
     if not 0 <= gate < gates:
         raise ConfigError(f"gate {gate}: there are 0 to {gates - 1}")
     sides = ("left", "right")
     return [
-        marker_sheet(2 * gate + i, size_mm, paper, f"gate {gate}, {side} of who drives through")
+        marker_sheet(2 * gate + i, size_mm, paper, f"gate {gate}, {side} in driving direction")
         for i, side in enumerate(sides)
     ]
 

@@ -1,4 +1,4 @@
-"""A calibration as a record, and how far a lens that was found is from the true one."""
+"""A calibration as a record for JSON, and the distance of the lens that was found from the true one."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ def parameters(camera: CameraConfig) -> dict[str, float]:
 
 
 def calibration_record(result: Calibration, truth: CameraConfig | None = None) -> dict[str, Any]:
-    """What is to be known about a calibration, ready for JSON.
+    """Tell all about a calibration, ready for JSON.
 
     Args:
         result: the calibration.
-        truth: the lens that it should have found, if that is known.
+        truth: the lens that it should have found; None: it is not known.
     """
     found = parameters(result.camera)
     record: dict[str, Any] = {
@@ -62,7 +62,7 @@ def calibration_record(result: Calibration, truth: CameraConfig | None = None) -
 
 
 def difference_px(found: CameraConfig, true: CameraConfig) -> tuple[float, float]:
-    """How far apart two lenses see the same, mean and maximum over the pixels of the second."""
+    """Distance between what two lenses make of the same ray, px: mean and maximum over the pixels of the second."""
     columns, rows = np.arange(true.width, dtype=np.float64), np.arange(true.height, dtype=np.float64)
     pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
     points = np.column_stack([pixel_rays(pixels, true), np.ones(len(pixels))])

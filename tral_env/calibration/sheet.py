@@ -1,4 +1,4 @@
-"""Pages to be printed at true size: black areas, thin lines and text, in millimetres; as SVG or PDF."""
+"""Pages to print at true size, as SVG or PDF: black areas, thin lines and text, in millimetres."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 PAPERS = {"A4": (210.0, 297.0), "A3": (297.0, 420.0)}
-"""Width and height, mm, upright."""
+"""Each paper has this width and height, upright, mm."""
 RULER_MM = 100.0
+"""The ruler on each page is this long."""
 _MM_PER_INCH = 25.4
 _POINTS_PER_INCH = 72.0
 _LINE_MM = 0.2
@@ -35,21 +36,21 @@ class Text:
     y: float
     text: str
     height: float = 3.5
-    """Of the type, mm."""
+    """Size of its type, mm."""
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """One page. x to the right and y down from its upper left corner, mm."""
+    """One page; x counts to the right and y down from its upper left corner, mm."""
 
     name: str
-    """For the file, when each page has its own."""
+    """Its part of the file's name, when each page has a file of its own."""
     width: float
     height: float
     ink: Array
-    """(r, 4) black rectangles: x, y, width, height."""
+    """Black rectangles, (r, 4): x, y, width, height."""
     lines: tuple[tuple[float, float, float, float], ...] = ()
-    """Thin lines: x, y, x, y."""
+    """Thin lines from x, y to x, y."""
     texts: tuple[Text, ...] = field(default=())
 
 
@@ -57,7 +58,7 @@ def paper_size(name: str, *, landscape: bool = False) -> tuple[float, float]:
     """Width and height of a paper, mm.
 
     Raises:
-        ConfigError: unknown paper.
+        ConfigError: there is no such paper.
     """
     if name.upper() not in PAPERS:
         raise ConfigError(f"unknown paper '{name}': {nearest(name.upper(), PAPERS)}")
@@ -66,11 +67,11 @@ def paper_size(name: str, *, landscape: bool = False) -> tuple[float, float]:
 
 
 def ruler(x: float, y: float) -> tuple[tuple[tuple[float, float, float, float], ...], Text]:
-    """A line of 100 mm with a stroke each 10 mm, and what it is for.
+    """Draw a line of 100 mm with a stroke each 10 mm, and tell what it is for.
 
     Args:
-        x: its left end, mm.
-        y: the line, mm; strokes rise 2 mm from it, its text stands 3.5 mm below.
+        x: place of its left end, mm.
+        y: place of the line, mm; strokes rise 2 mm from it, its text stands 3.5 mm below.
     """
     ticks = [(x + mm, y, x + mm, y - (2.0 if mm % 50 == 0 else 1.2)) for mm in np.arange(0.0, RULER_MM + 1, 10.0)]
     text = "This line is 100 mm long. If it is not, print again at 100 %, not fitted to the page."
@@ -78,9 +79,9 @@ def ruler(x: float, y: float) -> tuple[tuple[tuple[float, float, float, float], 
 
 
 def to_svg(sheet: Sheet) -> str:
-    """A page as SVG, one user unit a millimetre.
+    """Write a page as SVG, one user unit a millimetre.
 
-    All that is black is one path: as many rectangles side by side they would show hairlines between them.
+    All that is black is one path, because rectangles side by side would show hairlines between them.
     """
     path = "".join(f"M{x:.10g} {y:.10g}h{w:.10g}v{h:.10g}h{-w:.10g}z" for x, y, w, h in sheet.ink)
     lines = "".join(f"M{x:.10g} {y:.10g}L{u:.10g} {v:.10g}" for x, y, u, v in sheet.lines)
@@ -99,7 +100,7 @@ def to_svg(sheet: Sheet) -> str:
 
 
 def to_figure(sheet: Sheet) -> Figure:
-    """A page as a figure of its very size."""
+    """Draw a page as a figure of the same size."""
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
     from matplotlib.patches import PathPatch
@@ -123,10 +124,10 @@ def to_figure(sheet: Sheet) -> Figure:
 
 
 def page_suffix(out: Path) -> str:
-    """What kind of file it is, ".pdf" or ".svg".
+    """Kind of a file, ".pdf" or ".svg", by its name.
 
     Raises:
-        ConfigError: neither.
+        ConfigError: the name ends in neither.
     """
     suffix = out.suffix.lower()
     if suffix not in (".pdf", ".svg"):
@@ -135,17 +136,17 @@ def page_suffix(out: Path) -> str:
 
 
 def printed(sheets: Sequence[Sheet], out: Path) -> dict[Path, bytes]:
-    """What is to be written: a PDF with all pages, or an SVG for each.
+    """Make the files that hold pages: a PDF with all of them, or an SVG for each.
 
     Args:
         sheets: the pages.
         out: a .pdf or .svg; several SVGs get the names of their pages before the suffix.
 
     Returns:
-        Content by file.
+        Content of each file; nothing is written.
 
     Raises:
-        ConfigError: another suffix.
+        ConfigError: `out` has another suffix.
     """
     if page_suffix(out) == ".pdf":
         return {out: _pdf(sheets)}

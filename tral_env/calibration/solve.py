@@ -1,4 +1,4 @@
-"""From views of a board to a lens: fit, test on views it has not seen, and a verdict with advice."""
+"""From views of a board to a lens: the fit, its test on views that it has not seen, and a verdict with advice."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ from tral_env.errors import CalibrationError
 Array = NDArray[np.float64]
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+"""A lens has these numbers, in OpenCV's order."""
 FOLDS = 4
 """Each view is held out of one of so many fits."""
 MIN_VIEWS = 4
-"""Views without which nothing is fitted."""
+"""A fit needs at least so many views."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,29 +30,31 @@ class Limits:
     """What a good calibration keeps. Source: choice."""
 
     views: int = 12
-    """Views at least."""
+    """It has at least so many views."""
     covered: float = 0.5
-    """Share of the cells in each ninth of the image that hold a corner, at least."""
+    """At least this share of the cells in each ninth of the image holds a corner."""
     held_out_px: float = 0.6
-    """RMS error of views that were not fitted, px, for an image 640 px wide; in proportion for others."""
+    """The RMS error of views that were not fitted is at most this, px, for an image 640 px wide; in proportion for
+    others."""
     overfit: float = 1.5
-    """Held-out RMS over that of the fit, at most."""
+    """The RMS error of views that were not fitted is at most so many times that of the fit."""
     focal_std: float = 0.005
-    """Standard deviation of a focal length as a share of it, at most."""
+    """The standard deviation of a focal length is at most this share of it."""
     centre_std: float = 0.005
-    """Standard deviation of the principal point as a share of the image's width, at most."""
+    """The standard deviation of the principal point is at most this share of the image's width."""
     tilt_deg: float = 15.0
-    """Two views at least must be tilted by this much to each side: without tilt a short lens from near looks like a
-    long one from far."""
+    """At least two views are tilted by this much to each side: without tilt a short lens from near looks like a long
+    one from far."""
     distance_ratio: float = 1.4
-    """Distance of the farthest view over that of the nearest, at least."""
+    """The farthest view is at least so many times as far as the nearest."""
     outlier: float = 3.0
-    """A view with an error of so many times the median is left out,"""
+    """The fit leaves out a view whose error is above so many times the median and above `outlier_px`."""
     outlier_px: float = 0.5
-    """if the error is above this, px, for an image 640 px wide."""
+    """The fit leaves out no view whose error is at most this, px, for an image 640 px wide, in proportion else."""
 
 
 LIMITS = Limits()
+"""The limits of `tral calibrate`."""
 
 
 @dataclass(frozen=True)
@@ -66,40 +69,47 @@ class Calibration:
     held_out_px: float
     """The same over views that the fit had not seen (each fourth in turn), whose own pose alone was then fitted."""
     views: tuple[View, ...]
-    """Those that were used."""
+    """The views that were used."""
     errors_px: Array
-    """(views,) RMS error of each."""
+    """(views,) RMS error of each view."""
     normals: Array
     """(views, 3) direction into the board, in the camera's frame."""
     distances: Array
-    """(views,) m from the camera to the middle of the board, along its line of sight."""
+    """(views,) distance from the camera to the middle of the board, m."""
     rejected: tuple[Rejected, ...]
     """Images that were not used, and why."""
     advice: tuple[str, ...]
-    """What is wrong and what to do about it; empty: nothing."""
+    """What is wrong and what to do about it, a sentence each; empty: nothing is wrong."""
 
     @property
     def good(self) -> bool:
-        """The verdict."""
+        """Whether there is no advice: the verdict."""
         return not self.advice
 
     @property
     def coverage(self) -> NDArray[np.int64]:
-        """Corners in each cell of the image, see `calibration_views.coverage`."""
+        """Corners in each cell of the image, see `tral_env.calibration.views.coverage`."""
         return coverage(list(self.views), (self.camera.width, self.camera.height))
 
 
 @dataclass(frozen=True)
 class _Fit:
-    """A lens and the poses of the views it was fitted to."""
+    """A lens and the poses of the views that it was fitted to."""
 
     matrix: Array
+    """(3, 3) camera matrix, px."""
     distortion: Array
+    """(5,) k1, k2, p1, p2, k3."""
     turns: Sequence[Array]
+    """Rotation vector of each board."""
     shifts: Sequence[Array]
+    """Place of each board's origin, m."""
     deviation: Array
+    """(9,) standard deviation of each of `PARAMETERS`."""
     rms: float
+    """RMS error, px."""
     errors: Array
+    """(views,) RMS error of each view, px."""
 
 
 def calibrate(
@@ -111,24 +121,26 @@ def calibrate(
     rejected: Sequence[Rejected] = (),
     limits: Limits = LIMITS,
 ) -> Calibration:
-    """Fit a lens to views of a board; views whose error stands out are left out, one by one, the worst first.
+    """Fit a lens to views of a board, and leave out views whose error stands out, one by one, the worst first.
 
-    Method: OpenCV's bundle adjustment (Zhang 2000), distortion by its model of five numbers.
+    The fit finds the lens and the pose of each board with the least sum of squared distances between the corners seen
+    and the corners projected (bundle adjustment, from a closed-form start), with OpenCV's model of five distortion
+    numbers. Source: Z. Zhang, "A flexible new technique for camera calibration", IEEE PAMI 22(11), 2000.
 
     Args:
-        board: what was seen.
-        views: where its corners were.
+        board: the board.
+        views: places of its corners in each image.
         size: width and height of the images, px.
         radial: terms of radial distortion, 1 to 3. The third is for lenses beyond 100 degrees: on others it only makes
             the rest less certain.
-        rejected: images that were turned down before.
+        rejected: images that were rejected before.
         limits: what counts as good.
 
     Raises:
-        CalibrationError: fewer than 4 views, or none that fit together.
+        CalibrationError: there are fewer than 4 views, or no lens fits them.
     """
     used, outliers = list(views), list[Rejected]()
-    _enough(used, rejected)
+    _require_enough(used, rejected)
     fit = _fit(board, used, size, radial)
     while (worst := _outlier(fit, size, limits)) is not None and len(used) > MIN_VIEWS:
         view = used.pop(worst)
@@ -160,7 +172,8 @@ def calibrate_collection(collection: Collection, *, radial: int = 2, limits: Lim
     )
 
 
-def _enough(views: Sequence[View], rejected: Sequence[Rejected]) -> None:
+def _require_enough(views: Sequence[View], rejected: Sequence[Rejected]) -> None:
+    """Raise an error that tells why images were rejected, if too few views are left."""
     if len(views) < MIN_VIEWS:
         reasons: dict[str, int] = {}
         for one in rejected:
@@ -177,6 +190,7 @@ def _enough(views: Sequence[View], rejected: Sequence[Rejected]) -> None:
 
 
 def _fit(board: Board, views: Sequence[View], size: tuple[int, int], radial: int) -> _Fit:
+    """Fit a lens and the pose of each view's board, from nothing."""
     places = [np.asarray(board.corners[view.ids], np.float32) for view in views]
     pixels = [np.asarray(view.pixels, np.float32)[:, None] for view in views]
     flags = (cv2.CALIB_FIX_K3 if radial < 3 else 0) | (cv2.CALIB_FIX_K2 if radial < 2 else 0)
@@ -212,14 +226,14 @@ def _camera(fit: _Fit, size: tuple[int, int]) -> CameraConfig:
 
 
 def _outlier(fit: _Fit, size: tuple[int, int], limits: Limits) -> int | None:
-    """The worst view, if it stands out."""
+    """Index of the worst view, if it stands out."""
     worst = int(np.argmax(fit.errors))
     limit = max(limits.outlier * float(np.median(fit.errors)), limits.outlier_px * size[0] / 640)
     return worst if fit.errors[worst] > limit else None
 
 
 def _held_out(board: Board, views: Sequence[View], size: tuple[int, int], radial: int) -> float:
-    """RMS error of views that the fit has not seen, px."""
+    """RMS error, px, of views that the fit has not seen: cross-validation, in which only their own pose is fitted."""
     folds = min(FOLDS, len(views))
     squares = []
     for fold in range(folds):
@@ -241,11 +255,11 @@ _SIDES = (
     (1, 1, "its lower side"),
     (1, -1, "its upper side"),
 )
-"""Axis and sign of the direction into a board, and which side of it is then nearer to the camera."""
+"""A board whose direction leans along this axis with this sign has this side nearer to the camera."""
 
 
 def _advice(result: Calibration, limits: Limits) -> list[str]:
-    """What is wrong with a calibration and what to do about it, a sentence each."""
+    """Tell what is wrong with a calibration and what to do about it, a sentence each."""
     advice = []
     if len(result.views) < limits.views:
         advice.append(f"{len(result.views)} views were used: take {limits.views} or more")
@@ -256,7 +270,7 @@ def _advice(result: Calibration, limits: Limits) -> list[str]:
 
 
 def uncovered(counts: NDArray[np.int64], share: float = LIMITS.covered) -> list[str]:
-    """Ninths of the image in which less than a share of the cells holds a corner, by name."""
+    """Name the ninths of the image where less than a share of the cells holds a corner; `counts` as in `coverage`."""
     rows, columns = (cells // 3 for cells in counts.shape)
     held = (counts > 0).reshape(3, rows, 3, columns).mean(axis=(1, 3))
     return [_THIRDS[i][j] for i in range(3) for j in range(3) if held[i, j] < share]

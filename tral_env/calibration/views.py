@@ -1,4 +1,4 @@
-"""Views of a calibration board: which are of use, which are not and why, and what of the image they cover."""
+"""Views of a calibration board: which of them are of use, which are not and why, and how they cover the image."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 GRID = (9, 6)
-"""Cells of the coverage map across and down: three by two in each ninth of the image."""
+"""The coverage map has so many cells across and down: three by two in each ninth of the image."""
 MIN_CORNERS = 8
-"""A view with fewer says little about the lens and may not fix its own pose."""
+"""A view with fewer corners tells little about the lens and may not fix its own pose."""
 EDGE_PX = 5.0
 """Edges that take more pixels than this from black to white are blurred: motion, or out of focus. A sharp edge of a
 rendered or good camera takes 2 to 3. Images wider than 1280 px are allowed more in proportion."""
@@ -32,12 +32,13 @@ class View:
     """Corners of the board in one image."""
 
     name: str
+    """Name of the image."""
     ids: NDArray[np.int64]
-    """(k,) which corners of the board."""
+    """(k,) corners of the board, rows of `Board.corners`."""
     pixels: Array
-    """(k, 2) where they are."""
+    """(k, 2) their places in the image, px."""
     edge_px: float
-    """How many pixels an edge takes from black to white, along the direction in which it is most blurred."""
+    """An edge takes so many pixels from black to white, along the direction in which it is most blurred."""
 
 
 @dataclass(frozen=True)
@@ -45,12 +46,15 @@ class Rejected:
     """An image that is not used."""
 
     name: str
+    """Name of the image."""
     reason: str
     """One of `REASONS`."""
     detail: str
+    """What was got, and what is allowed."""
 
 
 REASONS = ("unreadable", "no board", "too few corners", "too blurred", "duplicate pose", "outlier error")
+"""An image is rejected for one of these, in the order of the checks."""
 
 
 @dataclass
@@ -64,14 +68,14 @@ class Collection:
     rejected: list[Rejected] = field(default_factory=list)
 
     def add(self, name: str, image: Image | None) -> View | Rejected:
-        """Look at an image.
+        """Look at an image, and keep it as a view or as a rejected one.
 
         Args:
-            name: what to call it in messages.
-            image: (h, w) grey or (h, w, 3) of any order of colours, uint8; None if it could not be read.
+            name: name of the image in messages.
+            image: (h, w) grey or (h, w, 3) of any order of colours, uint8; None: it could not be read.
 
         Raises:
-            CalibrationError: it has another size than the images before.
+            CalibrationError: the image has another size than the images before.
         """
         seen = self._look(name, image)
         if isinstance(seen, View):
@@ -109,20 +113,20 @@ class Collection:
         return view
 
     def coverage(self) -> NDArray[np.int64]:
-        """See `coverage`."""
+        """Corners in each cell of the image, as the function `coverage` counts them."""
         return coverage(self.views, self.size or (1, 1))
 
     def reasons(self) -> dict[str, int]:
-        """How many images were rejected for each reason."""
+        """Number of images rejected for each reason."""
         counts = Counter(one.reason for one in self.rejected)
         return {reason: counts[reason] for reason in REASONS if counts[reason]}
 
 
 def coverage(views: list[View], size: tuple[int, int]) -> NDArray[np.int64]:
-    """How many corners fell into each cell of the image.
+    """Count the corners in each cell of the image.
 
     Args:
-        views: the views.
+        views: views of a board.
         size: width and height of the image, px.
 
     Returns:
@@ -135,16 +139,16 @@ def coverage(views: list[View], size: tuple[int, int]) -> NDArray[np.int64]:
 
 
 def edge_width(board: Board, grey: Image, ids: NDArray[np.int64], pixels: Array) -> float:
-    """Pixels that an edge takes from black to white, median over the corners, the worse of its two edges.
+    """Pixels an edge takes from black to white: at each corner the worse of its two edges, and the median of these.
 
-    Contrast of a patch around the corner over the steepest change in it: 2 for the sharpest possible edge, m for motion
-    by m px, about sqrt(4 + 6 s^2) for a Gaussian blur of standard deviation s.
+    The width is the contrast of a patch around the corner over the steepest change in it, by Sobel's filter: 2 for the
+    sharpest possible edge, m for motion by m px, about sqrt(4 + 6 s^2) for a Gaussian blur of standard deviation s.
 
     Args:
-        board: what is seen.
-        grey: (h, w).
+        board: the board.
+        grey: (h, w) image.
         ids: (k,) corners of the board.
-        pixels: (k, 2) where they are.
+        pixels: (k, 2) their places in the image, px.
     """
     image = np.asarray(grey, np.float32)
     slopes = np.stack(
@@ -162,13 +166,13 @@ def edge_width(board: Board, grey: Image, ids: NDArray[np.int64], pixels: Array)
 
 
 def _steepest(slope: NDArray[Any], edge: Array) -> float:
-    """Largest change across an edge of this direction, grey levels a pixel."""
+    """Largest change across an edge of this direction in a patch of slopes (2, h, w), grey levels a pixel."""
     normal = np.array([-edge[1], edge[0]]) / np.linalg.norm(edge)
     return float(np.abs(np.tensordot(normal, slope, 1)).max())
 
 
 def _edges(board: Board, ids: NDArray[np.int64], pixels: Array) -> tuple[Array, Array]:
-    """(k, 2) px: a square's edges to the right and down at each corner."""
+    """Edges of a square to the right and down at each corner, by the homography of the board, (k, 2) px each."""
     flat = board.corners[ids][:, :2]
     turn, _ = cv2.findHomography(flat, pixels)
 
@@ -180,7 +184,7 @@ def _edges(board: Board, ids: NDArray[np.int64], pixels: Array) -> tuple[Array, 
 
 
 def _spread(board: Board, ids: NDArray[np.int64]) -> bool:
-    """Whether corners lie in two rows and two columns at least, and three of one of them: a line fixes no plane."""
+    """Whether corners span a plane: at least two rows and two columns hold some, and three of one of both."""
     rows, columns = np.unique(ids // (board.columns - 1)), np.unique(ids % (board.columns - 1))
     return min(len(rows), len(columns)) >= 2 and max(len(rows), len(columns)) >= 3
 

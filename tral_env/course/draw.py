@@ -16,18 +16,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = {"wall": "#8c959d", "door": "#b5651d", "frame": "#3f4750", "obstacle": "#c9a227", "post": "#2a6bb0"}
-"""Fill of each kind of box."""
-TURNS = {marker: "straight on" if turn == "straight" else turn for turn, marker in TURN_MARKER_IDS.items()}
-"""What a sign tells, by its marker."""
+"""Each kind of box has a fill of its own."""
+SIGN_TEXTS = {marker: "straight on" if turn == "straight" else turn for turn, marker in TURN_MARKER_IDS.items()}
+"""A sign tells this turn, by the id of its marker."""
 
 
 def draw_figure(plan: Plan, title: str = "", width: float = 8.0) -> Figure:
-    """A figure of one plan, as high as the course needs.
+    """Draw a plan into a figure of its own, as high as the course needs.
 
     Args:
-        plan: what to draw.
-        title: above it.
-        width: of the figure, inch.
+        plan: the course.
+        title: the text above the picture.
+        width: width of the figure, inch.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -45,8 +45,8 @@ def draw_plan(plan: Plan, ax: Axes) -> None:
     """Draw walls, doors, obstacles, gates, markers, tape, the route, start and goal.
 
     Args:
-        plan: what to draw; m.
-        ax: where; its limits and aspect are set.
+        plan: the course.
+        ax: the axes, in m; their limits and aspect are set.
     """
     from matplotlib.collections import LineCollection, PolyCollection
 
@@ -65,6 +65,7 @@ def draw_plan(plan: Plan, ax: Axes) -> None:
 
 
 def _corners(plan: Plan, which: NDArray[np.bool_]) -> Array:
+    """Corners of some boxes, (k, 4, 2), course frame; `which` is (B,)."""
     half = plan.box_size[which, None, :2] * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
     corners: Array = plan.box_position[which, None, :2] + rotate_n(plan.box_yaw[which, None], half)
     return corners
@@ -81,10 +82,10 @@ def _draw_markers(plan: Plan, ax: Axes) -> None:
     for (x, y, _), yaw, marker in zip(plan.marker_position, plan.marker_yaw, plan.marker_id, strict=True):
         normal = 0.25 * np.array([np.cos(yaw), np.sin(yaw)])
         ax.plot([x, x + normal[0]], [y, y + normal[1]], color="#c2185b", linewidth=1.2, zorder=4)
-        if int(marker) in TURNS:
+        if int(marker) in SIGN_TEXTS:
             at, box = (x + 2 * normal[0], y + 2 * normal[1]), {"fc": "white", "ec": "none", "alpha": 0.8, "pad": 1}
             ax.annotate(
-                TURNS[int(marker)], at, ha="center", va="center", color="#c2185b", fontsize=8, bbox=box, zorder=5
+                SIGN_TEXTS[int(marker)], at, ha="center", va="center", color="#c2185b", fontsize=8, bbox=box, zorder=5
             )
 
 

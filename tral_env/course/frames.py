@@ -11,20 +11,22 @@ from tral_env.course.layout import Branch, Course, Segment
 from tral_env.se2 import rotate
 
 TURNS = {"left": 1, "right": -1, "straight": 0, "end": 0}
-"""Quarter turns, counter-clockwise."""
+"""The heading changes by so many quarter turns, counter-clockwise, where the route goes on so."""
 _COS, _SIN = (1, 0, -1, 0), (0, 1, 0, -1)
+"""Cosine and sine of 0 to 3 quarter turns: whole numbers, so that walls that should meet do."""
 
 Rect = tuple[float, float, float, float]
-"""x0, y0, x1, y1."""
+"""A level rectangle: x0, y0, x1, y1, m."""
 
 
 class Frame(NamedTuple):
-    """Place of one segment: local coordinates are `along` the middle line and `left` of it."""
+    """Place of one segment; its coordinates are `along` the middle line and `left` of it, m."""
 
     segment: Segment
     x: float
-    """Start of the middle line, m."""
+    """The middle line starts here, m."""
     y: float
+    """The middle line starts here, m."""
     quarter: int
     """Heading in quarter turns, 0 to 3."""
     clear_from: float
@@ -52,7 +54,7 @@ class Frame(NamedTuple):
         return self.x, self.y, _COS[self.quarter], _SIN[self.quarter]
 
     def rect(self, along0: float, along1: float, left0: float, left1: float) -> Rect:
-        """Axis-aligned rectangle in course coordinates."""
+        """The level rectangle, in course coordinates, between two places along and two places left."""
         x0, y0 = self.point(along0, left0)
         x1, y1 = self.point(along1, left1)
         return x0 if x0 < x1 else x1, y0 if y0 < y1 else y1, x1 if x0 < x1 else x0, y1 if y0 < y1 else y0
@@ -64,8 +66,8 @@ class Frame(NamedTuple):
         return self.rect(-self.reach_back, self.segment.length + self.reach_on, -half, half)
 
 
-def place(course: Course) -> list[Frame]:
-    """Frame of every segment; the first starts at the origin and heads along x."""
+def place_segments(course: Course) -> list[Frame]:
+    """Place every segment behind the one before; the first starts at the origin and heads along x."""
     frames: list[Frame] = []
     x = y = 0.0
     quarter = 0
@@ -90,8 +92,12 @@ def place(course: Course) -> list[Frame]:
 
 
 def _node(course: Course, i: int) -> tuple[float, float, float]:
-    """Half the extent of the node at the end of segment i, and how far the next corridor reaches back into it and this
-    one on, m."""
+    """Measure the node, the corner or crossing, at the end of segment i.
+
+    Returns:
+        Half its extent along the segment, how far the floor of the next segment reaches back into it, and how far the
+        floor of this segment reaches on, m.
+    """
     segments = course.segments
     if i + 1 == len(segments) and not course.closed:
         return 0.0, 0.0, 0.0
@@ -101,7 +107,7 @@ def _node(course: Course, i: int) -> tuple[float, float, float]:
 
 
 def node_half(segment: Segment, after: Segment) -> float:
-    """Half the extent, along the segment, of the corner or crossing at its end."""
+    """Half the extent, along the segment, of the corner or crossing at its end, m."""
     if not segment.branches:
         return after.width / 2 if TURNS[segment.then] else 0.0
     sides = [branch_width(branch, segment, after) for branch in segment.branches if branch.to != "straight"]
@@ -126,7 +132,7 @@ class Stub(NamedTuple):
 
 
 def stubs(frame: Frame, after: Frame) -> Iterator[Stub]:
-    """Branches at the end of a segment."""
+    """Lay out the branches at the end of a segment, in the order of the course file."""
     segment, end = frame.segment, frame.segment.length
     edge = max(segment.width, after.segment.width) if segment.then == "straight" else segment.width
     for branch in segment.branches:

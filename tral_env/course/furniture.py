@@ -13,19 +13,21 @@ from tral_env.geometry import MARKER_BOARD_WIDTH_M
 from tral_env.interface import TURN_MARKER_IDS
 
 WALL_THICKNESS = 0.15
-"""m."""
+"""Walls are this thick, m."""
 HEIGHT = {"wall": 0.5, "door": 0.5, "frame": 0.5, "cupboard": 0.48, "obstacle": 0.35}
-"""m; low enough for a chase camera to see over, far above the sonars' plane."""
+"""Boxes are this high, m: low enough for a chase camera to see over, far above the plane of the sonars."""
 ROOM = 1.5
-"""Depth and width of the room behind an open door, m."""
+"""The room behind an open door is this deep and this wide, m."""
 LEAF = 0.04
-"""Thickness of an open door's leaf, m."""
+"""The leaf of an open door is this thick, m."""
 FRAME_WIDTH = 0.06
-"""Along the wall, on each side of a door, m."""
+"""A door frame covers this much of the wall on each side of its door, m."""
 BOARD_THICKNESS = 0.03
-"""m."""
+"""Marker boards are this thick, m."""
 SIGN_HEIGHT = 0.22
-"""Middle of a turn marker above the floor, m."""
+"""The middle of a turn marker hangs this far above the floor, m."""
+SIGN_GAP = 0.03
+"""A turn marker's board keeps this far from the opening or the step beside it, m."""
 FACE_GAP = 0.002
 """A marker's face stands this far before its board or wall, m."""
 
@@ -34,16 +36,21 @@ class Box(NamedTuple):
     """One box on the floor."""
 
     kind: str
+    """One of `tral_env.course.plan.BOX_KINDS`."""
     where: str
-    """Place in the course file."""
+    """Its place in the course file, for error messages."""
     x: float
+    """Its middle in the course frame, m."""
     y: float
+    """Its middle in the course frame, m."""
     yaw: float
+    """Its turn, counter-clockwise, rad."""
     length: float
-    """Half, m."""
+    """Half its extent along its own x axis, m."""
     width: float
-    """Half, m."""
+    """Half its extent along its own y axis, m."""
     height: float
+    """Its whole height, m."""
 
 
 @dataclass
@@ -57,7 +64,7 @@ class Space:
     boxes: list[Box] = field(default_factory=list)
     """What stands on the floor and in doorways."""
     markers: list[tuple[int, float, float, float, float]] = field(default_factory=list)
-    """Id, x, y, z, yaw."""
+    """Id, x, y, z of the face's middle, m, yaw of its normal, rad."""
 
 
 def furnish(frames: list[Frame]) -> Space:
@@ -92,6 +99,7 @@ def _add_segment(space: Space, where: str, frame: Frame, after: Frame) -> None:
 
 
 def _add_door(space: Space, where: str, frame: Frame, door: Door) -> None:
+    """Cut the doorway out of the wall, and put the leaf and the frame into it."""
     sign, half, wall = TURNS[door.side], door.width / 2, frame.segment.width / 2
 
     def rect(along0: float, along1: float, deep0: float, deep1: float) -> Rect:
@@ -113,6 +121,7 @@ def _add_door(space: Space, where: str, frame: Frame, door: Door) -> None:
 
 
 def _add_gate(space: Space, where: str, frame: Frame, gate: Gate) -> None:
+    """Put up the left board and the right one; their markers face the car that comes."""
     x, y = frame.point(gate.at, gate.offset)
     yaw = frame.yaw + np.radians(gate.yaw_deg)
     ahead, left = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
@@ -142,19 +151,19 @@ def _add_sign(space: Space, frame: Frame, after: Frame) -> None:
     ways[segment.then] = after.segment.width
     side = segment.then if segment.then != "straight" else ("left" if "left" in ways else "right")
     if "straight" in ways:
-        far, left = ways[side] / 2, TURNS[side] * (ways["straight"] / 2 + MARKER_BOARD_WIDTH_M / 2 + 0.03)
+        far, left = ways[side] / 2, TURNS[side] * (ways["straight"] / 2 + MARKER_BOARD_WIDTH_M / 2 + SIGN_GAP)
     else:
         # A wider branch opposite makes a step in the wall ahead, in the middle.
         far, left = (
             ways[side] / 2,
-            TURNS[side] * (0.0 if max(ways.values()) == ways[side] else MARKER_BOARD_WIDTH_M / 2 + 0.03),
+            TURNS[side] * (0.0 if max(ways.values()) == ways[side] else MARKER_BOARD_WIDTH_M / 2 + SIGN_GAP),
         )
     x, y = frame.point(segment.length + far - FACE_GAP, left)
     space.markers.append((TURN_MARKER_IDS[segment.then], x, y, SIGN_HEIGHT, frame.yaw + np.pi))
 
 
 def tape_line(frame: Frame, tape: Tape) -> Rect:
-    """Middle line of a strip of tape: x0, y0, x1, y1."""
+    """Middle line of a strip of tape: x0, y0, x1, y1, m."""
     half = tape.length / 2
     along, left = (0.0, half) if tape.across else (half, 0.0)
     ends = (frame.point(tape.at - along, tape.offset - left), frame.point(tape.at + along, tape.offset + left))

@@ -9,15 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from tral_env.course.frames import Frame, place
+from tral_env.course.frames import Frame, place_segments
 from tral_env.course.furniture import FRAME_WIDTH
 from tral_env.course.geometry import build_plan, overlap_problems
 from tral_env.course.layout import Course
+from tral_env.course.overlap import level_half
 from tral_env.course.plan import Plan
 from tral_env.errors import ConfigError, CourseError, nearest
 
 Draft = dict[str, Any]
-"""Members of a segment."""
+"""Members of a course, or of one of its parts, before they are checked."""
 
 SCENARIOS: Mapping[str, str] = {
     "straight": "one straight corridor, 12 to 20 m",
@@ -43,28 +44,30 @@ LIMITS: Mapping[str, tuple[int, int]] = {
     "crossing": (28, 3),
     "office": (120, 12),
 }
-"""Boxes and markers that a course of each family has at the most; drafts with more are dropped. A small limit makes the
+"""A course of each family has at most so many boxes and markers; a draft with more is dropped. A small limit makes the
 physics fast, since every car of a batch carries as many."""
 ATTEMPTS = 200
-"""Drafts that may fail before generating is given up; a few in a hundred fail."""
+"""The generator gives up when this many drafts have failed; a few in a hundred fail."""
 START_AT = 1.0
-"""m from the first wall."""
+"""The car starts this far from the first wall, m."""
 GOAL_BEFORE_END = 1.0
-"""m."""
+"""The goal line lies this far before the end wall, m."""
 RUN_IN = 2.5
-"""Nothing stands in the way so soon behind the start, m."""
+"""Nothing stands in the way within this distance after the start, m."""
 RUN_OUT = 1.0
-"""Nothing stands in the way so soon before the goal, m."""
+"""Nothing stands in the way within this distance before the goal, m."""
 CORNER_ROOM = 1.9
-"""Gates, boxes and cupboards keep this far from the plain part's ends at corners, m."""
+"""Gates, boxes and cupboards keep this far from the ends of a segment's plain part, m."""
 HARD_CORNER_ROOM = 0.8
-"""Gates keep this far from a corner in hard courses, m."""
+"""Gates of hard courses keep this far from a corner, m."""
 FIRST_GATE = 3.5
-"""The first gate stands at least so far behind the start, m."""
+"""The first gate stands at least this far after the start, m."""
 GATES_APART = 4.0
-"""m."""
+"""Two gates of a segment are at least this far apart, m."""
 BOARD_ROOM = 0.25
-"""Left at the wall beside a gate's opening, where its board stands, m."""
+"""A gate's opening keeps this far from the wall, where its board stands, m."""
+PASSAGE = 0.7
+"""A box leaves a passage of this width on one side at least, m."""
 
 
 def generate(scenario: str, rng: np.random.Generator, *, hard: bool = False) -> Course:
@@ -82,7 +85,7 @@ def generate(scenario: str, rng: np.random.Generator, *, hard: bool = False) -> 
 
 
 def generate_plan(scenario: str, rng: np.random.Generator, *, hard: bool = False) -> tuple[Course, Plan]:
-    """Draw a course and give its plan with it, which was built anyway to see whether it can be driven.
+    """Draw a course as `generate` does, and give its plan with it, which shows that the car can drive it.
 
     Raises:
         ConfigError: no such scenario.
@@ -103,8 +106,8 @@ def generate_plan(scenario: str, rng: np.random.Generator, *, hard: bool = False
 
 
 def _uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """A number in [low, high), in whole millimetres so that course files stay readable."""
-    # As rng.uniform, at a third of its cost.
+    """Draw a number from [low, high), in whole millimetres so that course files stay readable."""
+    # The numbers of rng.uniform, at a third of its cost.
     return round(low + (max(low, high) - low) * rng.random(), 3)
 
 
@@ -134,7 +137,7 @@ def _doors(rng: np.random.Generator, _: bool) -> Draft:
 
 
 def _draw_doors(rng: np.random.Generator, begin: float, end: float) -> Iterator[Draft]:
-    """Doors on both sides between two places along a segment."""
+    """Draw doors on both sides between two places along a segment."""
     for side in ("left", "right"):
         at = begin + _uniform(rng, 0.6, 3.0)
         while True:
@@ -155,11 +158,11 @@ def _draw_doors(rng: np.random.Generator, begin: float, end: float) -> Iterator[
 def _corners(rng: np.random.Generator, _: bool) -> Draft:
     count = int(rng.integers(3, 6))
     segments = [{"length": _uniform(rng, 3, 8), "width": _width(rng)} for _ in range(count)]
-    return {"segments": _bend(rng, segments)}
+    return {"segments": _join_by_corners(rng, segments)}
 
 
-def _bend(rng: np.random.Generator, segments: list[Draft]) -> list[Draft]:
-    """Join segments by corners, left or right as it comes, so that they do not cross."""
+def _join_by_corners(rng: np.random.Generator, segments: list[Draft]) -> list[Draft]:
+    """Join segments by corners, each left or right by chance; a course that meets itself is dropped later."""
     turns = [_side(rng) for _ in segments[:-1]]
     return [*({**s, "then": turn} for s, turn in zip(segments, turns, strict=False)), segments[-1]]
 
@@ -179,7 +182,7 @@ def _lane_change(rng: np.random.Generator, _: bool) -> Draft:
 
 
 def _draw_cupboards(rng: np.random.Generator, begin: float, end: float) -> Iterator[Draft]:
-    """Cupboards one behind the other, each at either wall."""
+    """Draw cupboards one behind the other, each at a wall drawn by chance."""
     at = begin + _uniform(rng, 0.0, 2.0)
     while True:
         length = _uniform(rng, 1.5, 4)
@@ -202,7 +205,7 @@ def _obstacles(rng: np.random.Generator, _: bool) -> Draft:
 
 
 def _places(rng: np.random.Generator, begin: float, end: float, count: int, apart: float) -> list[float]:
-    """As many as `count` places between begin and end, at least `apart` from each other, uniform among all such."""
+    """Draw up to `count` places between begin and end, at least `apart` from each other, uniform among all such."""
     count = min(count, int((end - begin) // apart) + 1) if end > begin else 0
     spare = end - begin - apart * (count - 1)
     slack = sorted(max(spare, 0.0) * rng.random() for _ in range(count))
@@ -210,17 +213,17 @@ def _places(rng: np.random.Generator, begin: float, end: float, count: int, apar
 
 
 def _draw_obstacles(rng: np.random.Generator, begin: float, end: float, width: float, count: int) -> Iterator[Draft]:
-    """Boxes that leave a passage of 0.7 m on one side at least."""
+    """Draw boxes that leave a way past them."""
     for at in _places(rng, begin, end, count, 3.4):
         length, across = _uniform(rng, 0.2, 0.4), _uniform(rng, 0.2, 0.4)
-        yaw = round(float(rng.uniform(-45, 45)), 1)
-        c, s = math.cos(math.radians(yaw)), abs(math.sin(math.radians(yaw)))
-        half = (length * s + across * c) / 2
+        yaw_deg = round(float(rng.uniform(-45, 45)), 1)
+        yaw = math.radians(yaw_deg)
+        _, half = level_half(length / 2, across / 2, math.cos(yaw), math.sin(yaw))
         room = width / 2 - half
         offset = _uniform(rng, -room, room)
-        if width / 2 + abs(offset) - half < 0.7:
-            offset = round(math.copysign(0.7 + half - width / 2 + 0.001, offset), 3)
-        yield {"at": at, "offset": offset, "length": length, "width": across, "yaw_deg": yaw}
+        if width / 2 + abs(offset) - half < PASSAGE:
+            offset = round(math.copysign(PASSAGE + half - width / 2 + 0.001, offset), 3)
+        yield {"at": at, "offset": offset, "length": length, "width": across, "yaw_deg": yaw_deg}
 
 
 def _gates(rng: np.random.Generator, hard: bool) -> Draft:
@@ -245,7 +248,7 @@ def _gates(rng: np.random.Generator, hard: bool) -> Draft:
 
 
 def _gate_at_opening(rng: np.random.Generator) -> Draft:
-    """A gate where a wide branch leaves a wall on one side only; the car goes straight on."""
+    """Draw a gate where a wide branch leaves a wall on one side only; the car goes straight on."""
     width, opening = _width(rng), _uniform(rng, 2.4, 4)
     before: Draft = {"length": _uniform(rng, 7, 10), "width": width, "then": "straight", "sign": False}
     before["branches"] = [{"to": _side(rng), "length": _uniform(rng, 1, 3), "width": opening}]
@@ -306,7 +309,7 @@ def _office(rng: np.random.Generator, hard: bool) -> Draft:
         length = _uniform(rng, 5, 11)
         segments.append({"length": round(left, 3) if left - length < 4.0 else length, "width": _width(rng)})
     gates = 0
-    for i, (frame, segment) in enumerate(zip(_wind(rng, segments), segments, strict=True)):
+    for i, (frame, segment) in enumerate(zip(_join_without_overlap(rng, segments), segments, strict=True)):
         begin = START_AT + RUN_IN if i == 0 else frame.clear_from
         end = frame.clear_to - (GOAL_BEFORE_END if i == len(segments) - 1 else 0.0)
         if i % len(_FURNITURE) == 0:
@@ -319,11 +322,11 @@ def _office(rng: np.random.Generator, hard: bool) -> Draft:
 
 
 _FURNITURE = ("cupboards", "obstacles", "gate", "nothing")
-"""What may stand in a segment of an office."""
+"""One of these stands in each segment of an office."""
 
 
-def _wind(rng: np.random.Generator, segments: list[Draft]) -> list[Frame]:
-    """Join segments by corners and crossings so that no part comes too near to another; gives their frames."""
+def _join_without_overlap(rng: np.random.Generator, segments: list[Draft]) -> list[Frame]:
+    """Join segments by corners and crossings until no part comes too near to another, and give their frames."""
     while True:
         for segment, after in pairwise(segments):
             segment.pop("branches", None)
@@ -332,13 +335,13 @@ def _wind(rng: np.random.Generator, segments: list[Draft]) -> list[Frame]:
             else:
                 segment["then"] = _side(rng)
         bare = Course.model_validate({"name": "bare", "segments": segments})
-        frames = place(bare)
+        frames = place_segments(bare)
         if not any(overlap_problems(bare, frames)):
             return frames
 
 
 def _furnish(rng: np.random.Generator, segment: Draft, what: str, begin: float, end: float, gates: int) -> int:
-    """Put cupboards, boxes or gate number `gates` into a segment; gives the number of gates put there."""
+    """Put cupboards, boxes or gate number `gates` into a segment, and give the number of gates in it."""
     if what == "cupboards":
         segment["cupboards"] = [*_draw_cupboards(rng, begin, end)]
     elif what == "obstacles":

@@ -1,7 +1,7 @@
 """From a course to boxes: walls without gaps or overlaps, doors, frames, obstacles, marker boards.
 
-The floor is a union of rectangles; `walls.cut_walls` puts walls around it, `furniture` puts things into it, `route`
-lays the line through it.
+The floor is a union of rectangles; `walls.cut_walls` puts walls around it, `furniture` puts things on it, `route` lays
+the line through it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tral_env.course import route as routes
-from tral_env.course.frames import TURNS, Frame, Rect, place, stubs
+from tral_env.course.frames import TURNS, Frame, Rect, place_segments, stubs
 from tral_env.course.furniture import (
     FRAME_WIDTH,
     HEIGHT,
@@ -40,7 +40,7 @@ def build_plan(course: Course) -> Plan:
     Raises:
         CourseError: parts do not fit together, overlap, or leave the car no way; all problems with their places.
     """
-    frames = place(course.checked())
+    frames = place_segments(course.checked())
     problems = list(_fit_problems(course, frames))
     route = routes.plan_route(course, frames, problems)
     _raise_if(course, problems)
@@ -100,7 +100,7 @@ def _box_arrays(boxes: list[Box]) -> dict[str, Any]:
 
 
 def _collisions(boxes: list[Box], arrays: dict[str, Any]) -> Iterator[str]:
-    """Say which things stand in each other or in a wall. Walls cannot overlap each other."""
+    """Tell which things stand in each other or in a wall; walls never overlap each other."""
     first = sum(box.kind == "wall" for box in boxes)
     pairs = overlapping(arrays["box_position"][:, :2], arrays["box_yaw"], arrays["box_size"][:, :2], first)
     told = {(boxes[i].where, boxes[j].where): (boxes[i].x, boxes[i].y) for i, j in pairs}
@@ -145,7 +145,7 @@ def _segment_problems(where: str, frame: Frame) -> Iterator[str]:
 
 
 def overlap_problems(course: Course, frames: list[Frame]) -> Iterator[str]:
-    """Parts that are not neighbours must leave room for two walls between them."""
+    """Tell which parts that are not neighbours leave no room for two walls between them."""
     walls = 2 * WALL_THICKNESS
     apart = walls - 1e-6
     parts = list(_parts(course, frames))
@@ -159,7 +159,7 @@ def overlap_problems(course: Course, frames: list[Frame]) -> Iterator[str]:
 
 
 def _parts(course: Course, frames: list[Frame]) -> Iterator[tuple[str, Rect, int, int]]:
-    """Corridors, branches and rooms: name, floor and the nodes where they begin and end."""
+    """Corridors, branches and rooms: place in the course file, floor, and the nodes where they begin and end."""
     count = len(frames)
     for i, frame in enumerate(frames):
         where, on = f"/segments/{i}", (i + 1) % count if course.closed else i + 1
@@ -175,6 +175,7 @@ def _parts(course: Course, frames: list[Frame]) -> Iterator[tuple[str, Rect, int
 
 
 def _is_own_room(part: str, other: str) -> bool:
+    """Whether the other part is a room behind a door of this one."""
     return other.startswith(part + "/doors/")
 
 

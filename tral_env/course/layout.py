@@ -33,7 +33,7 @@ class Door(Part):
     """A door in a wall of a segment."""
 
     side: Side
-    """Wall it is in."""
+    """The wall that it is in."""
     at: NotNegative
     """Middle of the door, m along the segment."""
     width: Annotated[float, Field(ge=0.5, le=1.4)] = 0.9
@@ -43,20 +43,20 @@ class Door(Part):
     frame: Annotated[float, Field(ge=0, le=0.1)] = 0.03
     """The frame stands out of the wall by this much, m."""
     open: bool = False
-    """An open door shows a room of 1.5 m x 1.5 m."""
+    """Whether it stands open and shows a room of 1.5 m x 1.5 m."""
 
 
 class Cupboard(Part):
     """A cupboard along a wall of a segment."""
 
     side: Side
-    """Wall it stands at."""
+    """The wall that it stands at."""
     at: NotNegative
     """Its middle, m along the segment."""
     length: Positive = 2.0
-    """Along the wall, m."""
+    """Its extent along the wall, m."""
     depth: Positive = 0.4
-    """Into the corridor, m."""
+    """Its extent into the corridor, m."""
 
 
 class Obstacle(Part):
@@ -67,18 +67,18 @@ class Obstacle(Part):
     offset: float = 0.0
     """Its middle, m left of the middle line."""
     length: Positive = 0.3
-    """Along the segment (before turning), m."""
+    """Its extent along the segment (before turning), m."""
     width: Positive = 0.3
-    """Across the segment (before turning), m."""
+    """Its extent across the segment (before turning), m."""
     yaw_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
-    """Turned counter-clockwise by, deg."""
+    """It is turned counter-clockwise by this much, deg."""
 
 
 class Gate(Part):
-    """Two marker boards side by side. Gate k wears the markers 2k (left) and 2k + 1 (right)."""
+    """Two marker boards side by side. Gate k has the markers 2k (left) and 2k + 1 (right)."""
 
     id: Annotated[int, Field(ge=0, le=19)]
-    """k; unique in the course."""
+    """Its number k, unique in the course."""
     at: NotNegative
     """Its middle, m along the segment."""
     offset: float = 0.0
@@ -86,9 +86,9 @@ class Gate(Part):
     width: Annotated[float, Field(ge=0.4, le=3)] = 0.8
     """Inner width between the boards, m."""
     yaw_deg: Annotated[float, Field(ge=-30, le=30)] = 0.0
-    """Its axis is turned counter-clockwise against the segment by, deg."""
+    """Its axis is turned counter-clockwise against the segment by this much, deg."""
     marker_height: Annotated[float, Field(ge=0.12, le=0.38)] = 0.2
-    """Middle of the markers above the floor, m."""
+    """Height of the middle of its markers above the floor, m."""
 
 
 class Tape(Part):
@@ -97,69 +97,75 @@ class Tape(Part):
     at: NotNegative
     """Its middle, m along the segment."""
     length: Positive = 1.0
-    """m."""
+    """Its length, m."""
     offset: float = 0.0
     """Its middle, m left of the middle line."""
     across: bool = False
-    """Across the segment instead of along it."""
+    """Whether it lies across the segment instead of along it."""
 
 
 class Branch(Part):
-    """A way that also opens at the end of a segment, but that the route does not take: it makes a T or X crossing."""
+    """A way at the end of a segment that the route does not take; it makes the end a T or X crossing."""
 
     to: Direction
     """Where it leads, seen in driving direction."""
     length: Annotated[float, Field(ge=0.5, le=20)] = 2.5
-    """m from the crossing's edge to its end wall."""
+    """Distance from the crossing's edge to its end wall, m."""
     width: Annotated[float, Field(ge=0.6, le=6)] | None = None
-    """m; without it that of the corridor which it continues, the segment's or the next one's."""
+    """Distance between its walls, m; default: that of the corridor that it continues, this segment or the next."""
 
 
 class Segment(Part):
     """A straight piece of corridor."""
 
     length: Annotated[float, Field(ge=1, le=200)]
-    """Along the middle line from node to node, m."""
+    """Its length along the middle line from node to node, m."""
     width: Annotated[float, Field(ge=0.6, le=6)] = 2.0
-    """Between the walls, m."""
+    """Distance between its walls, m."""
     then: Literal["end", "left", "right", "straight"] = "end"
     """How the route goes on: an end wall, a 90 degree turn, or straight on into the next segment."""
     branches: tuple[Branch, ...] = ()
-    """Further ways at its end."""
+    """Ways at its end that the route does not take."""
     sign: bool = True
-    """A crossing shows a marker facing the car that tells the turn: id 40 left, 41 right, 42 straight on."""
+    """Whether a crossing has a marker that faces the car and tells the turn: id 40 left, 41 right, 42 straight on."""
     doors: tuple[Door, ...] = ()
+    """Doors in its walls."""
     cupboards: tuple[Cupboard, ...] = ()
+    """Cupboards along its walls."""
     obstacles: tuple[Obstacle, ...] = ()
+    """Boxes on its floor."""
     gates: tuple[Gate, ...] = ()
+    """Gates that the route leads through."""
     tapes: tuple[Tape, ...] = ()
+    """Strips of tape on its floor."""
 
 
 class Start(Part):
-    """Where the car (the middle of its rear axle) stands at first, in the first segment."""
+    """Where the middle of the car's rear axle stands at first, in the first segment."""
 
     at: NotNegative = 1.0
-    """m along the segment."""
+    """Its place, m along the segment."""
     offset: float = 0.0
-    """m left of the middle line."""
+    """Its place, m left of the middle line."""
     heading_deg: Annotated[float, Field(ge=-30, le=30)] = 0.0
-    """Against the segment, deg."""
+    """Heading of the car, counter-clockwise from the segment's direction, deg."""
 
 
 class Course(Part):
-    """A whole course."""
+    """A course: corridors, what stands in them, where the car starts and where its goal is."""
 
     name: Annotated[str, Field(min_length=1)]
-    """What it is called."""
+    """Its name, for lists and error messages."""
     description: str = ""
-    """What it is for."""
+    """Its purpose, in a sentence."""
     segments: Annotated[tuple[Segment, ...], Field(min_length=1)]
-    """In the order of the route."""
+    """Its segments, in the order of the route."""
     start: Start = Start()
+    """Where the car stands at first."""
     goal: Annotated[float, Field(ge=0.5, le=20)] = 1.0
     """The goal line lies this far before the end wall, m; a closed course has its goal at the start."""
     closed: bool = False
-    """The last segment turns into the first one again."""
+    """Whether the last segment turns into the first one again."""
     laps: Annotated[int, Field(ge=1, le=100)] = 1
     """How often a closed course is driven."""
 
@@ -171,7 +177,8 @@ class Course(Part):
             path: a JSON file after `course.schema.json`.
 
         Raises:
-            CourseError: the file is no text or no JSON, or has problems; all are listed with place, got and allowed.
+            CourseError: the file is no text or no JSON, or has problems; the message lists all, each with its place,
+                what was got and what is allowed.
             OSError: the file cannot be opened.
         """
         try:
@@ -200,10 +207,10 @@ class Course(Part):
         return course.checked(source)
 
     def checked(self, source: str | None = None) -> Course:
-        """This course, if its parts fit together.
+        """Check that the parts of this course fit together, and give it back.
 
         Raises:
-            CourseError: all problems, each with its place.
+            CourseError: they do not; the message lists all problems, each with its place.
         """
         problems = [*find_problems(self)]
         if problems:
@@ -241,7 +248,7 @@ def example_names() -> list[str]:
 
 
 def find_problems(course: Course) -> Iterable[str]:
-    """Say what does not fit together in a course whose members are each allowed, one sentence a problem."""
+    """Tell what does not fit together in a course whose members are each allowed, a sentence for each problem."""
     last = len(course.segments) - 1
     ids = [gate.id for segment in course.segments for gate in segment.gates]
     for i, segment in enumerate(course.segments):
@@ -326,7 +333,7 @@ _ALLOWED = {
     "bool_type": "true, false",
     "string_type": "a string",
 }
-"""What pydantic says in words of Python, in words of JSON."""
+"""What is allowed, in words of JSON, for errors that pydantic tells in words of Python."""
 
 
 _KINDS: dict[str, type[Part]] = {

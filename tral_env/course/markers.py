@@ -11,11 +11,11 @@ from tral_env.geometry import MARKER_MODULES, MARKER_QUIET_MODULES
 MARKER_IDS = tuple(range(43))
 """Markers that a course can hold: 0 to 39 on gates, 40 to 42 at crossings."""
 PIXELS_PER_MODULE = 8
-"""Of the texture. From 0.6 to 7 m the detector reads 4, 8, 16 and 32 alike; mip-mapping smooths them from afar."""
+"""A cell of the texture is this wide: from 0.6 to 7 m the detector reads 4, 8, 16 and 32 alike."""
 
 
 def marker_image(marker: int) -> NDArray[np.uint8]:
-    """Marker with its quiet zone, upright, (64, 64) grey values.
+    """Draw a marker with its quiet zone, upright, (64, 64) grey values.
 
     Args:
         marker: id in DICT_4X4_50.
@@ -26,5 +26,5 @@ def marker_image(marker: int) -> NDArray[np.uint8]:
 
 
 def material_name(marker: int) -> str:
-    """Name of the material that shows a marker."""
+    """Name, in the MuJoCo model, of the material that shows a marker."""
     return f"marker_{marker:02d}"

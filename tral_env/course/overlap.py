@@ -1,4 +1,4 @@
-"""Which boxes, seen from above, stand in each other."""
+"""Turned rectangles, boxes seen from above: how much room they take, and which of them stand in each other."""
 
 from __future__ import annotations
 
@@ -6,15 +6,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.course.plan import Array
+from tral_env.se2 import Number
 
 TOUCH = 1e-6
 """Boxes that share less than this are side by side, m."""
 
 
-def overlapping(position: Array, yaw: Array, half: Array, first: int = 0) -> NDArray[np.int64]:
-    """Pairs of boxes that overlap.
+def level_half(half_x: Number, half_y: Number, cos: Number, sin: Number) -> tuple[Number, Number]:
+    """Half the extent along x and y of rectangles turned by an angle: ``|c| a + |s| b`` and ``|s| a + |c| b``.
 
-    Two convex shapes are apart if and only if the shadows they throw on the normal of one of their edges are.
+    Args:
+        half_x: a, half length along the rectangle's own x axis, m.
+        half_y: b, half length along its own y axis, m.
+        cos: c, cosine of the angle.
+        sin: s, sine of the angle.
+    """
+    return abs(cos) * half_x + abs(sin) * half_y, abs(sin) * half_x + abs(cos) * half_y
+
+
+def overlapping(position: Array, yaw: Array, half: Array, first: int = 0) -> NDArray[np.int64]:
+    """Find the pairs of boxes that overlap, by the separating axis theorem.
+
+    Two convex shapes are apart if and only if the shadows that they throw on the normal of one of their edges are
+    apart.
 
     Args:
         position: (B, 2) centres, m.
@@ -25,9 +39,8 @@ def overlapping(position: Array, yaw: Array, half: Array, first: int = 0) -> NDA
     Returns:
         (K, 2) indices i > j, i >= first.
     """
-    # Depth of an overlap is least along the normal of an edge: upright rectangles around the boxes overlap by as much.
-    c, s = np.abs(np.cos(yaw)), np.abs(np.sin(yaw))
-    x, y = half[:, 0] * c + half[:, 1] * s, half[:, 0] * s + half[:, 1] * c
+    # The level rectangles around two boxes overlap at least as deep as the boxes do: they pick the pairs worth a test.
+    x, y = level_half(half[:, 0], half[:, 1], np.cos(yaw), np.sin(yaw))
     near = np.abs(position[first:, None, 0] - position[:, 0]) < x[first:, None] + x - TOUCH / 2
     near &= np.abs(position[first:, None, 1] - position[:, 1]) < y[first:, None] + y - TOUCH / 2
     i, j = np.nonzero(near)
@@ -46,5 +59,4 @@ def overlapping(position: Array, yaw: Array, half: Array, first: int = 0) -> NDA
 
 def _shadow(half: Array, angle: Array) -> Array:
     """Half length of boxes' shadows on lines at an angle to them."""
-    shadow: Array = half[:, 0] * np.abs(np.cos(angle)) + half[:, 1] * np.abs(np.sin(angle))
-    return shadow
+    return level_half(half[:, 0], half[:, 1], np.cos(angle), np.sin(angle))[0]

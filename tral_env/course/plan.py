@@ -1,6 +1,6 @@
 """What a course is once its geometry is worked out: boxes, markers, a route. Arrays only; course frame, m and rad.
 
-The course frame is the start of the first segment: x along it, y left, z up.
+The course frame begins at the start of the first segment: x along its middle line, y left, z up.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from tral_env.geometry import MARKER_SIZE_M
 Array = NDArray[np.float64]
 
 BOX_KINDS = ("wall", "door", "frame", "obstacle", "post")
-"""What a box can be; `Plan.box_kind` holds indices into this."""
+"""A box is one of these; `Plan.box_kind` holds indices into them."""
 
 
 def _empty(*shape: int) -> Array:
@@ -28,11 +28,11 @@ class Plan:
     """Geometry of a course, ready for physics, perception and task."""
 
     box_position: Array
-    """(B, 3) centres."""
+    """(B, 3) centres of the boxes."""
     box_yaw: Array
-    """(B,)"""
+    """(B,) yaw of the boxes."""
     box_size: Array
-    """(B, 3) half lengths."""
+    """(B, 3) half lengths of the boxes."""
     box_kind: NDArray[np.int64]
     """(B,) index into `BOX_KINDS`."""
     route: Array
@@ -77,11 +77,17 @@ class Plan:
         return float(self.route_s[-1])
 
 
-def arc_length(route: Array) -> Array:
+def steps(line: Array) -> tuple[Array, Array, Array]:
+    """Steps from each point of a line (R, 2) to the next: x, y and length, (R - 1,) m each."""
+    x, y = line[1:, 0] - line[:-1, 0], line[1:, 1] - line[:-1, 1]
+    return x, y, np.sqrt(x * x + y * y)
+
+
+def arc_length(line: Array) -> Array:
     """Distance along a line at its points, (R, 2) -> (R,) m."""
-    x, y = route[1:, 0] - route[:-1, 0], route[1:, 1] - route[:-1, 1]
-    place = np.zeros(len(route))
-    np.cumsum(np.sqrt(x * x + y * y), out=place[1:])
+    _, _, length = steps(line)
+    place = np.zeros(len(line))
+    np.cumsum(length, out=place[1:])
     return place
 
 
@@ -91,6 +97,9 @@ _SAME_M = 1e-6
 
 def place_on(route: Array, points: Array) -> Array:
     """Arc length at which a route comes nearest to points.
+
+    A piece from a in the direction u (unit vector), of length l, comes nearest to p at a + t u with
+    ``t = clip((p - a) . u, 0, l)``.
 
     Args:
         route: (R, 2) m.

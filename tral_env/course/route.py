@@ -1,4 +1,4 @@
-"""The line the car should take: middle lines, arcs at corners, smooth shifts around obstacles and through gates.
+"""The line that the car should take: middle lines, arcs at corners, smooth shifts around obstacles and through gates.
 
 In a segment the line is a chain of cubic Hermite pieces between knots (along, left, slope).
 """
@@ -15,31 +15,33 @@ from numpy.typing import NDArray
 from tral_env.config import CarConfig
 from tral_env.course.frames import TURNS, Frame
 from tral_env.course.layout import Course, Segment
-from tral_env.course.plan import Array, Plan
+from tral_env.course.overlap import level_half
+from tral_env.course.plan import Array, Plan, steps
 from tral_env.errors import CourseError
 from tral_env.se2 import rotate, rotate_n
 
 STEP = 0.09
-"""Spacing of the points along the middle line, m; slanted parts are longer, and stay under 0.1 m."""
+"""Points of the line are at most this far apart, m; the promise is 0.1 m."""
 CORNER_RADIUS = 0.9
-"""m; full lock gives 0.64 m."""
+"""The arc at a corner has this radius, m; full lock gives 0.64 m."""
 SHIFT = 2.0
-"""A shift to the side takes this long, m, where there is room."""
+"""A shift to the side takes this length of corridor, m, where there is room."""
 GATE_STRAIGHT = 0.5
 """The line is straight this far before and behind a gate, m."""
 PASSING = 0.5
 """The line keeps this far from what stands in the way, m, where there is room (the car is 0.2 m wide)."""
 MIN_PASSAGE = 0.5
-"""A narrower gap is no way, m."""
-AHEAD, BEHIND = 0.40, 0.12
-"""The shift is done this far before an obstacle, and begins this far behind, m: the car's overhangs from its rear
-axle, and a little."""
+"""A gap narrower than this is no way, m."""
+AHEAD = 0.40
+"""The line has shifted this far before an obstacle, m: the car reaches 0.33 m ahead of its rear axle."""
+BEHIND = 0.12
+"""The line shifts back from this far behind an obstacle on, m: the car reaches 0.07 m behind its rear axle."""
 CLEARANCE = 0.05
-"""The car's outline keeps at least this far from every box on the line, m."""
+"""The outline of a car on the line keeps at least this far from every box, m."""
 PLAIN = 1.0
 """Clearances are measured this far from doors, corners, gates and obstacles, m."""
 MIN_STRAIGHT = 0.5
-"""Shorter plain stretches are left out, m."""
+"""A plain stretch shorter than this is left out, m."""
 _CAR = CarConfig()
 
 
@@ -47,8 +49,11 @@ class Knot(NamedTuple):
     """A place on the line, in a segment's coordinates."""
 
     along: float
+    """m from the segment's start."""
     left: float
+    """m left of the middle line."""
     slope: float = 0.0
+    """Change of `left` for a metre `along`."""
 
 
 def plan_route(course: Course, frames: list[Frame], problems: list[str]) -> Array:
@@ -56,8 +61,8 @@ def plan_route(course: Course, frames: list[Frame], problems: list[str]) -> Arra
 
     Args:
         course: what is to be driven.
-        frames: its segments' places.
-        problems: what stands in the way is added here.
+        frames: places of its segments.
+        problems: gets a sentence for each thing that leaves the line no room.
 
     Returns:
         (R, 2) points at most 0.1 m apart. A closed course's line is one lap that ends where it begins.
@@ -91,7 +96,7 @@ def plan_route(course: Course, frames: list[Frame], problems: list[str]) -> Arra
 
 
 def _span(course: Course, i: int) -> tuple[float, float]:
-    """Stretch of segment i between its arcs, or from the start, or to the goal, m along."""
+    """Stretch of segment i between the arcs at its ends, or from the start, or to the goal, m along."""
     segment, before = course.segments[i], course.segments[i - 1]
     begin = CORNER_RADIUS if (i or course.closed) and TURNS[before.then] else 0.0
     if i == 0 and not course.closed:
@@ -118,12 +123,11 @@ def _knots(segment: Segment, where: str, problems: list[str]) -> list[Knot]:
 
 
 def _blocks(segment: Segment) -> list[tuple[float, float, float, float]]:
-    """What stands in the way: first and last along where the line must be past it, right and left edge."""
+    """What stands in the way: first and last place along where the line must be past it, right and left edge, m."""
     blocks = []
     for box in segment.obstacles:
         yaw = math.radians(box.yaw_deg)
-        c, s = abs(math.cos(yaw)), abs(math.sin(yaw))
-        along, left = (box.length * c + box.width * s) / 2, (box.length * s + box.width * c) / 2
+        along, left = level_half(box.length / 2, box.width / 2, math.cos(yaw), math.sin(yaw))
         blocks.append((box.at - along - AHEAD, box.at + along + BEHIND, box.offset - left, box.offset + left))
     for cupboard in segment.cupboards:
         wall, along = TURNS[cupboard.side] * segment.width / 2, cupboard.length / 2
@@ -135,7 +139,7 @@ def _blocks(segment: Segment) -> list[tuple[float, float, float, float]]:
 def _groups(
     blocks: list[tuple[float, float, float, float]],
 ) -> list[tuple[float, float, list[tuple[float, float]]]]:
-    """Blocks beside each other are passed as one: begin, end, blocked (right, left) edges."""
+    """Join blocks beside each other, which are passed as one: begin, end, blocked (right, left) edges."""
     groups: list[tuple[float, float, list[tuple[float, float]]]] = []
     for begin, end, right, left in blocks:
         if groups and begin < groups[-1][1]:
@@ -147,7 +151,7 @@ def _groups(
 
 
 def _passage(blocked: list[tuple[float, float]], half: float) -> float | None:
-    """Where to pass, m left: the way nearest to the middle line that is wide enough."""
+    """Find where to pass, m left: the gap nearest to the middle line that is wide enough; None: there is none."""
     ways, right = [], -half
     for edge_right, edge_left in [*sorted(blocked), (half, half)]:
         if edge_right - right >= MIN_PASSAGE:
@@ -158,7 +162,7 @@ def _passage(blocked: list[tuple[float, float]], half: float) -> float | None:
 
 
 def _relax(knots: list[Knot]) -> list[Knot]:
-    """Between knots far apart the line goes back to the middle, in shifts of `SHIFT`."""
+    """Let the line go back to the middle, in shifts of `SHIFT`, between knots that are far apart."""
     relaxed = knots[:1]
     for a, b in pairwise(knots):
         a_in, b_in = not (a.left or a.slope), not (b.left or b.slope)
@@ -175,8 +179,10 @@ def _relax(knots: list[Knot]) -> list[Knot]:
 class _Line:
     """Points of the line, gathered piece by piece and worked out all at once.
 
-    A piece has a number of points, its start (along, left), and where it ends against that: gap, rise. Arcs are
-    straight pieces of no length, bent by a quarter circle that is the same for all.
+    A piece begins at (along, left) with the slope m0 and ends at (along + gap, left + rise) with the slope m1. Its
+    points are a cubic in Hermite form, with t from 0 to 1 and u = 1 - t:
+    ``along + gap t`` and ``left + rise t^2 (3 - 2 t) + gap t u (m0 u - m1 t)``.
+    Arcs are pieces of no length to which a quarter circle is added, the same for all.
     """
 
     def __init__(self) -> None:
@@ -188,20 +194,21 @@ class _Line:
         self._pieces.append((count, *frame.axes, *piece))
 
     def follow(self, frame: Frame, knots: list[Knot]) -> None:
-        """Cubic pieces from knot to knot."""
+        """Add cubic pieces from knot to knot."""
         for a, b in pairwise(knots):
             gap, rise = b.along - a.along, b.left - a.left
+            # Nowhere is the cubic steeper than this: t^2 (3 - 2 t) climbs by at most 1.5.
             steep = 1.5 * abs(rise) / gap + max(abs(a.slope), abs(b.slope))
             count = math.ceil(gap * math.sqrt(1.0 + steep * steep) / STEP)
             self._add(count, frame, (a.along, a.left, gap, rise, a.slope, b.slope, 0.0))
         self._add(1, frame, (knots[-1].along, knots[-1].left, 0.0, 0.0, 0.0, 0.0, 0.0))
 
     def turn(self, frame: Frame, along: float, turn: int) -> None:
-        """The quarter circle that begins at `along`, to the left (+1) or the right (-1)."""
+        """Add the quarter circle that begins at `along`, to the left (+1) or the right (-1)."""
         self._add(len(_ARC), frame, (along, 0.0, 0.0, 0.0, 0.0, 0.0, turn))
 
     def points(self) -> Array:
-        """(n, 2) in course coordinates."""
+        """Points (n, 2) of all pieces, in course coordinates, m."""
         counts = np.array(self._counts)
         table = np.repeat(np.array(self._pieces).T, counts, axis=1)
         count, x, y, c, s, along, left, gap, rise, slope, slope_on, turn = table
@@ -221,7 +228,7 @@ class _Line:
 
 
 def _quarter_circle() -> Array:
-    """Points of a corner to the left, (n, 2): along, left."""
+    """Points of the arc of a corner to the left, (n, 2): along, left, m."""
     angle = np.linspace(0.0, np.pi / 2, int(np.ceil(CORNER_RADIUS * np.pi / 2 / STEP)) + 1)
     return np.column_stack([CORNER_RADIUS * np.sin(angle), CORNER_RADIUS * (1 - np.cos(angle))])
 
@@ -230,9 +237,9 @@ _ARC = _quarter_circle()
 
 
 def _without_repeats(points: Array) -> Array:
-    x, y = points[1:, 0] - points[:-1, 0], points[1:, 1] - points[:-1, 1]
+    _, _, length = steps(points)
     keep = np.ones(len(points), bool)
-    keep[1:] = np.sqrt(x * x + y * y) > 1e-6
+    keep[1:] = length > 1e-6
     return points[keep]
 
 
@@ -271,28 +278,30 @@ def outline(car: CarConfig) -> Array:
     return np.array(edge)
 
 
-def bends(points: Array) -> Array:
+def curvatures(points: Array) -> Array:
     """Curvature of a line at its inner points, (R, 2) -> (R - 2,) 1/m, + to the left."""
-    return _bends(*_steps(points))
+    return _curvatures(*_polar_steps(points))
 
 
 def headings(points: Array) -> Array:
     """Heading of a line at its points, (R, 2) -> (R,) rad, unwrapped."""
-    return _headings(_steps(points)[1])
+    return _headings(_polar_steps(points)[1])
 
 
-def _steps(points: Array) -> tuple[Array, Array]:
+def _polar_steps(points: Array) -> tuple[Array, Array]:
     """Length and heading, unwrapped, of the steps between points, (R, 2) -> (R - 1,) each."""
-    x, y = points[1:, 0] - points[:-1, 0], points[1:, 1] - points[:-1, 1]
-    return np.sqrt(x * x + y * y), _unwrapped(np.arctan2(y, x))
+    x, y, length = steps(points)
+    return length, _unwrapped(np.arctan2(y, x))
 
 
-def _bends(length: Array, angle: Array) -> Array:
+def _curvatures(length: Array, angle: Array) -> Array:
+    """Change of heading over the mean length of the two steps at each inner point."""
     curvature: Array = 2 * (angle[1:] - angle[:-1]) / (length[:-1] + length[1:])
     return curvature
 
 
 def _headings(angle: Array) -> Array:
+    """Mean of the headings of the two steps at each point; at an end that of its one step."""
     return np.concatenate([angle[:1], (angle[:-1] + angle[1:]) / 2, angle[-1:]])
 
 
@@ -307,13 +316,14 @@ def _unwrapped(angle: Array) -> Array:
 def clearance(plan: Plan, car: CarConfig | None = None, reach: float = 0.2) -> float:
     """Least distance between the car's outline and any box while the car follows the route, m, at most `reach`.
 
-    The distance is taken between the outline's points and the boxes, and between the boxes' corners and the outline.
+    Two rectangles that do not overlap are nearest at a corner of one of them. So the distance is the least one of the
+    outline's points from the boxes and of the boxes' corners from the outline.
     """
     return _gap(plan, plan.route, headings(plan.route), car or _CAR, reach)
 
 
 def _gap(plan: Plan, route: Array, yaw: Array, car: CarConfig, reach: float) -> float:
-    """As `clearance`, for a car at the places `route` (R, 2) with the headings `yaw` (R,)."""
+    """As `clearance`, for a car whose rear axle stands at the points `route` (R, 2) with the headings `yaw` (R,)."""
     middle = route + car.middle_x * np.array([np.cos(yaw), np.sin(yaw)]).T
     near_route, near_box = _near(plan, middle, math.hypot(car.length / 2, car.width / 2) + reach)
     if not len(near_route):
@@ -330,19 +340,17 @@ def _gap(plan: Plan, route: Array, yaw: Array, car: CarConfig, reach: float) -> 
 
 
 _STRETCH = 8
-"""Points of a route that are looked at together, first."""
+"""`_near` first looks for boxes near this many points of a route at once."""
 
 
 def _near(plan: Plan, points: Array, radius: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pairs of a point (R, 2) and a box no further apart than `radius`."""
+    """Pairs of a point (R, 2) and a box no further apart than `radius`, m; indices, (k,) each."""
     filled = np.concatenate([points, points[-1:].repeat(-len(points) % _STRETCH, axis=0)]).reshape(-1, _STRETCH, 2)
     low, high = filled.min(axis=1) - radius, filled.max(axis=1) + radius
-    c, s = np.cos(plan.box_yaw), np.sin(plan.box_yaw)
-    half_x, half_y = plan.box_size[:, 0], plan.box_size[:, 1]
     x, y = plan.box_position[:, 0], plan.box_position[:, 1]
-    across, along = np.abs(c) * half_x + np.abs(s) * half_y, np.abs(s) * half_x + np.abs(c) * half_y
+    half_x, half_y = level_half(plan.box_size[:, 0], plan.box_size[:, 1], np.cos(plan.box_yaw), np.sin(plan.box_yaw))
     stretch, box = np.nonzero(  # of level rectangles around both
-        (low[:, :1] < x + across) & (high[:, :1] > x - across) & (low[:, 1:] < y + along) & (high[:, 1:] > y - along)
+        (low[:, :1] < x + half_x) & (high[:, :1] > x - half_x) & (low[:, 1:] < y + half_y) & (high[:, 1:] > y - half_y)
     )
     if not len(box):
         return stretch, box
@@ -353,7 +361,7 @@ def _near(plan: Plan, points: Array, radius: float) -> tuple[NDArray[np.int64], 
 
 
 def _outside(points: Array, half: Array) -> Array:
-    """Distance of points to a rectangle about the origin, (..., 2) -> (...); 0 inside."""
+    """Distance of points (..., 2) from a level rectangle about the origin, (...) m; 0 inside."""
     gap: Array = np.maximum(np.abs(points) - half, 0.0)
     return np.hypot(gap[..., 0], gap[..., 1])
 
@@ -362,17 +370,17 @@ def check_drivable(plan: Plan, name: str, car: CarConfig | None = None) -> None:
     """Make sure that the car can follow the route.
 
     Raises:
-        CourseError: the route bends more than the car can, or the car would come nearer than `CLEARANCE` to a box, or
-            stands so near to one at the start.
+        CourseError: the route bends more than the car can, or a car on it comes nearer than `CLEARANCE` to a box, or
+            the car stands so near to one at the start.
     """
     car = car or _CAR
-    length, angle = _steps(plan.route)
-    bend = np.abs(_bends(length, angle))
+    length, angle = _polar_steps(plan.route)
+    curvature = np.abs(_curvatures(length, angle))
     allowed = float(np.tan(car.full_lock)) / car.wheelbase
-    if bend.max() > allowed:
-        x, y = plan.route[1 + bend.argmax()]
+    if curvature.max() > allowed:
+        x, y = plan.route[1 + curvature.argmax()]
         raise CourseError(
-            f"course '{name}': the route bends with a radius of {1 / bend.max():.2f} m at ({x:.2f}, {y:.2f}). "
+            f"course '{name}': the route bends with a radius of {1 / curvature.max():.2f} m at ({x:.2f}, {y:.2f}). "
             f"Allowed: {1 / allowed:.2f} m or more, the car's full lock"
         )
     # A ring's route does not begin at the start, but in the middle beside it.

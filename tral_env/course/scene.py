@@ -1,7 +1,7 @@
 """From a plan to MuJoCo: a model with a pool of boxes, and where a plan puts them. The only user of `MjSpec`.
 
-All rows of a batch share one model structure, so a model holds as many boxes, markers and tapes as the worst course
-needs; those that a course does not need are parked under the floor.
+All rows of a batch share the structure of one model, so a model holds as many boxes, markers and tapes as the worst
+course needs; those that a course does not need are parked under the floor.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from tral_env.errors import ConfigError, nearest
 from tral_env.geometry import MARKER_MODULES, MARKER_QUIET_MODULES
 
 PREFIX = "car/"
-"""Before the names of everything that belongs to the car."""
+"""The name of everything that belongs to the car begins so."""
 LOOKS_GROUP = 2
-"""Geoms of the car that only the eye needs; they weigh nothing and touch nothing."""
+"""The geoms of this group only the eye needs: they weigh nothing and touch nothing."""
 _TAPE_HALF_HEIGHT = 0.0005
 _PLATE_HALF_DEPTH = 0.001
 _QUIET_ZONE = (MARKER_MODULES + 2 * MARKER_QUIET_MODULES) / MARKER_MODULES
-"""Edge of a plate over that of its black square."""
+"""The edge of a marker's plate over that of its black square."""
 _PLASTER, _DADO, _SKIRTING = (236, 232, 220), (150, 172, 186), (84, 92, 100)
 _PARKED = (0.0, 0.0, -10.0)
 _PARKED_HALF = 0.001
 _PARKED_QUAT = (0.8, 0.0, 0.0, 0.6)
-"""Any but 1 0 0 0: a geom compiled in line with its body is taken to stay so (`geom_sameframe`), whatever is written to
-`geom_quat` later."""
+"""Any turn but none: MuJoCo takes a geom that is compiled in line with its body to stay so (`geom_sameframe`), whatever
+is written to `geom_quat` later."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Pool:
 
     @classmethod
     def of(cls, plan: Plan) -> Pool:
-        """Just enough for one plan."""
+        """Count what one plan needs."""
         return cls(len(plan.box_kind), len(plan.marker_id), len(plan.tape))
 
     @classmethod
@@ -61,7 +61,7 @@ class Pool:
         return cls(*LIMITS[name])
 
     def union(self, other: Pool) -> Pool:
-        """Enough for either."""
+        """The smallest pool that holds what either of two pools holds."""
         return Pool(max(self.boxes, other.boxes), max(self.markers, other.markers), max(self.tapes, other.tapes))
 
     def __ge__(self, other: Pool) -> bool:
@@ -79,23 +79,24 @@ class Placement:
     """Where a plan puts the geoms of a pool, in the order of `Pool.names`."""
 
     geom_pos: Array
-    """(P, 3)"""
+    """(P, 3) m."""
     geom_quat: Array
-    """(P, 4)"""
+    """(P, 4) w, x, y, z."""
     geom_size: Array
-    """(P, 3)"""
+    """(P, 3) half lengths, m."""
 
 
 def build_model(pool: Pool, *, car: bool = True, looks: bool = True) -> mujoco.MjModel:
     """Compile the corridor's world with a pool of parked boxes and, unless told otherwise, the car.
 
-    The boxes are geoms ``box_000``... of the body ``walls``. The sensor ``collision`` says whether the car touches
+    The boxes are geoms ``box_000``... of the body ``walls``. The sensor ``collision`` tells whether the car touches
     them: the number of contacts (0: none), then the normal (3) of the deepest one.
 
     Args:
         pool: how many boxes, markers and tapes.
         car: whether the car is in it.
-        looks: with what only the eye needs. Without, the physics are the same and a step costs a sixth less.
+        looks: whether it holds what only the eye needs; without, the physics are the same and a step costs a sixth
+            less.
     """
     spec = mujoco.MjSpec.from_file(str(asset_path("corridor.xml")))
     spec.delete(spec.body("default_course"))
@@ -151,7 +152,7 @@ def _paint_walls(spec: mujoco.MjSpec) -> None:
 
 
 def _add_collision_sensor(spec: mujoco.MjSpec) -> None:
-    """<contact name="collision" subtree1="car/car" body2="walls" data="found normal" num="1"/>"""
+    """Add what MJCF writes as <contact name="collision" subtree1="car/car" body2="walls" data="found normal"/>."""
     found, normal = int(mujoco.mjtConDataField.mjCONDATA_FOUND), int(mujoco.mjtConDataField.mjCONDATA_NORMAL)
     reduce_to_nearest = 1
     spec.add_sensor(
@@ -172,7 +173,7 @@ def pool_geoms(model: mujoco.MjModel, pool: Pool) -> NDArray[np.int64]:
 
 
 def place(plan: Plan, pool: Pool) -> Placement:
-    """Where a plan puts the geoms of a pool; spare ones are parked.
+    """Put a plan's boxes, markers and tapes on the geoms of a pool; spare geoms are parked.
 
     Raises:
         ConfigError: the pool is too small.
@@ -205,7 +206,7 @@ def place(plan: Plan, pool: Pool) -> Placement:
 def apply_materials(model: mujoco.MjModel, plan: Plan, pool: Pool) -> None:
     """Write a plan into a model made by `build_model(pool)`, with its looks.
 
-    That is enough for rendering. For physics call `mujoco.mj_setConst` afterwards, or rays and contacts miss the walls.
+    That is enough for rendering; physics need `mujoco.mj_setConst` afterwards, or rays and contacts miss the walls.
     """
     ids, placed = pool_geoms(model, pool), place(plan, pool)
     model.geom_pos[ids], model.geom_quat[ids], model.geom_size[ids] = (

@@ -3,7 +3,8 @@
 The walls are the floor grown by the wall's thickness, less the floor itself, cut into rectangles on the grid of all
 edges: what is not floor is wall, by construction. Edges are whole micrometres, so that edges that should meet do.
 
-A row of the grid is one whole number with a bit a cell: on grids this small that is many times faster than an array.
+A row of the grid is one whole number with a bit for each cell: on grids this small that is many times faster than an
+array.
 """
 
 from __future__ import annotations
@@ -17,15 +18,15 @@ _Cells = tuple[int, int, int, int]
 
 
 def cut_walls(floor: list[Rect], cut: list[Rect], thickness: float) -> list[Rect]:
-    """Rectangles that together are the walls around a floor.
+    """Put walls around a floor.
 
     Args:
         floor: rectangles that get walls around their union.
         cut: rectangles inside the walls that are left out: recesses, doors.
-        thickness: of the walls, m.
+        thickness: thickness of the walls, m.
 
     Returns:
-        Rectangles that touch but never overlap.
+        Rectangles that touch but never overlap, together all of the walls.
     """
     by = round(thickness * _PER_M)
     floors, cuts = _micrometres(floor), _micrometres(cut)
@@ -55,7 +56,9 @@ def _micrometres(rects: list[Rect]) -> list[_Cells]:
 
 
 def _merge(rows: list[int]) -> list[_Cells]:
-    """Cover the set cells with rectangles (x0, y0, x1, y1) that do not overlap, each first wide, then high.
+    """Cover the set cells with rectangles (x0, y0, x1, y1) that do not overlap.
+
+    Each rectangle takes the first run of set cells, as wide as it is, and then as many rows as hold the whole run.
 
     Args:
         rows: cells of the grid, bit x of row y; emptied.

@@ -1,1 +1,1 @@
-"""The real car behind the spaces of the simulated one."""
+"""The real car behind the spaces of the simulated one: its outputs, its sensors, its calibration."""

@@ -1,6 +1,6 @@
-"""What one car needs to know about itself: the servo and motor controller pulses that mean left, straight, forward.
+"""What one car knows about itself: the pulses of servo and motor controller that mean left, straight, forward.
 
-A calibration is a JSON file. The law from a command to pulses, and its way back, are pure functions of it.
+A calibration is a JSON file. The map from a command to pulses, and its inverse, are pure functions of it.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from tral_env.errors import ConfigError
 
 Array = NDArray[np.float64]
 _MIN_TRAVEL_US = 50
-"""Change of the pulse that must be left between command 0 and either end, us."""
+"""Between command 0 and either end the pulse has to change by at least this much."""
 PulseUs = Annotated[int, Field(ge=500, le=2500)]
 
 
 class Knots(NamedTuple):
-    """Pulses of a channel at command -1, 0 and +1, and the width that the law skips beside the centre, us."""
+    """Pulses of a channel at command -1, 0 and +1, and the width beside the centre that the map skips, us."""
 
     minus: int
     centre: int
@@ -33,7 +33,7 @@ class _Section(BaseModel):
 
 
 class ChannelCalibration(_Section):
-    """What the servo and the motor controller have in common."""
+    """Calibration of one channel: what the servo and the motor controller have in common."""
 
     channel: int = Field(ge=0, le=15, description="Output of the PWM board.")
     neutral_us: PulseUs = Field(description="Pulse of command 0, us.")
@@ -43,7 +43,7 @@ class ChannelCalibration(_Section):
 
     @property
     def knots(self) -> Knots:
-        """Where the piecewise linear law bends."""
+        """Pulses between which the map from a command is linear."""
         raise NotImplementedError
 
     @model_validator(mode="after")
@@ -70,7 +70,7 @@ class ChannelCalibration(_Section):
 
 
 class SteeringCalibration(ChannelCalibration):
-    """The servo."""
+    """Calibration of the servo."""
 
     left_us: PulseUs = Field(description="Pulse of full left, us.")
     right_us: PulseUs = Field(description="Pulse of full right, us.")
@@ -78,12 +78,12 @@ class SteeringCalibration(ChannelCalibration):
 
     @property
     def knots(self) -> Knots:
-        """Right, straight, left."""
+        """Pulses of right, straight and left, us; nothing is skipped."""
         return Knots(self.right_us, self.neutral_us + self.trim_us, self.left_us, 0)
 
 
 class ThrottleCalibration(ChannelCalibration):
-    """The motor controller (ESC)."""
+    """Calibration of the motor controller (ESC)."""
 
     forward_us: PulseUs = Field(description="Pulse of full forward, us.")
     reverse_us: PulseUs = Field(description="Pulse of full reverse or brake, us.")
@@ -92,7 +92,7 @@ class ThrottleCalibration(ChannelCalibration):
 
     @property
     def knots(self) -> Knots:
-        """Reverse, neutral, forward."""
+        """Pulses of reverse, neutral and forward, us, and the dead zone if it is skipped."""
         return Knots(self.reverse_us, self.neutral_us, self.forward_us, self.dead_zone_us if self.skip_dead_zone else 0)
 
 
@@ -125,20 +125,20 @@ class CarCalibration(_Section):
 
     @property
     def limits_us(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Shortest pulses and longest pulses of (steering, throttle), us."""
+        """Shortest and longest pulses, each of (steering, throttle), us."""
         return (self.steering.min_us, self.throttle.min_us), (self.steering.max_us, self.throttle.max_us)
 
     def limited(self, pulses_us: ArrayLike) -> Array:
-        """Pulses within the hard limits.
+        """Bring pulses within the hard limits.
 
         Args:
-            pulses_us: (..., 2) steering, throttle.
+            pulses_us: (..., 2) steering, throttle, us.
 
         Returns:
-            (..., 2).
+            (..., 2) us.
 
         Raises:
-            ConfigError: a pulse is not a finite number.
+            ConfigError: a pulse is not a finite number, or the shape is wrong.
         """
         pulses_us = np.asarray(pulses_us, np.float64)
         if pulses_us.shape[-1:] != (2,) or not np.isfinite(pulses_us).all():
@@ -148,20 +148,21 @@ class CarCalibration(_Section):
 
 
 def _knots(calibration: CarCalibration) -> NDArray[np.int64]:
+    """Knots of steering and throttle, (4, 2) us: minus, centre, plus, skip."""
     return np.array([calibration.steering.knots, calibration.throttle.knots]).T
 
 
 def checked(action: ArrayLike) -> Array:
-    """A command, known to be finite and brought into [-1, 1].
+    """Check that a command is finite, and bring it into [-1, 1].
 
     Args:
         action: (..., 2) steering, throttle.
 
     Returns:
-        (..., 2).
+        (..., 2) in [-1, 1].
 
     Raises:
-        ConfigError: wrong shape, or not a number, or infinite.
+        ConfigError: the command has another shape, or is not finite.
     """
     command = np.asarray(action, np.float64)
     if command.shape[-1:] != (2,) or not np.isfinite(command).all():
@@ -170,17 +171,20 @@ def checked(action: ArrayLike) -> Array:
 
 
 def pulses(action: ArrayLike, calibration: CarCalibration) -> Array:
-    """Pulses that carry out a command: linear from command 0 to either end, exact at -1, 0 and +1.
+    """Pulses that carry out a command, exact at -1, 0 and +1.
+
+    A command u > 0 has the pulse ``s + u (plus - s)`` with ``s = centre + sign(plus - centre) skip``; u < 0 has minus
+    in place of plus, and 0 has the centre.
 
     Args:
         action: (..., 2) steering, throttle; brought into [-1, 1].
-        calibration: of the car.
+        calibration: calibration of the car.
 
     Returns:
         (..., 2) us, within the hard limits.
 
     Raises:
-        ConfigError: wrong shape, or not a number, or infinite.
+        ConfigError: the command has another shape, or is not finite.
     """
     command = checked(action)
     minus, centre, plus, skip = _knots(calibration)
@@ -190,17 +194,17 @@ def pulses(action: ArrayLike, calibration: CarCalibration) -> Array:
 
 
 def action_of(pulses_us: ArrayLike, calibration: CarCalibration) -> Array:
-    """Command that pulses carry out: the way back of `pulses`.
+    """Command that pulses carry out: the inverse of `pulses`.
 
     Args:
-        pulses_us: (..., 2) us; what is beyond full left, right, forward or reverse counts as that.
-        calibration: of the car.
+        pulses_us: (..., 2) us; a pulse beyond full left, right, forward or reverse counts as that.
+        calibration: calibration of the car.
 
     Returns:
-        (..., 2) in [-1, 1]: steering, throttle.
+        (..., 2) in [-1, 1]: steering, throttle; 0 for a pulse within the skipped dead zone.
 
     Raises:
-        ConfigError: wrong shape, or not a number, or infinite.
+        ConfigError: the pulses have another shape, or are not finite.
     """
     us = calibration.limited(pulses_us)
     minus, centre, plus, skip = _knots(calibration)
@@ -219,13 +223,13 @@ def limit_slew(action: ArrayLike, last: ArrayLike, period_s: float, calibration:
         action: (..., 2) wanted command.
         last: (..., 2) command before.
         period_s: time between the two, s.
-        calibration: of the car.
+        calibration: calibration of the car.
 
     Returns:
-        (..., 2).
+        (..., 2) in [-1, 1].
 
     Raises:
-        ConfigError: wrong shape, or not a number, or infinite.
+        ConfigError: a command has another shape, or is not finite.
     """
     rates = [section.slew_per_s or np.inf for section in (calibration.steering, calibration.throttle)]
     step = np.array(rates) * period_s

@@ -34,10 +34,11 @@ def load_calibration(source: str | Path | CarCalibration) -> CarCalibration:
     """Read a calibration.
 
     Args:
-        source: name of a packaged one (``"tt01"``), path of a JSON file, or a calibration, which is handed back.
+        source: name of a packaged one (``"tt01"``), path of a JSON file, or a calibration, which is given back.
 
     Raises:
-        CalibrationError: no such file, no JSON, or not a calibration: the message lists every problem with its place.
+        CalibrationError: the file cannot be read, is no JSON or no calibration; the message lists every problem with
+            its place.
     """
     if isinstance(source, CarCalibration):
         return source
@@ -60,7 +61,7 @@ def parse_calibration(text: str, where: str) -> CarCalibration:
 
     Args:
         text: JSON.
-        where: what to call it in an error message.
+        where: name of the file in error messages.
 
     Raises:
         CalibrationError: see `load_calibration`.
@@ -81,6 +82,7 @@ def parse_calibration(text: str, where: str) -> CarCalibration:
 
 
 def _problems(detail: Any) -> Iterable[str]:
+    """Word an error of pydantic, a line for each problem."""
     place = ".".join(str(part) for part in detail["loc"]) or "file"
     if detail["type"] == "extra_forbidden":
         *path, name = detail["loc"]

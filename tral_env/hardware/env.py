@@ -24,13 +24,16 @@ from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ, Layout, action
 
 Observation = NDArray[np.float32]
 OUTPUTS = ("recorder", "pca9685")
+"""`TralCarEnv` opens these outputs by name."""
 SENSORS = ("srf08",)
+"""`TralCarEnv` opens these sensors by name."""
 
 
 class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
-    """The car made of metal, behind the spaces of ``TralCorridor-v0``.
+    """The real car, behind the spaces of ``TralCorridor-v0``.
 
-    ``gym.make("TralCar-v0", output="pca9685", sensors="srf08")`` drives; by default nothing moves: pulses are recorded.
+    ``gym.make("TralCar-v0", output="pca9685", sensors="srf08")`` drives; by default the car stands and its pulses are
+    recorded.
 
     Action: steering (+1 = full left) and throttle (+1 = full forward), brought into [-1, 1], turned into pulses by the
     calibration. Observation: the fields of `tral_env.interface.CORE_LAYOUT`; a field without a sensor is "nothing
@@ -38,9 +41,9 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     progress. Never terminated; truncated after `max_duration_s`, with the car in neutral.
 
     A step sends the pulses at once, then sleeps until its period of 1/80 s is over, then reads the sensors. A step that
-    comes late is counted in ``info["late_ticks"]`` and the schedule moves back with it: steps are never made up for in
-    a burst. Whatever goes wrong in a step, neutral is commanded before the error leaves it. ``info`` has ``tick``,
-    ``late_ticks``, ``steering_us`` and ``throttle_us``.
+    comes late counts in ``info["late_ticks"]``, and the schedule moves back with it: late steps are never caught up in
+    a burst. When a step fails, it commands neutral before the error leaves it. ``info`` has ``tick``, ``late_ticks``,
+    ``steering_us`` and ``throttle_us``.
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "render_fps": CONTROL_RATE_HZ}  # noqa: RUF012
@@ -99,10 +102,10 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Command neutral and start the sensors. Waits for nobody: put the car in place before.
+        """Command neutral and start the sensors at once; put the car in its place before.
 
         Raises:
-            ConfigError: there are no options.
+            ConfigError: an option was given; there are none.
             HardwareError: a device does not answer.
         """
         super().reset(seed=seed)
@@ -125,10 +128,10 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         """Send a command, wait for the end of its period, read the sensors.
 
         Args:
-            action: (2,).
+            action: (2,) steering, throttle.
 
         Raises:
-            ConfigError: wrong shape, or not a number; neutral has been commanded.
+            ConfigError: the action has another shape, or is not finite; neutral has been commanded.
             HardwareError: a device failed; neutral has been commanded.
             ResetNeeded: there was no reset, or the episode is over.
         """
@@ -145,7 +148,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         return observation, 0.0, False, truncated, self._info()
 
     def close(self) -> None:
-        """Neutral, then let go of all devices. A second call does nothing.
+        """Send neutral, then let go of all devices; a second call does nothing.
 
         Raises:
             HardwareError: neutral could not be sent.
@@ -173,6 +176,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._pulses_us = steering_us, throttle_us
 
     def _pace(self) -> None:
+        """Sleep until the period is over; periods follow each other without drift until one is late."""
         now = self._clock()
         if self._deadline is not None and now > self._deadline:
             self._late += 1
@@ -202,6 +206,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         }
 
     def _fail(self, error: BaseException) -> None:
+        """End the episode in neutral; if that fails too, the error says so."""
         self._running = False
         try:
             self._neutral()
@@ -210,7 +215,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
 
 
 class _Guard:
-    """Commands neutral when its block fails, and calls a bus error what it is."""
+    """Commands neutral when its block fails, and turns an OSError of a bus into a HardwareError."""
 
     def __init__(self, env: TralCarEnv) -> None:
         self._env = env

@@ -1,4 +1,4 @@
-"""The I2C bus: one transaction at a time, and errors that say which device was silent and what to do about it."""
+"""The I2C bus: one transaction at a time, and errors that tell which device was silent and what to do about it."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ class Smbus(Protocol):
     """The part of ``smbus2.SMBus`` that is used here."""
 
     def write_i2c_block_data(self, i2c_addr: int, register: int, data: Sequence[int], /) -> None:
-        """Write bytes from a register on, one transaction."""
+        """Write bytes to a register and those behind it, in one transaction; OSError: no answer."""
 
     def read_i2c_block_data(self, i2c_addr: int, register: int, length: int, /) -> list[int]:
-        """Read bytes from a register on, one transaction."""
+        """Read bytes of a register and those behind it, in one transaction; OSError: no answer."""
         ...
 
     def close(self) -> None:
@@ -29,7 +29,7 @@ class Bus:
         """Open the bus.
 
         Args:
-            bus: number (1 is ``/dev/i2c-1``), path, or an open bus, which stays its owner's to close.
+            bus: number (1 is ``/dev/i2c-1``), path, or an open bus, which its owner closes.
 
         Raises:
             MissingExtraError: smbus2 is not installed.
@@ -43,17 +43,17 @@ class Bus:
         """A device on this bus.
 
         Args:
-            address: 7 bit.
-            name: what to call it in an error message.
+            address: address of the device, 7 bit.
+            name: name of the device in error messages.
         """
         return Device(self, address, name)
 
     def write(self, address: int, register: int, data: Sequence[int]) -> None:
-        """Write bytes from a register on; raises what the driver raises."""
+        """Write bytes to a register of a device and those behind it; errors are those of the driver."""
         self._smbus.write_i2c_block_data(address, register, list(data))
 
     def read(self, address: int, register: int, length: int) -> list[int]:
-        """Read bytes from a register on; raises what the driver raises."""
+        """Read bytes of a register of a device and those behind it; errors are those of the driver."""
         return self._smbus.read_i2c_block_data(address, register, length)
 
     def close(self) -> None:
@@ -66,11 +66,11 @@ class Device:
     """One address on a bus."""
 
     def __init__(self, bus: Bus, address: int, name: str) -> None:
-        """See `Bus.device`."""
+        """Name a device; `Bus.device` makes one."""
         self._bus, self._address, self._name = bus, address, name
 
     def write(self, register: int, *data: int) -> None:
-        """Write bytes from a register on, one transaction.
+        """Write bytes to a register and those behind it, in one transaction.
 
         Raises:
             HardwareError: no answer.
@@ -81,7 +81,7 @@ class Device:
             raise self._silent(error) from error
 
     def read(self, register: int, length: int = 1) -> list[int]:
-        """Read bytes from a register on, one transaction.
+        """Read bytes of a register and those behind it, in one transaction.
 
         Raises:
             HardwareError: no answer.
@@ -92,7 +92,7 @@ class Device:
             raise self._silent(error) from error
 
     def nonsense(self, got: str) -> HardwareError:
-        """Error for an answer that cannot be right."""
+        """Word the error for an answer that cannot be right."""
         return HardwareError(f"{self._name} at 0x{self._address:02x} on {self._bus.label}: {got}")
 
     def _silent(self, error: OSError) -> HardwareError:

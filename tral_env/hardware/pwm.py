@@ -15,10 +15,10 @@ from tral_env.hardware.i2c import Bus, Smbus
 
 
 class PulseOutput(Protocol):
-    """Something that turns pulses into motion. It has sent neutral before it is handed out."""
+    """A device that turns pulses into motion; it has sent neutral before anyone gets it."""
 
     def write(self, steering_us: float, throttle_us: float) -> None:
-        """Send both pulses, within the hard limits.
+        """Send both pulses, us, within the hard limits.
 
         Raises:
             ConfigError: a pulse is not a finite number; nothing has been sent.
@@ -26,7 +26,7 @@ class PulseOutput(Protocol):
         """
 
     def close(self) -> None:
-        """Send neutral, then let go of the device. A second call does nothing.
+        """Send neutral, then let go of the device; a second call does nothing.
 
         Raises:
             HardwareError: neutral could not be sent.
@@ -35,7 +35,7 @@ class PulseOutput(Protocol):
 
 @dataclass(frozen=True)
 class Sent:
-    """Pulses and when they were sent."""
+    """Two pulses, us, and the time at which they were sent."""
 
     time_s: float
     steering_us: float
@@ -43,14 +43,14 @@ class Sent:
 
 
 class Recorder:
-    """Keeps what would have been sent: for dry runs and tests."""
+    """Keeps the pulses that a board would have sent, for dry runs and tests."""
 
     def __init__(self, calibration: CarCalibration, clock: Callable[[], float] = time.monotonic) -> None:
         """Record neutral.
 
         Args:
-            calibration: of the car.
-            clock: time, s.
+            calibration: calibration of the car.
+            clock: gives the time, s.
         """
         self.sent: list[Sent] = []
         self._calibration, self._clock, self._open = calibration, clock, True
@@ -73,16 +73,20 @@ class Recorder:
 _MODE1, _MODE2, _LED0, _PRESCALE = 0x00, 0x01, 0x06, 0xFE
 _SLEEP, _AUTO_INCREMENT, _RESTART, _TOTEM_POLE = 0x10, 0x20, 0x80, 0x04
 _WAKE_UP_S = 0.001
+"""The oscillator runs this long after it was woken; the data sheet asks for half a millisecond."""
 _STEPS = 4096
+"""The board divides a period into so many steps."""
 _ATTEMPTS = 3
+"""Neutral is sent so often before the board counts as lost."""
 
 
 class Pca9685:
-    """The PCA9685 PWM board. Source of registers and order: data sheet of NXP, revision 4.
+    """The PCA9685 PWM board.
 
-    Opening it sends neutral before the outputs wake. Closing it, leaving its ``with`` block and the end of the
-    interpreter send neutral and leave the board sending it, because a motor controller without pulses may do anything.
-    A process that is killed outright (SIGKILL, SIGTERM without a handler) leaves the last pulses standing.
+    The board gets neutral before its outputs wake, and again at its close, at the end of its ``with`` block and at the
+    end of the interpreter; it goes on sending neutral then, because a motor controller without pulses may do anything.
+    A process that is killed outright (SIGKILL, SIGTERM without a handler) leaves the board with the last pulses.
+    Source of registers and order: data sheet of NXP, revision 4.
     """
 
     def __init__(
@@ -95,9 +99,9 @@ class Pca9685:
         """Open the board, set its period, and send neutral.
 
         Args:
-            calibration: of the car.
+            calibration: calibration of the car.
             bus: see `Bus`.
-            address: of the board, 7 bit.
+            address: address of the board, 7 bit.
             sleep: waits some seconds; the oscillator needs half a millisecond to start.
 
         Raises:
@@ -118,12 +122,12 @@ class Pca9685:
 
     @property
     def period_us(self) -> float:
-        """Time from pulse to pulse that the board's divider allows: near the wanted one, us."""
+        """Time from pulse to pulse, us, as near to the wanted one as the board's divider allows."""
         return self.step_us * _STEPS
 
     @property
     def step_us(self) -> float:
-        """Pulses come in steps of this length, us."""
+        """The board makes pulses in steps of this length, us: (prescale + 1) / oscillator."""
         return (self._prescale + 1) / self._calibration.oscillator_hz * 1e6
 
     def write(self, steering_us: float, throttle_us: float) -> None:
@@ -144,20 +148,21 @@ class Pca9685:
             self._bus.close()
 
     def __enter__(self) -> Self:
-        """The open board."""
+        """The board itself, open."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Neutral, whatever happened."""
+        """Close the board, which sends neutral, whatever happened."""
         self.close()
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        """A board cannot be copied; specifications of environments try to."""
+        """The board itself: the specification of an environment is copied, a board cannot be."""
         return self
 
     def _start(self, sleep: Callable[[float], None]) -> None:
-        # Asleep, the board sends nothing, takes a new divider, and no longer answers to its second address 0x70,
-        # which is that of the first ultrasonic.
+        """Set the divider while the board sleeps, give it neutral, and wake it."""
+        # A board that sleeps sends nothing and takes a new divider. It also stops answering to its second address
+        # 0x70, which is that of the first ultrasonic.
         self._device.write(_MODE1, _SLEEP | _AUTO_INCREMENT)
         self._device.write(_PRESCALE, self._prescale)
         if (got := self._device.read(_PRESCALE)[0]) != self._prescale:
@@ -195,4 +200,5 @@ class Pca9685:
 
 
 def _prescale(calibration: CarCalibration) -> int:
+    """Divider for the wanted period: round(oscillator period / 4096) - 1. Source: data sheet, 7.3.5."""
     return round(calibration.oscillator_hz * calibration.period_us * 1e-6 / _STEPS) - 1

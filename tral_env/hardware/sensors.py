@@ -1,4 +1,4 @@
-"""What the real car can sense: the protocol, the hall sensor, and several sensors as one."""
+"""Sensors of the real car: their protocol, the hall sensor, and several sensors as one."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ class Sensors(Protocol):
     """A source of readings, named as in `tral_env.interface.CORE_FIELDS`."""
 
     def start(self) -> None:
-        """Begin anew, at each reset.
+        """Begin anew; the environment calls it at each reset.
 
         Raises:
             HardwareError: no answer.
         """
 
     def read(self, now: float) -> Mapping[str, float]:
-        """Latest readings with their ages. Never waits; what is not named has not been seen.
+        """Give the latest readings with their ages, at once; a reading that is not named has not come yet.
 
         Args:
             now: time on the environment's clock, s.
@@ -35,33 +35,34 @@ class Sensors(Protocol):
         ...
 
     def stop(self) -> None:
-        """Let go of the device. A second call does nothing."""
+        """Let go of the device; a second call does nothing."""
 
 
 class SensorGroup:
     """Several sensors as one."""
 
     def __init__(self, *members: Sensors) -> None:
-        """Group sensors; a reading that two of them name is the later one's."""
+        """Group sensors; of a reading that two of them name, the later sensor's counts."""
         self._members = members
 
     def start(self) -> None:
-        """Begin anew, all of them."""
+        """Begin anew with each sensor."""
         for member in self._members:
             member.start()
 
     def read(self, now: float) -> Mapping[str, float]:
-        """Readings of all."""
+        """Give the readings of all sensors at a time, s."""
         readings: dict[str, float] = {}
         for member in self._members:
             readings.update(member.read(now))
         return readings
 
     def stop(self) -> None:
-        """Let go of all of them, also when one fails."""
+        """Let go of all sensors, also when one of them fails."""
         self._stop(0)
 
     def _stop(self, first: int) -> None:
+        """Let go of the sensors from one on; the error of one comes after the others were let go."""
         if first < len(self._members):
             try:
                 self._members[first].stop()
@@ -70,18 +71,17 @@ class SensorGroup:
 
 
 class HallCounter:
-    """Distance and speed from the edges of the hall sensor on a wheel. It knows no direction.
+    """Distance and speed, without direction, from the edges of the hall sensor on a wheel.
 
-    The law is that of the simulated sensor, `tral_env.sensors.hall.EdgeSpeed`, for one wheel.
-
-    Hand `edge` to whatever watches the pin, for example as ``when_activated`` of gpiozero.
+    The model is that of the simulated sensor, `tral_env.sensors.hall.EdgeSpeed`, for one wheel. Give `edge` to the
+    program that watches the pin, for example as ``when_activated`` of gpiozero.
     """
 
     def __init__(self, config: HallConfig | None = None, clock: Callable[[], float] = time.monotonic) -> None:
         """Count from zero.
 
         Args:
-            config: distance of an edge, shortest and longest time between two, resolution of their stamps.
+            config: travel from edge to edge, shortest and longest time between two, resolution of their stamps.
             clock: the environment's clock, s.
         """
         self._clock, self._lock = clock, threading.Lock()
@@ -93,23 +93,20 @@ class HallCounter:
             self._edges.reset(_WHEEL)
 
     def edge(self) -> None:
-        """One magnet has passed. May be called from another thread."""
+        """Count a magnet that has passed now; another thread may call it."""
         now = self._clock()
         with self._lock:
             self._edges.edge(_PASSED, now)
 
     def read(self, now: float) -> Mapping[str, float]:
-        """Distance since the start [m] and speed [m/s].
-
-        Args:
-            now: time, s.
-        """
+        """Give the distance since the start, m, and the speed, m/s, at a time, s."""
         with self._lock:
             distance, speed = self._edges.distance, self._edges.speed(now)
         return {"distance": float(distance[0]), "speed": float(speed[0])}
 
     def stop(self) -> None:
-        """Nothing to let go of."""
+        """Do nothing: the program that watches the pin owns it."""
 
 
 _WHEEL, _PASSED = np.array([0]), np.array([True])
+"""The one wheel of a counter, as a row and as a mask."""

@@ -13,27 +13,40 @@ from tral_env.interface import NO_ECHO_M
 from tral_env.sensors.ultrasonic import limits, readable, resolution
 
 ADDRESSES: Mapping[str, int] = {"left": 0x70, "front": 0x71, "right": 0x72}
-"""Address of each ranger, 7 bit."""
+"""Each ranger answers to this address, 7 bit."""
 
 _BROADCAST = 0x00
-_COMMAND, _GAIN, _RANGE, _FIRST_ECHO = 0, 1, 2, 2
+"""All rangers take what is written to this address, the I2C bus's general call."""
+_COMMAND = 0
+"""Register of the command when written, of the version when read."""
+_GAIN = 1
+"""Register of the greatest analogue gain."""
+_RANGE = 2
+"""Register of the time for which the ranger listens, when written."""
+_FIRST_ECHO = 2
+"""Register of the first echo, high byte first, when read."""
 _REPLY: Mapping[str, int] = {"cm": 0x51, "us": 0x52}
+"""Commands that fire, by the unit of the reply."""
 _BUSY = 0xFF
+"""The version register reads so while the ranger listens."""
 _MAX_GAIN = 31
 _RANGE_STEP_M = 0.043
+"""The ranger listens for (register + 1) times this range."""
 _PATIENCE_S = 0.3
+"""A ranger that is busy for longer counts as broken."""
 _START_ATTEMPTS = 10
+"""A ranger is asked so often, a quarter of the cadence apart, to finish a ranging and start anew."""
 
 
 class Srf08:
     """One ranger: its registers, without any notion of time."""
 
     def __init__(self, device: Device, config: UltrasonicConfig) -> None:
-        """Take over a device; nothing is sent yet."""
+        """Name a ranger; nothing is sent yet."""
         self._device, self._config = device, config
 
     def configure(self) -> None:
-        """Full gain, and listen no longer than the maximum range takes.
+        """Set full gain, and let the ranger listen no longer than the maximum range takes.
 
         Raises:
             HardwareError: no answer, or not an SRF08.
@@ -48,18 +61,18 @@ class Srf08:
         self._device.write(_COMMAND, _REPLY[self._config.mode])
 
     def busy(self) -> bool:
-        """Whether it is still listening: nobody drives the bus then, which reads as version 0xFF."""
+        """Whether it is still listening: it does not drive the bus then, which reads as version 0xFF."""
         return self._device.read(_COMMAND)[0] == _BUSY
 
     def range_m(self) -> float:
-        """Distance of the first echo, m; `NO_ECHO_M` without one."""
+        """Range of the first echo, m; `NO_ECHO_M` without one."""
         high, low = self._device.read(_FIRST_ECHO, 2)
         metres = resolution(self._config) * (high << 8 | low)
         return metres if readable(metres, self._config) else NO_ECHO_M
 
 
 class SonarArray:
-    """The three rangers as `Sensors`: fired again and again, read when they are ready, never waited for."""
+    """The three rangers as `Sensors`: it fires them again and again, reads them when ready, and never waits."""
 
     def __init__(
         self,
@@ -75,8 +88,9 @@ class SonarArray:
             bus: see `Bus`.
             config: mode, cadence, range and scale.
             addresses: side -> address, 7 bit.
-            firing: "together" by broadcast, each at the full cadence, or "in turn", slower and without crosstalk.
-            sleep: waits some seconds; used by `start` alone.
+            firing: "together" by broadcast, each at the full cadence, as the cars of 2016 did; or "in turn", one each
+                cadence, which is three times slower and without crosstalk.
+            sleep: waits some seconds; only `start` uses it.
 
         Raises:
             ConfigError: a side or a firing that does not exist.
@@ -112,7 +126,7 @@ class SonarArray:
                     self._sleep(self._config.cadence_s / 4)
 
     def read(self, now: float) -> Mapping[str, float]:
-        """Latest ranges and their ages since firing; see `Sensors.read`."""
+        """Give the latest ranges and their ages since firing; see `Sensors.read`."""
         self._collect(now)
         if not self._listening and now - self._fired >= self._config.cadence_s:
             self._fire(now)
@@ -145,10 +159,11 @@ class SonarArray:
         self._fired = now
 
     def _collect(self, now: float) -> None:
+        """Read the rangers that have finished listening."""
         for side in sorted(self._listening):
             try:
                 if self._rangers[side].busy():
-                    self._overdue(side, now)
+                    self._check_patience(side, now)
                     continue
                 self._latest[side] = self._rangers[side].range_m(), self._fired
             except HardwareError:
@@ -158,6 +173,7 @@ class SonarArray:
                 continue
             self._listening.discard(side)
 
-    def _overdue(self, side: str, now: float) -> None:
+    def _check_patience(self, side: str, now: float) -> None:
+        """Raise an error if a ranger has been busy for too long."""
         if now - self._fired > _PATIENCE_S:
             raise HardwareError(f"the {side} ultrasonic has been busy for {now - self._fired:.2f} s, expected 0.07 s")

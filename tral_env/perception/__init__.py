@@ -1,1 +1,1 @@
-"""Images to gates and markers."""
+"""From images to markers, and from markers to gates."""

@@ -1,4 +1,4 @@
-"""ArUco markers in an image, and where they stand."""
+"""Find ArUco markers in an image, and tell where they stand."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from tral_env.perception.rays import lens_arrays, pixel_rays
 Array = NDArray[np.float64]
 
 DICTIONARY = cv2.aruco.DICT_4X4_50
+"""The markers of gates and signs come from this dictionary."""
 
 CORNER_INSET_PX = 0.18
-"""Sub-pixel refinement finds the corners of a square this much too far inside, which made distances 2 % too long at
+"""Sub-pixel refinement finds the corners of a square this much too far inside, px, which made distances 2 % too long at
 5 m. Measured: benchmarks/marker_accuracy.py."""
 
 
@@ -27,7 +28,7 @@ class MarkerCorners:
     """Markers found in one image."""
 
     ids: NDArray[np.int64]
-    """(m,)"""
+    """(m,) ids of the markers."""
     corners: Array
     """(m, 4, 2) px: upper left, upper right, lower right, lower left corner of the black square, as printed."""
 
@@ -37,7 +38,7 @@ class MarkerPoses:
     """Where the markers of one image stand, in the car's frame."""
 
     ids: NDArray[np.int64]
-    """(m,)"""
+    """(m,) ids of the markers."""
     x: Array
     """(m,) m forward of the rear axle."""
     y: Array
@@ -58,13 +59,13 @@ class Detector:
         self._detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(DICTIONARY), parameters)
 
     def detect(self, image: NDArray[np.uint8]) -> MarkerCorners:
-        """Markers in an image.
+        """Find the markers in an image.
 
         Args:
-            image: (h, w) grey or (h, w, 3) RGB.
+            image: (h, w) grey or (h, w, 3) RGB, uint8.
 
         Raises:
-            ConfigError: neither of these.
+            ConfigError: the image is neither of these.
         """
         if image.ndim == 3 and image.shape[2] == 3:
             image = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
@@ -82,14 +83,15 @@ class Detector:
 def marker_poses(detections: MarkerCorners, camera: CameraConfig, car: CarConfig | None = None) -> MarkerPoses:
     """Place each marker in the car's frame.
 
-    The estimator takes the camera as mounted exactly: level, looking along x. Method: two
-    poses from the homography of the square (infinitesimal plane-based pose estimation, Collins and Bartoli 2014), both
-    refined to the least reprojection error, of which the better counts; markers stand upright. OpenCV 5.0 offers this
-    as SOLVEPNP_IPPE_SQUARE, but one of its two rotations often comes out wrong.
+    The camera counts as mounted exactly: level, looking along x. Two poses follow from the homography of the square;
+    both are refined to the least reprojection error, and the better one counts, where leaning counts against a pose
+    because markers stand upright. OpenCV 5.0 offers the first step as SOLVEPNP_IPPE_SQUARE, but one of its two
+    rotations often comes out wrong.
+    Source: T. Collins and A. Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109, 2014.
 
     Args:
         detections: m markers.
-        camera: lens and marker size.
+        camera: lens and size of the markers.
         car: where the camera sits.
     """
     car = car or CarConfig()
@@ -99,11 +101,11 @@ def marker_poses(detections: MarkerCorners, camera: CameraConfig, car: CarConfig
 
 
 TILT_PX = 1.0
-"""A pose leaning by an angle a counts as worse by sin(a) times this, px: a marker stands upright."""
+"""A pose that leans by an angle a counts as worse by sin(a) times this, px: a marker stands upright."""
 
 
 def _pose(corners: Array, camera: CameraConfig) -> tuple[float, float, float, float]:
-    """Position forward and left of the camera, heading into the marker and reprojection error."""
+    """Position forward and left of the camera, m, heading into the marker, rad, and reprojection error, px."""
     half = camera.marker_size / 2
     square = np.array([[-half, half, 0], [half, half, 0], [half, -half, 0], [-half, -half, 0]])
     lens = lens_arrays(camera)
@@ -117,14 +119,19 @@ def _pose(corners: Array, camera: CameraConfig) -> tuple[float, float, float, fl
 
 
 def _flat(points: Array) -> NDArray[np.float32]:
+    """The first two columns, as OpenCV wants them."""
     return np.ascontiguousarray(points[:, :2], np.float32)
 
 
 def _two_poses(homography: Array) -> tuple[Array, Array, Array]:
     """Two rotations and the translation of a plane whose points (x, y, 1) near (0, 0) a homography sends to rays.
 
-    Around the middle the homography is a 2 x 2 matrix; seen along the line of sight it is the upper left part of a
-    rotation times a scale. The rest of that rotation follows but for one sign.
+    The homography maps a point (x, y) of the plane to the ray (u, v, 1): the middle (0, 0) to m, with the 2 x 2
+    derivative J. Let V hold the axes of the line of sight (right, down, ahead) in the camera's frame, V Q be the
+    plane's rotation, and 1 / s the depth of its middle. Projection says ``J = s [I | -m] V Q[:, :2] = s B Q[:2, :2]``:
+    the first two columns of ``[I | -m] V`` are B, the third, along the line of sight, is 0. So ``s Q[:2, :2] =
+    B^-1 J``, and s is its largest singular value, since a tilted plane keeps its full length along one direction. The
+    third row of Q's columns follows from their unit length and right angle but for one common sign.
     """
     middle = homography[:2, 2] / homography[2, 2]
     slope = (homography[:2, :2] - np.outer(middle, homography[2, :2])) / homography[2, 2]
@@ -149,7 +156,7 @@ def _two_poses(homography: Array) -> tuple[Array, Array, Array]:
 def _refined(
     square: Array, corners: Array, lens: tuple[Array, Array], turn: Array, shift: Array
 ) -> tuple[float, float, Array, Array]:
-    """Badness, RMS reprojection error, normal and position of the best pose near a first one."""
+    """Refine a pose (Levenberg-Marquardt); give its badness, RMS reprojection error, px, normal and position, m."""
     first = cv2.Rodrigues(turn)[0], shift[:, None]
     best = cv2.solvePnPRefineLM(square, corners, *lens, first[0].copy(), first[1].copy())
     # The refinement seldom, but badly, runs away from very slanted views.

@@ -23,7 +23,7 @@ Image = NDArray[np.uint8]
 """(height, width, 3) RGB."""
 
 MAX_GEOMS = 5000
-"""Geoms a scene can show."""
+"""A picture can show so many geoms."""
 
 
 class SceneRenderer:
@@ -34,10 +34,10 @@ class SceneRenderer:
     """
 
     def __init__(self, offsamples: int = 4) -> None:
-        """Nothing is opened yet.
+        """Prepare a renderer; the first picture opens OpenGL.
 
         Args:
-            offsamples: samples a pixel against jagged edges; 0 is fastest.
+            offsamples: samples for each pixel against jagged edges; 0 is fastest.
         """
         self._offsamples = offsamples
         self._gl: Any = None
@@ -62,19 +62,19 @@ class SceneRenderer:
         mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
         effects: bool = False,
     ) -> Image:
-        """Picture of one camera.
+        """Render the picture of one camera.
 
         Args:
             model: the compiled scene.
             data: its state; kinematics must be up to date.
             camera: name of a camera of the model.
-            width: px.
-            height: px.
-            intrinsics: focal lengths and principal point instead of the model's field of view; its distortion is
-                `OnboardCamera`'s business.
+            width: width of the picture, px.
+            height: height of the picture, px.
+            intrinsics: focal lengths and principal point instead of the model's field of view; `OnboardCamera` alone
+                follows its distortion.
             mounting: roll, pitch, yaw by which the camera is turned away from its place, rad; about x forward,
                 y left, z up.
-            effects: shadows and reflections, as far as the model has them.
+            effects: whether to draw shadows and reflections, as far as the model has them.
 
         Returns:
             (height, width, 3) uint8.
@@ -100,7 +100,7 @@ class SceneRenderer:
         return np.ascontiguousarray(image[::-1])
 
     def _open(self, model: mujoco.MjModel, width: int, height: int) -> tuple[mujoco.MjrContext, mujoco.MjvScene]:
-        """Contexts that can show this model at this size, made or grown when needed."""
+        """Make or grow, where needed, the contexts that can show this model at this size."""
         if self._gl is None:
             self._gl = _gl_context(max(width, 640), max(height, 480))
         if self._context is None or self._scene is None or not self._shows(model):
@@ -131,7 +131,8 @@ class SceneRenderer:
         self._gl = self._context = self._scene = self._model = None
 
     def __del__(self) -> None:
-        # Left to chance, the context would be freed while another renderer's is current, and take its images along.
+        # Left to the garbage collector, the context may be freed while another renderer's is current, whose images
+        # then go with it.
         self.close()
 
     def __enter__(self) -> SceneRenderer:
@@ -149,13 +150,13 @@ class OnboardCamera:
     def __init__(
         self, config: CameraConfig | None = None, *, camera: str = "car/front", renderer: SceneRenderer | None = None
     ) -> None:
-        """Nothing is opened yet.
+        """Prepare a camera; the first image opens OpenGL.
 
         Args:
             config: the lens.
-            camera: name of the camera in the model: its place and direction are used, its field of view is not.
-            renderer: shared with other views; default: one of its own, without smoothing of edges, which doubles the
-                cost and hardly helps the detector.
+            camera: name of the camera in the model: its place and direction count, its field of view does not.
+            renderer: a renderer that other views share; default: one of its own, without smoothing of edges, which
+                doubles the cost and hardly helps the detector.
         """
         self.config = config or CameraConfig()
         self._camera = camera
@@ -163,12 +164,12 @@ class OnboardCamera:
         self._pinhole = self.config
         self._map: tuple[Any, Any] | None = None
         if any(self.config.distortion):
-            self._pinhole, self._map = _unbent(self.config)
+            self._pinhole, self._map = _pinhole_and_map(self.config)
 
     def capture(
         self, model: mujoco.MjModel, data: mujoco.MjData, mounting: tuple[float, float, float] = (0.0, 0.0, 0.0)
     ) -> Image:
-        """Image of the camera, (config.height, config.width, 3) uint8.
+        """Take an image, (config.height, config.width, 3) uint8.
 
         Args:
             model: the compiled scene.
@@ -191,7 +192,7 @@ class OnboardCamera:
 
 
 def camera_id(model: mujoco.MjModel, name: str) -> int:
-    """Index of a named camera.
+    """Index of a named camera in a model.
 
     Raises:
         ConfigError: the model has no such camera.
@@ -225,7 +226,7 @@ def _context_class() -> Any:
 
 
 def _render_context(model: mujoco.MjModel, offsamples: int) -> mujoco.MjrContext:
-    """Upload a model's look; its own number of samples is left as it was."""
+    """Upload a model's look; the model's own number of samples stays as it was."""
     before = model.vis.quality.offsamples
     model.vis.quality.offsamples = offsamples
     try:
@@ -238,7 +239,7 @@ def _render_context(model: mujoco.MjModel, offsamples: int) -> mujoco.MjrContext
 
 
 def _look(model: mujoco.MjModel) -> tuple[NDArray[Any], ...]:
-    """What OpenGL holds a copy of."""
+    """The parts of a model that OpenGL holds a copy of."""
     return (
         model.tex_data,
         model.tex_width,
@@ -251,7 +252,11 @@ def _look(model: mujoco.MjModel) -> tuple[NDArray[Any], ...]:
 
 
 def _aim(eye: Any, intrinsics: CameraConfig | None, mounting: tuple[float, float, float]) -> None:
-    """Give a camera of a scene its lens and its mounting error."""
+    """Give a camera of a scene its lens and its mounting error.
+
+    The frustum is that of a pinhole whose pixel (u, v) sees the direction ((u - cx) / fx, (v - cy) / fy, 1), with whole
+    numbers at the middles of pixels: the image begins at -0.5 and ends at width - 0.5.
+    """
     if intrinsics is not None:
         near = eye.frustum_near
         left, right = (-0.5 - intrinsics.cx) / intrinsics.fx, (intrinsics.width - 0.5 - intrinsics.cx) / intrinsics.fx
@@ -266,8 +271,11 @@ def _aim(eye: Any, intrinsics: CameraConfig | None, mounting: tuple[float, float
         eye.forward, eye.up = turned[:, 0], turned[:, 2]
 
 
-def _unbent(config: CameraConfig) -> tuple[CameraConfig, tuple[Any, Any]]:
-    """A pinhole that sees all a distorting lens sees, and where each pixel of the lens lies in its image."""
+def _pinhole_and_map(config: CameraConfig) -> tuple[CameraConfig, tuple[Any, Any]]:
+    """A pinhole that sees all that a distorting lens sees, and where each pixel of the lens lies in its image.
+
+    The pinhole has the lens's focal lengths, and an image just large enough for the rays of all pixels of the lens.
+    """
     u, v = np.meshgrid(np.arange(config.width, dtype=np.float64), np.arange(config.height, dtype=np.float64))
     pixels = np.stack([u.ravel(), v.ravel()], axis=1)
     rays = pixel_rays(pixels, config).reshape(config.height, config.width, 2)

@@ -1,4 +1,4 @@
-"""When images are exposed and when what they show is known: a camera's rate and latency, for n cars."""
+"""A camera's rate and latency, for n cars: when it exposes images, and when their content is known."""
 
 from __future__ import annotations
 
@@ -12,21 +12,29 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 IN_FLIGHT = 4
-"""Images on their way from the sensor to the detector that there is room for at first: 15 Hz and 120 ms make two."""
+"""The queue has room for so many images at first: at 15 Hz and 120 ms two are on their way to the detector."""
 SUBJECTS = ("gate", "marker")
+"""An image tells of these."""
 QUANTITIES = ("id", "x", "y", "heading")
+"""An image tells this of each subject, m and rad."""
 _EPSILON_S = 1e-9
+"""Times that differ by less are equal."""
 
 
 class CameraPipeline:
     """The last gate and the last marker that each of n cars has seen.
 
-    A sighting stays until a newer one replaces it and grows old meanwhile; an image in which nothing is seen changes
+    A detection stays until a newer one replaces it, and its age grows meanwhile; an image that shows nothing changes
     nothing.
     """
 
     def __init__(self, n: int, rate_hz: float) -> None:
-        """Nothing seen yet."""
+        """Begin with nothing seen, and an image at once.
+
+        Args:
+            n: number of cars.
+            rate_hz: images in a second.
+        """
         self._period_s = 1.0 / rate_hz
         self._next_exposure = np.zeros(n)
         self._latency_s = np.zeros(n)
@@ -38,7 +46,12 @@ class CameraPipeline:
         self.reset(np.arange(n), np.zeros(n))
 
     def reset(self, rows: Index, latency_s: Array) -> None:
-        """Forget everything; the first image is exposed at once. `latency_s` is (k,)."""
+        """Forget all that the cars (k,) have seen; they expose an image at once.
+
+        Args:
+            rows: (k,) cars.
+            latency_s: (k,) time from exposure to detection, s.
+        """
         self._make_room(float(latency_s.max(initial=0.0)))
         self._next_exposure[rows] = 0.0
         self._latency_s[rows] = latency_s
@@ -49,25 +62,30 @@ class CameraPipeline:
         self._slot[rows] = 0
 
     def _make_room(self, latency_s: float) -> None:
-        """Let the queue hold all images that a slow camera has on their way; one too few, and none would arrive."""
+        """Let the queue hold all images that a slow camera has on their way; with a place too few none would arrive."""
         more = int(np.ceil(latency_s / self._period_s)) + 2 - self._queue_exposed.shape[1]
         if more > 0:
             self._queue = np.pad(self._queue, ((0, 0), (0, more), (0, 0), (0, 0)))
             self._queue_exposed = np.pad(self._queue_exposed, ((0, 0), (0, more)), constant_values=np.inf)
 
-    def due(self, rows: Index, time_s: Array) -> Index:
-        """Those of the rows whose camera exposes an image now. `time_s` is (n,)."""
+    def trigger(self, rows: Index, time_s: Array) -> Index:
+        """Trigger the cameras whose time has come, and give their rows.
+
+        Args:
+            rows: (k,) cars to look at.
+            time_s: (n,) now, s.
+        """
         due = rows[time_s[rows] >= self._next_exposure[rows] - _EPSILON_S]
         self._next_exposure[due] += self._period_s
         return due
 
     def expose(self, rows: Index, time_s: Array, seen: Detection) -> None:
-        """Images are taken.
+        """Put the content of new images into the queue.
 
         Args:
-            rows: (k,) cars.
-            time_s: (n,) now.
-            seen: what they show, arrays of (k,).
+            rows: (k,) cars whose cameras were triggered.
+            time_s: (n,) now, s.
+            seen: what the images show, arrays of (k,).
         """
         if not (seen.gate_seen | seen.marker_seen).any():
             return
@@ -79,7 +97,7 @@ class CameraPipeline:
         self._slot[rows] = (slot + 1) % self._queue_exposed.shape[1]
 
     def deliver(self, time_s: Array) -> None:
-        """Publish what has come through the latency by now. `time_s` is (n,)."""
+        """Publish the images whose latency is over; `time_s`, (n,) s, is now."""
         if self._queue_exposed.min() == np.inf:
             return
         arrived = self._queue_exposed + self._latency_s[:, None] <= time_s[:, None] + _EPSILON_S
@@ -93,7 +111,7 @@ class CameraPipeline:
             self._queue_exposed[rows, slot] = np.inf
 
     def readings(self, time_s: Array) -> dict[str, Array]:
-        """``gate_id`` .. ``marker_age`` -> (n,), as the interface names them. `time_s` is (n,)."""
+        """``gate_id`` .. ``marker_age``, (n,) each, as the interface names them; `time_s`, (n,) s, is now."""
         out = {}
         for i, subject in enumerate(SUBJECTS):
             for j, quantity in enumerate(QUANTITIES):

@@ -17,12 +17,12 @@ from tral_env.errors import ConfigError
 Image = NDArray[np.uint8]
 
 _MAX_AT_LEVEL_1 = {"exposure": 1.0, "blur_px": 100.0, "glare": 255.0, "noise": 255.0, "streak_px": 1000.0, "patch": 1.0}
-"""Most that a level of 1 may bring of each fault."""
+"""A level of 1 may bring at most this much of each fault."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImageCorruption:
-    """How much of each a level of 1 ("mild") brings; all grow with the level. Source: choice."""
+    """How much of each fault a level of 1 ("mild") brings; all grow with the level. Source: choice."""
 
     exposure: float = 0.12
     """Largest relative error of the exposure, either way."""
@@ -58,13 +58,13 @@ WebcamLaw = ImageCorruption
 
 
 def degrade(image: Image, level: float, rng: np.random.Generator, corruption: ImageCorruption | None = None) -> Image:
-    """The image as a webcam would have taken it.
+    """Spoil an image as a webcam does: blur, streak, exposure, glare, noise, and something before the lens.
 
     Args:
-        image: (h, w, 3) RGB.
-        level: 0 leaves it as it is; 1 mild; 3 strong.
-        rng: source of noise and exposure.
-        corruption: how much of each.
+        image: (h, w, 3) RGB, uint8.
+        level: 0 leaves the image as it is; 1 is mild, 3 strong.
+        rng: source of all chance.
+        corruption: how much of each fault a level of 1 brings.
 
     Returns:
         (h, w, 3), a new array unless the level is 0.
@@ -91,7 +91,7 @@ def degrade(image: Image, level: float, rng: np.random.Generator, corruption: Im
 
 
 def _streaked(image: Image, length: float) -> Image:
-    """The mean over a level stretch of this length, px; below one pixel the image itself."""
+    """Draw an image out to the sides: the mean over a level stretch of this length, px; below one pixel the image."""
     if length <= 1:
         return image
     reach = int(np.ceil((length - 1) / 2))
@@ -100,11 +100,11 @@ def _streaked(image: Image, length: float) -> Image:
 
 
 PATCH_GREYS = (20, 235)
-"""A patch is as dark as a shadow or as bright as a lamp, grey levels. Source: choice."""
+"""A patch has one of these grey levels: as dark as a shadow, or as bright as a lamp. Source: choice."""
 
 
 def _cover(image: Image, side: int, rng: np.random.Generator) -> None:
-    """Cover a square whose middle lies anywhere in the image."""
+    """Cover a square of this side, px, in place; its middle lies anywhere in the image."""
     middle = rng.integers(image.shape[:2])
     top, left = np.maximum(middle - side // 2, 0)
     bottom, right = np.maximum(middle - side // 2 + side, 0)
@@ -112,8 +112,8 @@ def _cover(image: Image, side: int, rng: np.random.Generator) -> None:
 
 
 _SHIFTS = 64
-"""The grain of an image is a window of one large grain, at one of this many places each way: drawing normal numbers
-for every pixel of every image would cost more than all the rest."""
+"""The grain of an image is a window of one large grain, at one of this many places each way: normal numbers for every
+pixel of every image would cost more than all the rest."""
 
 
 @lru_cache(maxsize=4)

@@ -1,4 +1,4 @@
-"""What the rendered detector finds and how wrong it is, as the projected camera imitates it: fitted figures."""
+"""What the detector finds in rendered images, and how wrong it is: fitted numbers that the projected camera uses."""
 
 from __future__ import annotations
 
@@ -17,57 +17,57 @@ Figures = tuple[float, ...]
 
 @dataclass(frozen=True, kw_only=True)
 class DetectionModel:
-    """What the rendered detector sees and how well: fitted numbers, in pixels so that they hold for any lens.
+    """What the detector sees in rendered images and how well: fitted numbers, in pixels so that they hold for any lens.
 
-    What depends on the level of image degradation (`tral_env.perception.degrade`) has a figure at each of `levels`;
-    between them it is interpolated, beyond the last it stays. Source: benchmarks/detector_fit.py.
+    A number that depends on the level of image degradation (`tral_env.perception.degrade`) has a figure at each of
+    `levels`; between them it is interpolated, beyond the last it stays. Source: benchmarks/detector_fit.py.
     """
 
     levels: Figures = (0.0, 1.0, 1.5, 2.0, 3.0)
     """Levels of image degradation."""
     margin_px: float = 3.0
-    """A corner nearer to the image's edge is lost."""
+    """The detector loses a marker with a corner nearer to the image's edge than this."""
     always_found: float = 0.993
-    """Share of large markers that are found."""
+    """The detector finds this share of large markers."""
     half_found_px: Figures = (7.6, 8.0, 9.1, 10.9, 17.5)
-    """Markers whose shortest side has this many pixels are found half of the time."""
+    """The detector finds half of the markers whose shortest side has this many pixels."""
     found_slope: Figures = (0.6, 0.62, 0.55, 0.45, 0.52)
-    """Steepness of that limit, 1/px."""
+    """The share found grows around `half_found_px` with this steepness, 1/px."""
     code_share: Figures = (0.15, 0.15, 0.25, 0.36, 0.4)
-    """By what share that limit rises for a code whose weakness is 1."""
+    """For a code whose weakness is 1, `half_found_px` rises by this share."""
     weakness: Figures = (
         1.0, -0.2, 0.0, -0.3, 0.0, -0.1, 0.2, 0.1, 0.1, 0.6, -0.4,
         0.5, 0.6, -1.0, 0.7, 0.1, 0.0, -0.6, -0.2, 0.3, 0.2, -0.4,
         -0.4, -0.3, -0.2, -0.2, -0.1, 0.7, 0.8, -0.6, -0.3, 0.2, 0.1,
         -0.2, 0.0, 0.9, 0.1, -1.4, -0.4, 0.8, -0.1, -0.1, -0.6,
     )  # fmt: skip
-    """Of the ids 0 to 42: codes whose cells blur into each other sooner than most, or later (below 0)."""
+    """The code of each id, 0 to 42, blurs sooner than the mean one (above 0) or later (below 0)."""
     sharp_px: float = 26.0
-    """Corners of larger markers (root of their area in the image) are found better: the errors below shrink as
-    1 / area,"""
+    """The errors of a marker shrink with 1 / area once the root of its area in the image is above this."""
     sharp_share: float = 0.25
-    """down to this share,"""
+    """The errors of bearing and heading shrink down to this share."""
     size_share: Figures = (0.25, 0.25, 0.28, 0.33, 0.45)
-    """and that of the apparent size down to this one."""
+    """The error of the apparent size shrinks down to this share."""
     size_bias_px: Figures = (0.09, 0.11, 0.18, 0.31, 0.69)
-    """By how much blur makes markers look smaller, hence farther."""
+    """Blur makes a marker look this much smaller, hence farther."""
     size_noise_px: Figures = (0.18, 0.18, 0.225, 0.31, 0.52)
-    """Standard deviation of the apparent size, from which the distance is estimated."""
+    """Standard deviation of the apparent size, which tells the distance."""
     bearing_noise_px: Figures = (0.125, 0.126, 0.153, 0.207, 0.34)
     """Standard deviation across the line of sight."""
     heading_noise_px: Figures = (0.42, 0.43, 0.5, 0.66, 1.1)
-    """Standard deviation of the apparent width, from which the heading is estimated."""
+    """Standard deviation of the apparent width, which tells the heading."""
     perspective_gain: Figures = (2.7, 2.0, 1.75, 1.75, 1.25)
-    """How much the nearer edge looking larger than the farther one helps the heading of a marker seen head-on."""
+    """The perspective, the nearer edge larger than the farther one, tells the heading too: it counts as a sine of this
+    times edge over distance."""
     flip_px: Figures = (0.32, 0.32, 0.44, 0.63, 1.2)
-    """When the edges' difference drowns in this noise, the heading is mirrored at the line of sight."""
+    """The heading is mirrored at the line of sight when noise of this deviation exceeds the difference of the edges."""
 
     def at(self, figures: Figures, degradation: Array) -> Array:
-        """A figure at levels of degradation (c,)."""
+        """Interpolate a figure at levels of degradation, (c,) -> (c,)."""
         return np.interp(degradation, self.levels, figures)
 
     def found(self, size: Array, ids: NDArray[np.int64], degradation: Array) -> Array:
-        """Probability that markers are found.
+        """Probability that markers are found, (c,): ``always_found / (1 + exp(-slope (size - half)))``.
 
         Args:
             size: (c,) shortest sides, px.
@@ -80,18 +80,19 @@ class DetectionModel:
 
     @cached_property
     def _weakness(self) -> Array:
-        """(50,) of all ids; nothing is known of those that no course has."""
+        """Weakness of all ids, (50,); 0 for an id that no course has."""
         return np.pad(self.weakness, (0, DICTIONARY_SIZE - len(self.weakness)))
 
     def softness(self, extent: Array, share: float | Array) -> Array:
-        """Part of the errors that markers have whose images have these areas, as roots (c,), px.
+        """Share of the errors left for markers of a size e in the image: ``clip((sharp / e)^2, share, 1)``, (c,).
 
         Args:
-            extent: (c,).
-            share: what is left for large markers; number or (c,).
+            extent: (c,) e, root of the area in the image, px.
+            share: what is left for the largest markers; number or (c,).
         """
         ratio = self.sharp_px / extent
         return np.clip(ratio * ratio, share, 1.0)
 
 
 DETECTION_MODEL = DetectionModel()
+"""The model as it was fitted."""

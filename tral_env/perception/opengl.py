@@ -9,23 +9,23 @@ import platform
 from tral_env.errors import RenderError
 
 VARIABLE = "MUJOCO_GL"
-"""The environment variable by which a user chooses."""
+"""The user chooses by this environment variable."""
 
 BACKENDS = {"Linux": ("egl", "osmesa", "glfw"), "Darwin": ("cgl", "glfw"), "Windows": ("wgl", "glfw")}
-"""Values of MUJOCO_GL worth trying, the best first."""
+"""MUJOCO_GL may have these values, the best first."""
 
 NEEDS = {
     "egl": "apt install libegl1 libgl1-mesa-dri (Debian, Ubuntu)",
     "osmesa": "apt install libosmesa6 (Debian, Ubuntu), where it still exists",
     "glfw": "needs a screen: run it on a desktop",
 }
-"""What a backend that does not work may lack."""
+"""A backend that does not work may lack this."""
 
 REMEDY = (
     f"Set {VARIABLE}=egl (Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri) or {VARIABLE}=osmesa (apt install "
     'libosmesa6) before Python starts, or do without OpenGL: camera="projected", render_mode=None'
 )
-"""What a program without a context tells its user."""
+"""A program without an OpenGL context tells its user so."""
 
 
 def backends() -> tuple[str, ...]:
@@ -34,7 +34,7 @@ def backends() -> tuple[str, ...]:
 
 
 def wish() -> str:
-    """What MUJOCO_GL says; empty: nothing."""
+    """The value of MUJOCO_GL; empty: it is not set."""
     return os.environ.get(VARIABLE, "")
 
 
@@ -48,7 +48,7 @@ def backend_in_use() -> str:
 
 
 def chooses_egl() -> bool:
-    """Whether EGL has to be chosen here: without a wish and a screen MuJoCo's own choice, GLFW, would fail on Linux."""
+    """Whether this program has to choose EGL: without a wish and a screen MuJoCo chooses GLFW, which fails on Linux."""
     return not wish() and backend_in_use() == "egl"
 
 
@@ -60,7 +60,7 @@ def require_loadable() -> None:
     """Import MuJoCo, which already fails if MUJOCO_GL names a backend whose library is missing.
 
     Raises:
-        RenderError: it fails.
+        RenderError: the import fails.
     """
     try:
         importlib.import_module("mujoco")

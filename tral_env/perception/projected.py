@@ -1,7 +1,8 @@
-"""The camera without images: marker corners projected through the lens, seen or not as the rendered detector would.
+"""The camera without images: marker corners projected through the lens, seen or not as in rendered images.
 
 Batched over rows, in plain numpy, element by element, so that a row has the same bits in any batch. What is seen, and
-how wrong it is, was fitted to the rendered detector by `benchmarks/marker_accuracy.py`; see docs/perception.md.
+how wrong it is, was fitted to the detector in rendered images by `benchmarks/marker_accuracy.py`; see
+docs/perception.md.
 """
 
 from __future__ import annotations
@@ -15,29 +16,31 @@ from numpy.typing import NDArray
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.course.plan import Plan
 from tral_env.perception.detection_model import DETECTION_MODEL, DetectionModel
-from tral_env.se2 import wrap
+from tral_env.se2 import rotate, to_outer_n, wrap
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 NOISE_PLACES = 8
-"""Markers of a row that have noise of their own in one frame; place i uses the noise of i modulo this."""
-NORMALS, UNIFORMS = 4, 1
-"""Normal numbers (distance, bearing, heading, flip) and uniform ones (found or not) for each of these places."""
+"""So many markers of a row have noise of their own in one image; place i uses the noise of i modulo this."""
+NORMALS = 4
+"""Each of these places takes so many normal numbers: distance, bearing, heading, flip."""
+UNIFORMS = 1
+"""Each of these places takes so many uniform numbers: found or not."""
 
 
 class Scenery:
     """Markers and boxes around each of n cars. Rows are filled one by one, places grow as needed."""
 
     def __init__(self, n: int) -> None:
-        """Rows without anything in them."""
+        """Begin with nothing around the cars."""
         self.markers = np.zeros((n, 0, 5))
-        """(n, M, 5): x, y, z of the face's centre, yaw of its normal, edge length; edge 0 = no marker."""
+        """(n, M, 5): x, y, z of the face's centre, m, yaw of its normal, rad, edge length, m; edge 0: no marker."""
         self.ids = np.full((n, 0), -1, np.int64)
-        """(n, M)"""
+        """(n, M) ids of the markers; -1: no marker."""
         self.boxes = np.zeros((n, 0, 8))
-        """(n, B, 8): x, y, z of the centre, cos and sin of yaw, half lengths; half length 0 = no box."""
+        """(n, B, 8): x, y, z of the centre, cos and sin of yaw, half lengths, m; half length 0: no box."""
         self.footprints = np.zeros((6, n, 0), np.float32)
         """(6, n, B): x, y, cos and sin of yaw, level half lengths once more, for a first quick test."""
 
@@ -45,8 +48,8 @@ class Scenery:
         """Put a course into a row.
 
         Args:
-            row: which.
-            plan: the course, in the frame of the poses that will be asked for.
+            row: the car.
+            plan: its course, in the frame of the poses that `project` will get.
         """
         markers, boxes = len(plan.marker_id), len(plan.box_yaw)
         self._grow(markers, boxes)
@@ -63,6 +66,7 @@ class Scenery:
         self.footprints[:, row] = self.boxes[row, :, [0, 1, 3, 4, 5, 6]]
 
     def _grow(self, markers: int, boxes: int) -> None:
+        """Make room for so many markers and boxes in a row."""
         more = markers - self.ids.shape[1]
         if more > 0:
             self.markers = np.pad(self.markers, ((0, 0), (0, more), (0, 0)))
@@ -74,14 +78,18 @@ class Scenery:
 
 
 @dataclass(frozen=True)
-class Seen:
-    """Markers seen by k cars, each array (k, M); meaningless where not valid."""
+class ProjectedMarkers:
+    """Markers that k cars see, each array (k, M), in the car's frame; meaningless where not valid."""
 
     ids: Indices
     x: Array
+    """Position forward, m."""
     y: Array
+    """Position left, m."""
     heading: Array
+    """Direction into the marker, rad."""
     valid: Mask
+    """Whether the marker is seen."""
 
 
 @dataclass(frozen=True)
@@ -89,15 +97,17 @@ class _Candidates:
     """Markers that may be seen, each array (c, ...)."""
 
     row: Indices
+    """(c,) place of the car among the k cars."""
     place: Indices
+    """(c,) place of the marker in its row."""
     eye: Array
-    """(c, 3) camera, course frame."""
+    """(c, 3) the camera, course frame, m."""
     points: Array
-    """(c, 5, 3) four corners and the centre, course frame."""
+    """(c, 5, 3) four corners and the centre, course frame, m."""
     rays: Array
-    """(c, 5, 3) the same from the camera, in its frame: forward, left, up."""
+    """(c, 5, 3) the same points from the camera, in its frame: forward, left, up, m."""
     heading: Array
-    """(c,) into the marker, in the camera's frame."""
+    """(c,) direction into the marker, in the camera's frame, rad."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +119,7 @@ class _Blur:
     level: Array
     """(c,) level of degradation."""
     noise: Array
-    """(c, NORMALS)"""
+    """(c, NORMALS) standard normal numbers."""
 
 
 def project(
@@ -124,24 +134,24 @@ def project(
     uniform: Array,
     degradation: Array | None = None,
     model: DetectionModel = DETECTION_MODEL,
-) -> Seen:
-    """What the detector would report.
+) -> ProjectedMarkers:
+    """Tell what the detector would report of images that were not rendered.
 
     Args:
         scenery: surroundings of all cars.
-        rows: (k,) whose camera has exposed an image.
-        pose: (k, 3) x, y, yaw of these cars, course frame.
+        rows: (k,) cars whose camera has exposed an image.
+        pose: (k, 3) x, y, yaw of these cars, course frame, m and rad.
         camera: the lens.
         car: where the camera sits.
         mounting: (k, 3) roll, pitch, yaw of its mounting error, rad.
         normal: (k, NOISE_PLACES, NORMALS) standard normal numbers.
         uniform: (k, NOISE_PLACES, UNIFORMS) numbers in [0, 1).
-        degradation: (k,) level of noise, blur, exposure and glare of the images; none: clean images.
-        model: the detector.
+        degradation: (k,) level of noise, blur, exposure and glare of the images; None: clean images.
+        model: what the detector finds, and how wrong it is.
     """
     near = _candidates(scenery, rows, pose, car, mounting)
     pixels = project_points(near.rays[:, :4], camera)
-    size = _shorter_side(pixels)
+    size = _shortest_side(pixels)
     level = np.zeros(len(near.row)) if degradation is None else degradation[near.row]
     chance = uniform[near.row, near.place % NOISE_PLACES, 0]
     ids = scenery.ids[rows[near.row], near.place]
@@ -152,7 +162,9 @@ def project(
     ahead, left = near.rays[index, 4, 0], near.rays[index, 4, 1]
     along, across = _position_error(ahead, left, blur, camera, model)
     shape = len(rows), scenery.ids.shape[1]
-    out = Seen(scenery.ids[rows], np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape, np.bool_))
+    out = ProjectedMarkers(
+        scenery.ids[rows], np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape, np.bool_)
+    )
     out.x[where] = car.camera_x + ahead + along
     out.y[where] = left + across
     out.heading[where] = _seen_heading(near, index, blur, camera, model)
@@ -163,7 +175,7 @@ def project(
 def _candidates(scenery: Scenery, rows: Indices, pose: Array, car: CarConfig, mounting: Array) -> _Candidates:
     """Markers ahead of the camera whose face looks towards it."""
     cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-    eye = np.stack([pose[:, 0] + car.camera_x * cos, pose[:, 1] + car.camera_x * sin], axis=1)
+    eye = to_outer_n(pose, np.array([car.camera_x, 0.0]))
     markers = scenery.markers[rows]
     dx, dy = markers[..., 0] - eye[:, 0, None], markers[..., 1] - eye[:, 1, None]
     ahead = dx * cos[:, None] + dy * sin[:, None]
@@ -187,13 +199,15 @@ def _candidates(scenery: Scenery, rows: Indices, pose: Array, car: CarConfig, mo
 
 
 NEAR = 0.05
-"""Nothing nearer to the camera than this is seen, m."""
+"""The camera sees nothing nearer than this, m."""
 SIDE = np.array([-1.0, 1.0, 1.0, -1.0, 0.0])
+"""A marker's corners and centre lie so many half edges to the right, seen from the front."""
 UP = np.array([1.0, 1.0, -1.0, -1.0, 0.0])
+"""A marker's corners and centre lie so many half edges up."""
 
 
 def mounting_turn(mounting: Array) -> Array:
-    """Matrices (k, 3, 3) from the frame of a camera to the car's.
+    """Matrices (k, 3, 3) from the frame of a camera to the car's: ``Rz(yaw) Ry(pitch) Rx(roll)``.
 
     Args:
         mounting: (k, 3) roll about x forward, pitch about y left (+ looks down), yaw about z up, in this order, rad.
@@ -208,10 +222,11 @@ def mounting_turn(mounting: Array) -> Array:
 
 
 def _into_camera(vector: Array, cos: Array, sin: Array, turn: Array) -> Array:
-    """Vectors (..., 3) of the course frame in the camera's frame; no matrix product, which may differ in its last
-    bit with the size of the batch."""
-    x = vector[..., 0] * cos + vector[..., 1] * sin
-    y = vector[..., 1] * cos - vector[..., 0] * sin
+    """Turn vectors (..., 3) of the course frame into the camera's frame: ``turn^T Rz(-yaw) v``.
+
+    No matrix product is used, because its last bit may differ with the size of the batch.
+    """
+    x, y = rotate(cos, -sin, vector[..., 0], vector[..., 1])
     z = vector[..., 2]
     out = np.empty(vector.shape)
     for axis in range(3):
@@ -220,7 +235,11 @@ def _into_camera(vector: Array, cos: Array, sin: Array, turn: Array) -> Array:
 
 
 def project_points(rays: Array, camera: CameraConfig) -> Array:
-    """Pixels of points before the camera, OpenCV's model.
+    """Project points before the camera, by OpenCV's model of a lens.
+
+    With x and y the tangents to the right and down, r^2 = x^2 + y^2 and g = 1 + k1 r^2 + k2 r^4 + k3 r^6:
+    ``x' = x g + 2 p1 x y + p2 (r^2 + 2 x^2)``, ``y' = y g + p1 (r^2 + 2 y^2) + 2 p2 x y``,
+    ``u = cx + fx x'``, ``v = cy + fy y'``.
 
     Args:
         rays: (..., 3) forward, left, up from the camera, m.
@@ -246,7 +265,11 @@ def project_points(rays: Array, camera: CameraConfig) -> Array:
 
 @lru_cache(maxsize=16)
 def _lens_edge(camera: CameraConfig) -> float:
-    """Square of the largest tangent of a ray that an image corner can show."""
+    """Square of the largest tangent r of a ray that the image can show, with a tenth to spare.
+
+    The distorted tangent ``r (1 + k1 r^2 + k2 r^4 + k3 r^6)`` grows with r until it turns back; the edge is where it
+    reaches the farthest image corner, or where it turns.
+    """
     k1, k2, _, _, k3 = camera.distortion
     far = max(
         np.hypot((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy)
@@ -254,13 +277,13 @@ def _lens_edge(camera: CameraConfig) -> float:
         for v in (-0.5, camera.height - 0.5)
     )
     radius = np.linspace(0.0, 4.0, 4001)
-    bent = radius * (1 + k1 * radius**2 + k2 * radius**4 + k3 * radius**6)
-    turning = np.flatnonzero(np.diff(bent) <= 0)
+    distorted = radius * (1 + k1 * radius**2 + k2 * radius**4 + k3 * radius**6)
+    turning = np.flatnonzero(np.diff(distorted) <= 0)
     stop = turning[0] if len(turning) else len(radius) - 1
-    return float(radius[min(np.searchsorted(bent[: stop + 1], 1.1 * far), stop)] ** 2)
+    return float(radius[min(np.searchsorted(distorted[: stop + 1], 1.1 * far), stop)] ** 2)
 
 
-def _shorter_side(pixels: Array) -> Array:
+def _shortest_side(pixels: Array) -> Array:
     """Shortest side of quadrilaterals (c, 4, 2), px."""
     steps = pixels[:, [1, 2, 3, 0]] - pixels
     squares = steps[..., 0] * steps[..., 0] + steps[..., 1] * steps[..., 1]
@@ -268,12 +291,13 @@ def _shorter_side(pixels: Array) -> Array:
 
 
 def _extent(pixels: Array) -> Array:
-    """Root of the area of quadrilaterals (c, 4, 2), px."""
+    """Root of the area of quadrilaterals (c, 4, 2), px; the area is half the cross product of the diagonals."""
     one, other = pixels[:, 2] - pixels[:, 0], pixels[:, 3] - pixels[:, 1]
     return np.sqrt(0.5 * np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]))
 
 
 def _in_image(pixels: Array, camera: CameraConfig, model: DetectionModel) -> Mask:
+    """Whether all corners (c, 4, 2) of a marker lie in the image, away from its edge, (c,)."""
     u, v = pixels[..., 0], pixels[..., 1]
     inside = (u > model.margin_px) & (u < camera.width - 1 - model.margin_px)
     inside &= (v > model.margin_px) & (v < camera.height - 1 - model.margin_px)
@@ -283,7 +307,11 @@ def _in_image(pixels: Array, camera: CameraConfig, model: DetectionModel) -> Mas
 def _position_error(
     ahead: Array, left: Array, blur: _Blur, camera: CameraConfig, model: DetectionModel
 ) -> tuple[Array, Array]:
-    """Errors forward and left: a share of the distance along the line of sight, and pixels across it."""
+    """Errors forward and left, m: a share of the distance along the line of sight, and pixels across it.
+
+    A marker that looks smaller by d of its e pixels looks farther by the share d / e; an error of b pixels across the
+    line of sight is one of b / fx of the distance.
+    """
     noise = blur.noise
     smaller = model.at(model.size_bias_px, blur.level) + noise[:, 0] * model.at(model.size_noise_px, blur.level)
     share = model.softness(blur.extent, model.at(model.size_share, blur.level)) * smaller / blur.extent
@@ -297,7 +325,13 @@ def _position_error(
 
 
 def _seen_heading(near: _Candidates, index: Indices, blur: _Blur, camera: CameraConfig, model: DetectionModel) -> Array:
-    """Heading with its error: the width tells the angle to the line of sight, the perspective tells its sign."""
+    """Heading with its error: the width tells the angle to the line of sight, the perspective tells its sign.
+
+    A marker of the edge a at the distance d, seen at the angle b off its normal, is ``w = fx a / d cos b`` wide, so an
+    error of the width makes one of the angle of ``error / (fx a / d sin b)``. The perspective helps head-on, where the
+    sine is 0; it is the difference of the two upright edges, about ``fx (a / d)^2 sin b``. Where noise exceeds that,
+    the angle comes out with the wrong sign.
+    """
     ahead, left = near.rays[index, 4, 0], near.rays[index, 4, 1]
     edge, soft, noise = 2.0 * _half_edge(near.points[index]), model.softness(blur.extent, model.sharp_share), blur.noise
     distance = np.sqrt(ahead * ahead + left * left)
@@ -313,13 +347,13 @@ def _seen_heading(near: _Candidates, index: Indices, blur: _Blur, camera: Camera
 
 
 MARGIN = 0.01
-"""Added to half a marker's edge in the first test, m."""
+"""The first test of what hides a marker makes it wider by this on each side, m."""
 CLEARANCE = 0.03
-"""Sight ends this far before the marker: the post that carries it does not hide it, m."""
+"""The line of sight ends this far before the marker, m, so that the post that carries it does not hide it."""
 
 
 def _hidden(scenery: Scenery, rows: Indices, near: _Candidates, index: Indices) -> Mask:
-    """Whether a box stands between the camera and any of five points of the markers with these indices."""
+    """Whether a box stands between the camera and any of the five points of the markers with these indices, (c,)."""
     eye, points, row = near.eye[index], near.points[index], rows[near.row[index]]
     item, box = np.nonzero(_maybe_between(scenery.footprints[:, row], eye, points))
     hidden = np.zeros(len(index), np.bool_)
@@ -328,9 +362,9 @@ def _hidden(scenery: Scenery, rows: Indices, near: _Candidates, index: Indices) 
 
 
 def _maybe_between(footprints: NDArray[np.float32], eye: Array, points: Array) -> Mask:
-    """(c, B) boxes that overlap the strip from camera to marker, both along it and across it, seen from above.
+    """Boxes that overlap the strip from camera to marker, both along it and across it, seen from above, (c, B).
 
-    Single precision and a margin: this only saves the exact test for the few boxes that matter.
+    Single precision and a margin do, because this only saves the exact test for the few boxes that matter.
     """
     to_x, to_y = points[:, 4, 0] - eye[:, 0], points[:, 4, 1] - eye[:, 1]
     length = np.sqrt(to_x * to_x + to_y * to_y)
@@ -348,18 +382,22 @@ def _maybe_between(footprints: NDArray[np.float32], eye: Array, points: Array) -
 
 
 def _half_edge(points: Array) -> Array:
-    """(c,) half an edge of each marker."""
+    """Half an edge of each marker, (c,) m."""
     return (points[:, 0, 2] - points[:, 3, 2]) / 2
 
 
 def _crosses(eye: Array, points: Array, box: Array) -> Mask:
-    """Whether one of the lines (p, 5) from the eye to the points enters the box: slabs in the box's frame."""
+    """Whether one of the lines (p, 5) from the eye to the points enters its box, (p,): the method of slabs.
+
+    In the box's frame a line is ``o + t d``, t from 0 at the eye to 1 at the point. Along each axis it is between the
+    two faces, at -h and h, for t between ``(-h - o) / d`` and ``(h - o) / d``. It is in the box where the three
+    intervals overlap.
+    """
     cos, sin = box[:, 3], box[:, 4]
     dx, dy, dz = (eye[:, i] - box[:, i] for i in range(3))
-    start = (dx * cos + dy * sin, dy * cos - dx * sin, dz)
+    start = (*rotate(cos, -sin, dx, dy), dz)
     step = points - eye[:, None]
-    cos, sin = cos[:, None], sin[:, None]
-    steps = (step[..., 0] * cos + step[..., 1] * sin, step[..., 1] * cos - step[..., 0] * sin, step[..., 2])
+    steps = (*rotate(cos[:, None], -sin[:, None], step[..., 0], step[..., 1]), step[..., 2])
     length = np.sqrt(step[..., 0] ** 2 + step[..., 1] ** 2)
     enter, leave = np.zeros(length.shape), 1.0 - CLEARANCE / length
     for axis in range(3):

@@ -1,1 +1,1 @@
-"""Physical values to readings: batched laws of the sensors."""
+"""From physical values to readings: batched models of the sensors, without any physics engine."""

@@ -1,4 +1,4 @@
-"""The optional groups of readings: line, inertial, battery. What was not asked for costs nothing."""
+"""The optional groups of readings: line, inertial, battery. A group that was not asked for costs nothing."""
 
 from __future__ import annotations
 
@@ -19,7 +19,13 @@ class Extras:
     """Readings of the optional groups of n cars."""
 
     def __init__(self, n: int, layout: Layout, noise: NoiseTape) -> None:
-        """Only the groups of the layout are measured."""
+        """Prepare the groups that the layout names.
+
+        Args:
+            n: number of cars.
+            layout: fields of the observation.
+            noise: tapes of the cars.
+        """
         self._groups = {name for name, fields in OPTIONAL_GROUPS.items() if fields[0].name in layout.names}
         self._noise, self._line, self._imu = noise, LineConfig(), ImuConfig()
         self._tape = np.zeros((n, 0, 4))
@@ -29,7 +35,12 @@ class Extras:
         """(n,) voltage under load, V; written by the simulation."""
 
     def place(self, row: int, tape: Array) -> None:
-        """A new course: its tape (T, 4), and a new bias of the inertial sensor. Call after the noise was reset."""
+        """Put a car on a new course and draw the bias of its inertial sensor; call it after the reset of the noise.
+
+        Args:
+            row: the car.
+            tape: (T, 4) tape on the floor: x0, y0, x1, y1 of its middle line, m.
+        """
         more = len(tape) - self._tape.shape[1]
         if more > 0:
             self._tape = np.pad(self._tape, ((0, 0), (0, more), (0, 0)))
@@ -39,11 +50,11 @@ class Extras:
             self._bias[row] = draw_bias(self._noise.normal(np.array([row]), AXES)[0], self._imu)
 
     def update(self, rows: Index, pose: Array, motion: Array) -> None:
-        """Measure.
+        """Measure what the groups need.
 
         Args:
             rows: (k,) the cars that moved.
-            pose: (n, 3) x, y, yaw.
+            pose: (n, 3) x, y, yaw, m and rad.
             motion: (n, 6) angular rate, rad/s, and proper acceleration, m/s^2, in the car's frame.
         """
         if "line" in self._groups:
@@ -57,5 +68,5 @@ class Extras:
 
     @property
     def readings(self) -> dict[str, Array]:
-        """name -> (n,)."""
+        """Last readings of all cars by the name of the field, (n,) each."""
         return self._values

@@ -16,18 +16,19 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 UPDATE_DRAWS = 2
-"""Uniform numbers that `Hall.update` takes for one row: missed, doubled."""
+"""`Hall.update` takes so many uniform numbers for one row: missed, doubled."""
 
 UNITS_PER_METRE = 1500 / 1.60
-"""Units of the hall counter of 2016 in a metre: 937.5. Source: report, 1500 units were 1.60 m."""
+"""The hall counter of 2016 counts so many units in a metre, 937.5. Source: report, 1500 units were 1.60 m."""
 UNITS_WRAP = 1 << 16
-"""That counter is a u16: it wraps after 69.905 m."""
+"""The hall counter of 2016 is a u16: it wraps after 69.905 m."""
 
 _GOLDEN = 0.6180339887498949
+"""The golden ratio: its multiples, taken modulo 1, spread evenly."""
 
 
 def to_units(distance: Array) -> NDArray[np.uint16]:
-    """What the counter of 2016 shows after a distance in m, any shape."""
+    """Show a distance, m, any shape, as the counter of 2016 does."""
     return (np.floor(np.asarray(distance) * UNITS_PER_METRE) % UNITS_WRAP).astype(np.uint16)
 
 
@@ -38,16 +39,17 @@ def units_between(before: NDArray[np.uint16], after: NDArray[np.uint16]) -> Arra
 
 
 class EdgeSpeed:
-    """Distance and speed of n wheels from the time stamps of their edges: the law of the simulated and the real sensor.
+    """Distance and speed of n wheels from the time stamps of their edges: one model for the simulated and the real car.
 
-    Every edge counts for the distance. The speed is the median of the last three spacings, so that one missed edge does
-    not stay in it. An edge that comes sooner than `max_speed` allows is a bounce: the speed leaves it out. The speed is
-    never more than one edge in the time since the last one, so that it falls when the car brakes, and it is 0 once the
-    last edge is older than `timeout_s`.
+    Every edge counts for the distance. With d the travel of the wheel from edge to edge, the speed at time t is
+    ``v = d / max(median of the last three spacings, t - time of the last edge)``:
+    the median forgets one missed edge, and the second term lets the speed fall when the car brakes. The speed is 0 once
+    the last edge is older than `timeout_s`. An edge that comes sooner than `max_speed` allows is a bounce, and the
+    speed leaves it out.
     """
 
     def __init__(self, n: int, config: HallConfig) -> None:
-        """Wheels at rest, distance 0."""
+        """Put n wheels at rest, distance 0."""
         self._config = config
         self._ticks = np.zeros(n, np.int64)
         self._stamp = np.zeros(n)
@@ -85,7 +87,7 @@ class EdgeSpeed:
         self._median = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
 
     def speed(self, time_s: Array | float) -> Array:
-        """(n,) m/s, without sign, at a time (n,) or scalar, s."""
+        """Speed (n,), m/s, without sign, at a time (n,) or scalar, s."""
         waited = time_s - self._stamp
         return np.where(
             waited > self._config.timeout_s, 0.0, self._config.metres_per_tick / np.maximum(self._median, waited)
@@ -93,12 +95,12 @@ class EdgeSpeed:
 
     @property
     def ticks(self) -> IntArray:
-        """(n,) edges counted since reset."""
+        """Edges counted since reset, (n,)."""
         return self._ticks
 
     @property
     def distance(self) -> Array:
-        """(n,) m counted since reset, forward and backward alike."""
+        """Distance counted since reset, forward and backward alike, (n,) m."""
         return self._ticks.astype(np.float64) * self._config.metres_per_tick
 
 
@@ -106,7 +108,7 @@ class Hall:
     """The hall sensors of n simulated cars: from the travel of the wheel to edges, and by `EdgeSpeed` to readings."""
 
     def __init__(self, n: int, config: HallConfig) -> None:
-        """Cars at rest, distance 0."""
+        """Put n cars at rest, distance 0."""
         self._config = config
         self._edges = EdgeSpeed(n, config)
         self._place = np.zeros(n)
@@ -118,7 +120,7 @@ class Hall:
         """Put cars at rest, distance 0.
 
         Args:
-            rows: (k,) which.
+            rows: (k,) the cars.
             place: (k,) or scalar in [0, 1): where between two magnets the wheel stands. In the middle (default) the
                 distance is wrong by at most half a tick either way.
         """
@@ -138,17 +140,19 @@ class Hall:
     ) -> None:
         """Advance by one period.
 
+        The place p of the wheel is counted in ticks, and magnets sit at the whole numbers. A wheel that turns evenly
+        from p0 to p1 in the period T passes magnet m at ``t - T + T (m - p0) / (p1 - p0)``, the time of its edge.
+
         Args:
-            travel: (n,) travel of the wheel's rim in this period, m; backward travel is negative or, all the same to
-                the sensor, positive.
+            travel: (n,) travel of the wheel's rim in this period, m; backward travel may be negative or positive, the
+                sensor does not tell them apart.
             time_s: (n,) or scalar, time at the end of the period, s.
-            period_s: length of the period, s. The wheel is taken to turn evenly within it.
+            period_s: T, length of the period, s.
             uniform: (n, 2) numbers in [0, 1): missed, doubled.
             miss_rate: (n,) or scalar, probability that a tick is not counted.
             double_rate: (n,) or scalar, probability that a tick is counted twice.
         """
         start, passed = self._place, self._passed
-        # Magnets sit at the whole numbers.
         self._place = start + travel / self._config.metres_per_tick
         self._passed = np.floor(self._place)
         count = np.abs(self._passed - passed)
@@ -165,15 +169,15 @@ class Hall:
 
     @property
     def ticks(self) -> IntArray:
-        """(n,) ticks counted since reset."""
+        """Ticks counted since reset, (n,)."""
         return self._edges.ticks
 
     @property
     def distance(self) -> Array:
-        """(n,) m counted since reset, forward and backward alike."""
+        """Distance counted since reset, forward and backward alike, (n,) m."""
         return self._edges.distance
 
     @property
     def speed(self) -> Array:
-        """(n,) m/s, without sign, at the end of the last period."""
+        """Speed at the end of the last period, without sign, (n,) m/s."""
         return self._speed

@@ -17,11 +17,12 @@ from tral_env.config import ImuConfig
 Array = NDArray[np.float64]
 
 STANDARD_GRAVITY = 9.80665
-"""m/s^2 in 1 g."""
+"""1 g in m/s^2. Source: CGPM 1901."""
 AXES = 6
-"""Columns: gyro x, y, z in rad/s, then accelerometer x, y, z in m/s^2."""
+"""A reading has so many columns: gyro x, y, z in rad/s, then accelerometer x, y, z in m/s^2."""
 
 _REGISTER = 1 << 15
+"""The register of a reading holds so many steps either way: it has 16 bit."""
 
 
 def _columns(gyro: float, accel: float) -> Array:
@@ -38,18 +39,18 @@ def noise_sigma(config: ImuConfig) -> Array:
 
 
 def full_scale(config: ImuConfig) -> Array:
-    """Largest reading either way, (6,)."""
+    """Largest reading either way, (6,) in the units of `AXES`."""
     return _columns(math.radians(config.gyro_range_dps), config.accel_range_g * STANDARD_GRAVITY)
 
 
 def draw_bias(normal: Array, config: ImuConfig) -> Array:
-    """Bias of a drive from standard normal numbers, (..., 6) -> (..., 6)."""
+    """Draw the bias of a drive from standard normal numbers, (..., 6) -> (..., 6) in the units of `AXES`."""
     sigma = _columns(math.radians(config.gyro_bias_dps), config.accel_bias_mg * 1e-3 * STANDARD_GRAVITY)
     return normal * sigma
 
 
 def measure(truth: Array, bias: Array | float, normal: Array, config: ImuConfig) -> Array:
-    """Reading of the chip.
+    """Measure as the chip does: ``clip(u rint((truth + bias + noise) / u), -limit, limit - u)``, u a register's unit.
 
     Args:
         truth: (..., 6) angular rate, rad/s, and proper acceleration, m/s^2 (+9.8 on z for a car that stands), about and

@@ -15,6 +15,7 @@ from tral_env.se2 import to_outer_n
 Array = NDArray[np.float64]
 
 DIODES = 8
+"""The row has so many photo diodes, one for each bit of the byte."""
 
 _BIT = 1 << np.arange(DIODES)
 
@@ -26,9 +27,10 @@ def diode_places(config: LineConfig) -> Array:
 
 
 def line_byte(pose: Array, tape: Array, config: LineConfig) -> NDArray[np.int64]:
-    """What the line sensor reads.
+    """Read the line sensors of n cars.
 
-    A diode sees tape if the spot below it is within half the tape's width of the middle line of a piece. So pieces have
+    A diode sees tape if the spot p below it is within half the tape's width of the middle line of a piece. A piece from
+    a to b comes nearest to p at ``a + s (b - a)``, ``s = clip((p - a) . (b - a) / |b - a|^2, 0, 1)``. So pieces have
     round ends, and a curve laid from short pieces has no gaps.
 
     Args:

@@ -21,28 +21,39 @@ Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 MEASURE_DRAWS = 4
-"""Uniform numbers that `measure` takes for one reading."""
+"""`measure` takes so many uniform numbers for one reading."""
 
 _NOTHING_M = 1e3
-"""Where a ray that hit nothing is taken to end: beyond any range, and finite so that no NaN arises."""
+"""A ray that hit nothing is taken to end here, m: beyond any range, and finite so that no NaN arises."""
 
 
 @dataclass(frozen=True)
 class _Fan:
+    """The rays that sample a beam, in the sensor frame."""
+
     angle: Array
+    """(R,) direction of each ray, rad, from right to left."""
     x: Array
+    """(R,) cosine of it."""
     y: Array
+    """(R,) sine of it."""
     cos_half_spacing: float
+    """Cosine of half the angle between two rays."""
     edge_share: Array
     """(R - 1,) share of `edge_range` to which an edge between two rays is heard."""
 
 
 @lru_cache(maxsize=32)
 def _fan(rays: int, beam_deg: float) -> _Fan:
+    """Lay the rays of a beam evenly, and work out how far an edge between two of them is heard.
+
+    The lobe is taken as Gaussian in the angle a off the boresight: with h half the beam it lets through the amplitude
+    ``2^-(a / h)^2``, 6 dB less at the rim, on the way out and again on the way in. The amplitude of an edge's echo
+    falls with the square of its range r. So it reaches the threshold at ``r = edge_range 2^-(a / h)^2``: half the
+    range at the rim.
+    """
     angle = np.radians(np.linspace(-beam_deg / 2, beam_deg / 2, rays))
     half_spacing = math.radians(beam_deg / (rays - 1) / 2)
-    # A beam that is Gaussian in the angle, 6 dB down at its rim on the way out and again on the way in, and an echo
-    # whose amplitude falls with the square of the range: half the range at the rim.
     off_axis = (angle[1:] + angle[:-1]) / math.radians(beam_deg)
     # The margin lets a foot exactly midway between two rays belong to either.
     return _Fan(angle, np.cos(angle), np.sin(angle), math.cos(half_spacing * 1.001), 0.5**off_axis**2)
@@ -54,13 +65,14 @@ def ray_angles(config: UltrasonicConfig) -> Array:
 
 
 def echo(distance: Array, normal: Array, config: UltrasonicConfig, softness: Array | None = None) -> Array:
-    """Range of the first echo.
+    """Find the range of the first echo.
 
     A wave of 8.65 mm sees a smooth wall as a mirror. Three things send sound back to where it came from:
 
-    - a wall, from the foot of the perpendicular: range = perpendicular distance, whatever the car's heading, as long as
-      the perpendicular leaves the boresight by at most `incidence_limit_deg` (era: 20 to 25) and its foot lies on
-      the wall (the ray nearest to it hits that wall);
+    - a wall, from the foot of the perpendicular: range = perpendicular distance h = -n . p, n the normal and p the
+      point hit, whatever the car's heading, as long as the perpendicular leaves the boresight by at most
+      `incidence_limit_deg` (era: 20 to 25) and its foot lies on the wall (the ray nearest to it hits that wall: h is at
+      least the ray's length times the cosine of half a ray's spacing);
     - an inner corner of about 90 degrees, by two reflections: range = distance of the corner, anywhere in the beam;
     - an edge (outer corner, door frame, slim post), by diffraction: weak, heard to `edge_range` only, and to half of
       that at the rim of the beam. Its range is that of the nearer ray beside it: right to a ray's spacing.
@@ -85,12 +97,13 @@ def echo(distance: Array, normal: Array, config: UltrasonicConfig, softness: Arr
     height = -(nx * x + ny * y)
     mirror = (height >= reach * fan.cos_half_spacing) & (-nx >= _cos_limit(config, softness))
     wall = np.where(mirror, height, np.inf).min(axis=-1)
-    bend = _bends(reach, x, y, nx, ny, height, config).min(axis=-1)
-    first = np.minimum(wall, bend)
+    corner = _corners_and_edges(reach, x, y, nx, ny, height, config).min(axis=-1)
+    first = np.minimum(wall, corner)
     return np.where(first <= config.max_range, first, np.inf)
 
 
 def _cos_limit(config: UltrasonicConfig, softness: Array | None) -> Array | float:
+    """Cosine of the greatest angle of incidence at which a wall is heard, (..., 1) or scalar."""
     limit, spread = math.radians(config.incidence_limit_deg), math.radians(config.incidence_spread_deg)
     if softness is None:
         return math.cos(limit)
@@ -99,11 +112,16 @@ def _cos_limit(config: UltrasonicConfig, softness: Array | None) -> Array | floa
     return (low + (high - low) * np.asarray(softness))[..., None]
 
 
-def _bends(reach: Array, x: Array, y: Array, nx: Array, ny: Array, height: Array, config: UltrasonicConfig) -> Array:
-    """Ranges of the corners and edges between neighbouring rays, (..., R - 1); inf where the surface runs on.
+def _corners_and_edges(
+    reach: Array, x: Array, y: Array, nx: Array, ny: Array, height: Array, config: UltrasonicConfig
+) -> Array:
+    """Ranges of the inner corners and edges between neighbouring rays, (..., R - 1) m; inf where the surface runs on.
 
-    How far each of the two points hit lies in front of the other's surface tells which it is: one behind: an edge;
-    neither, and the surfaces stand across each other: an inner corner.
+    Two neighbouring rays hit the points p and q on surfaces with the normals a and b. Point q lies ``a . (q - p)`` in
+    front of the surface at p, and p lies ``b . (p - q)`` in front of the surface at q. Where one of them is behind the
+    other's surface there is an edge between them; where neither is, and the surfaces stand across each other, there is
+    an inner corner. Two planes at the heights u and v above the sensor, with the cosine c = a . b, meet at the distance
+    ``sqrt((u^2 + v^2 - 2 u v c) / (1 - c^2))``.
     """
     ax, ay, bx, by = nx[..., :-1], ny[..., :-1], nx[..., 1:], ny[..., 1:]
     dx, dy = x[..., 1:] - x[..., :-1], y[..., 1:] - y[..., :-1]
@@ -117,15 +135,14 @@ def _bends(reach: Array, x: Array, y: Array, nx: Array, ny: Array, height: Array
     across = np.abs(cosine) <= config.corner_tolerance
     inner = across & (front >= -step) & (np.maximum(reach[..., 1:], reach[..., :-1]) < _NOTHING_M)
     if inner.any():
-        # Distance of the line in which two planes at heights a and b above the sensor meet.
-        a, b = height[..., :-1], height[..., 1:]
-        square = (a * a + b * b - 2 * a * b * cosine) / np.where(inner, 1 - cosine * cosine, 1.0)
+        u, v = height[..., :-1], height[..., 1:]
+        square = (u * u + v * v - 2 * u * v * cosine) / np.where(inner, 1 - cosine * cosine, 1.0)
         found = np.where(inner, np.sqrt(np.where(inner, square, 0.0)), found)
     return found
 
 
 def measure(first: Array, uniform: Array, config: UltrasonicConfig, outlier_rate: Array | float = 0.0) -> Array:
-    """Reading of the ranger for a first echo.
+    """Read a first echo as the ranger does.
 
     - Jitter: the comparator fires on one wave front too early or too late, each with probability `jitter_share` / 2
       (choice; only the step of 8.65 mm has been measured). Standard deviation 8.65 mm * sqrt(jitter_share) = 4.7 mm.
@@ -158,14 +175,14 @@ def measure(first: Array, uniform: Array, config: UltrasonicConfig, outlier_rate
 
 
 def limits(config: UltrasonicConfig) -> tuple[float, float]:
-    """Least and greatest range of the mode in use, m."""
+    """Shortest and longest range of the mode in use, m."""
     if config.mode == "cm":
         return max(config.min_range, config.cm_min_range), min(config.max_range, config.cm_max_range)
     return config.min_range, config.max_range
 
 
 def resolution(config: UltrasonicConfig) -> float:
-    """Range of one unit of the register: a microsecond of flight there and back, or a centimetre, m."""
+    """Range that one unit of the register stands for, m: a microsecond of flight there and back, or a centimetre."""
     return 0.01 if config.mode == "cm" else config.metres_per_us
 
 
@@ -177,12 +194,13 @@ def readable(range_m: Array | float, config: UltrasonicConfig) -> BoolArray:
 
 
 def crosstalk(first: Array, uniform: Array, together: BoolArray, config: UltrasonicConfig) -> Array:
-    """First echoes of sonars that fire together and hear each other.
+    """Let sonars that fire together hear each other.
 
-    The front sonar and a side sonar share a quarter of the surroundings: sound of one comes back to the other by the
-    one's way out and the other's way in, and is read as half their sum. So the farther of the two reads short. The two
-    side sonars look away from each other and do not. How often it happens (`crosstalk_share`) is a choice: the
-    broadcast command that fires all three is documented, its crosstalk is not measured.
+    The front sonar and a side sonar share a quarter of the surroundings. Sound of one comes back to the other by the
+    way out of the one and the way in of the other, ranges r and s, and is read as ``(r + s) / 2``. So the farther of
+    the two reads short. The two side sonars look away from each other and hear nothing of each other. How often it
+    happens (`crosstalk_share`) is a choice: the broadcast command that fires all three is documented, its crosstalk is
+    not measured.
 
     Args:
         first: (3, ...) first echoes of left, front, right, m; inf: none.

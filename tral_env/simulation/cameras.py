@@ -57,7 +57,7 @@ class Cameras:
     def update(self, moving: Index) -> None:
         """Expose the images that are due in the cars (k,) that move, and deliver those that have arrived."""
         time_s = self._physics.time_s
-        rows = self._pipeline.due(moving, time_s)
+        rows = self._pipeline.trigger(moving, time_s)
         if len(rows):
             seen = self.vision.see(rows, self._truth.pose[rows], self._physics.qpos[rows], self.mounting(rows))
             self._false_sightings.add(rows, seen)
