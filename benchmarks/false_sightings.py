@@ -59,9 +59,9 @@ def panes(rng: np.random.Generator) -> Image:
     """Dark frames around bright panes with crossbars: windows, glass doors, lamps, posters."""
     image = np.full((HEIGHT, WIDTH), int(rng.integers(120, 220)), np.uint8)
     for _ in range(int(rng.integers(2, 9))):
-        width, height = (
-            (int(x) for x in rng.uniform(20, 160, 2)) if rng.random() < 0.5 else (int(rng.uniform(20, 160)),) * 2
-        )
+        width, height = (int(side) for side in rng.uniform(20, 160, 2))
+        if rng.random() < 0.5:
+            height = width
         left, top = int(rng.integers(0, WIDTH - 20)), int(rng.integers(0, HEIGHT - 20))
         cv2.rectangle(image, (left, top), (left + width, top + height), int(rng.integers(0, 70)), -1)
         frame = rng.uniform(0.08, 0.38, 4) * np.array([width, height, width, height])

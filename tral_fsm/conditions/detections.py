@@ -58,7 +58,8 @@ class Seen(Condition[G]):
         """Id, place and age of the detection."""
         seen = self.detection(estimate)
         x, y, heading = estimate.seen_from_here(seen)
-        return f"id {seen.id} at {x:.2f}, {y:+.2f} m, {math.degrees(heading):+.0f} deg, {seen.age:.2f} s old, {seen.support} images agree"
+        place = f"id {seen.id} at {x:.2f}, {y:+.2f} m, {math.degrees(heading):+.0f} deg"
+        return f"{place}, {seen.age:.2f} s old, {seen.support} images agree"
 
 
 class ArucoGateFoundSpec(DetectionSpec):
