@@ -2,8 +2,8 @@
 
     python benchmarks/compare.py --steps 20000 --scenario straight --seeds 1000:1010
 
-A few thousand steps make no good driver. The figures show that the road from env to trained policy is whole, and
-what a learner has to beat.
+A few thousand steps make no good driver. The figures show that training works from env to policy, and what a learner
+has to beat.
 """
 
 from __future__ import annotations
@@ -31,23 +31,23 @@ from tral_fsm.evaluation.seeds import parse_seeds
 from tral_fsm.evaluation.summary import Summary, summarize
 
 REPEAT = 8
-"""Ticks for which the learner's command is held: it decides ten times a second."""
+"""Ticks for which the learner's command is held: the learner decides ten times a second."""
 THROTTLE = 0.1, 0.4
-"""Range of the learner's throttle: it always rolls, 0 to 0.8 m/s. A brief training that may also stand, brake and
-reverse learns to stand, because nothing that stands collides."""
+"""Range of the learner's throttle: the car always rolls, at up to 0.8 m/s. A brief training that may also stand, brake
+and reverse learns to stand, because a car that stands does not collide."""
 
 
 def command(choice: Any) -> Any:
-    """Steering and throttle of a choice in [-1, 1] x [-1, 1], shape (2,)."""
+    """Steering and throttle (2,) of a choice in [-1, 1] x [-1, 1]."""
     low, high = THROTTLE
     return np.array([choice[0], low + (high - low) * (choice[1] + 1) / 2], np.float32)
 
 
 class Repeat(gym.Wrapper[Any, Any, Any, Any]):
-    """Holds each choice for some ticks and adds up what they earn."""
+    """An env that holds each choice for `REPEAT` ticks and adds up their rewards."""
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """One decision."""
+        """Hold a choice; the reward is the sum over the ticks."""
         total = 0.0
         for _ in range(REPEAT):
             observation, reward, terminated, truncated, info = self.env.step(command(action))
@@ -58,7 +58,7 @@ class Repeat(gym.Wrapper[Any, Any, Any, Any]):
 
 
 class Learner:
-    """A trained model as a policy; it decides as often as it did in training."""
+    """A trained model as a policy, which decides as often as in its training."""
 
     def __init__(self, model: Any, normalizer: Any) -> None:
         self._model, self._normalizer = model, normalizer
@@ -66,7 +66,7 @@ class Learner:
 
     @property
     def decisions(self) -> int:
-        """Decisions that it was trained for: whole rollouts, so some more than were asked for."""
+        """Number of decisions of its training: whole rollouts, so a few more than were asked for."""
         return int(self._model.num_timesteps)
 
     def reset(self, n: int = 1) -> None:
@@ -85,7 +85,7 @@ class Learner:
 
 
 def train(scenario: str, randomization: str, steps: int, seed: int) -> Learner:
-    """Train PPO for some decisions.
+    """Train PPO for a number of decisions.
 
     Raises:
         MissingExtraError: stable-baselines3 or torch is not installed.
@@ -120,15 +120,15 @@ def evaluate(policy: Any, scenario: str, randomization: str, seeds: range) -> li
 
 
 def main(
-    steps: Annotated[int, typer.Option(help="Decisions that PPO is trained for.")] = 20_000,
+    steps: Annotated[int, typer.Option(help="Number of decisions of PPO's training.")] = 20_000,
     scenario: str = "straight",
-    seeds: Annotated[str, typer.Option(help="FIRST:END, courses of the evaluation.")] = "1000:1010",
-    policy: Annotated[str, typer.Option(help="The state machine.")] = "office",
+    seeds: Annotated[str, typer.Option(help="Seeds FIRST:END of the evaluation.")] = "1000:1010",
+    policy: Annotated[str, typer.Option(help="Name of a packaged machine, or a machine file.")] = "office",
     randomization: Randomization = "default",
     seed: Annotated[int, typer.Option(help="Seed of the training.")] = 0,
     out: Path = Path("benchmarks/results/compare.json"),
 ) -> None:
-    """Train PPO, drive both, print and write the figures."""
+    """Train PPO, let both policies drive, print and write the figures."""
     try:
         run = parse_seeds(seeds)
         check_families([scenario])
@@ -166,7 +166,7 @@ def main(
 
 
 def table(figures: dict[str, Summary], title: str) -> Table:
-    """The drivers below one another."""
+    """Table with a row for each driver."""
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("driver", no_wrap=True)
     for heading in ("success", "95 %", "progress", "time", "speed", "clearance\nRMSE", "off the\nroute"):

@@ -1,7 +1,7 @@
-"""Which figures of `DetectionModel` fit the rendered detector best?
+"""Which parameters of `DetectionModel` fit the rendered detector best?
 
-Renders one marker from everywhere, at each of the model's levels of image degradation, and prints the figures beside
-those in use.
+The script renders one marker in many views at each of the model's levels of image degradation, and prints the fitted
+parameters beside those in use.
 
     python benchmarks/detector_fit.py [--views 2400] [--seed 1] [--codes 50]
 """
@@ -14,30 +14,30 @@ import math
 from collections.abc import Callable, Iterable
 
 import numpy as np
-from marker_accuracy import LENS, WEBCAM, Array, Columns, draw_views, rendered
+from marker_views import LENS, WEBCAM, Array, Columns, rendered, views_of_markers
 from rich.console import Console
 from rich.table import Table
 
 from tral_env.perception.detection_model import DETECTION_MODEL
 from tral_env.se2 import wrap
 
-STEEPEST = 1.0
-"""Views more slanted than this, rad, do not count: their errors are no longer those of a size in the image."""
-FAR_PX = 40.0
-"""Larger markers (root of their area) do not count for the position: their errors are millimetres, and would outnumber
-those that matter."""
+MAX_FITTED_ANGLE = 1.0
+"""Views at a larger angle do not count, rad: there the errors do not follow from the size in the image."""
+MAX_FITTED_PX = 40.0
+"""Larger markers (root of their area) do not count for the position: their many errors of millimetres would outweigh
+the errors that matter."""
 IDS_IN_COURSES = 43
-STRAY = 0.015
-"""Share of headings that are wrong for no reason that the model knows."""
+STRAY_SHARE = 0.015
+"""Share of headings with errors that the model does not explain."""
 
 
 def fit(views: Columns, seen: Columns) -> dict[str, float]:
-    """The figures at one level."""
-    counted = np.abs(views["angle"]) < STEEPEST
+    """The parameters that fit one level."""
+    counted = np.abs(views["angle"]) < MAX_FITTED_ANGLE
     found = ~np.isnan(seen["range"])
     half, slope = _fit_rate(views["size"][counted], found[counted])
     extent = LENS.fx * LENS.marker_size / views["distance"] * np.sqrt(np.cos(views["angle"]))
-    far = counted & found & (extent < FAR_PX)
+    far = counted & found & (extent < MAX_FITTED_PX)
     soft = DETECTION_MODEL.softness(extent, DETECTION_MODEL.sharp_share)
     size_error = seen["range"][far] * extent[far] / soft[far]
     bearing = seen["bearing"][far] * LENS.fx / soft[far]
@@ -56,9 +56,9 @@ def fit(views: Columns, seen: Columns) -> dict[str, float]:
 
 
 def weakness(rng: np.random.Generator, count: int) -> list[float]:
-    """Of the ids that courses have: how much larger strongly degraded ones must be, as `DetectionModel` has it."""
-    views = draw_views(LENS, rng, 12 * count)
-    limit = (views["nominal"] >= 3.0) & (np.abs(views["angle"]) < STEEPEST)
+    """Weakness of each id in courses: how much larger it must be in a strongly degraded image."""
+    views = views_of_markers(LENS, rng, 12 * count)
+    limit = (views["nominal"] >= 3.0) & (np.abs(views["angle"]) < MAX_FITTED_ANGLE)
     views = {name: values[limit][:count] for name, values in views.items()}
     usual, share, slope = (
         DETECTION_MODEL.half_found_px[-1],
@@ -75,7 +75,7 @@ def weakness(rng: np.random.Generator, count: int) -> list[float]:
 
 
 def _best(likelihood: Callable[..., float], *grids: Iterable[float]) -> tuple[float, ...]:
-    """The point of a grid that is likeliest."""
+    """The point of a grid with the largest likelihood."""
     return tuple(float(value) for value in max(itertools.product(*grids), key=lambda point: likelihood(*point)))
 
 
@@ -96,7 +96,7 @@ def _fit_heading(distance: Array, angle: Array, error: Array, soft: Array) -> tu
         spread = np.minimum(noise * soft / (face_on * np.sqrt(sine**2 + (gain * depth) ** 2)), 1.0)
         flips = 0.5 - 0.5 * erf(face_on * depth * sine / (flip * soft) / math.sqrt(2))
         mix = (1 - flips) * _normal(error, spread) + flips * _normal(np.asarray(mirrored), spread)
-        return float(np.log((1 - STRAY) * mix + STRAY / (2 * math.pi)).sum())
+        return float(np.log((1 - STRAY_SHARE) * mix + STRAY_SHARE / (2 * math.pi)).sum())
 
     first = _best(likelihood, np.geomspace(0.3, 1.6, 7), np.geomspace(1.0, 5.0, 6), np.geomspace(0.2, 2.0, 7))
     return _best(likelihood, *(value * np.linspace(0.8, 1.25, 7) for value in first))
@@ -113,7 +113,7 @@ def main() -> None:
     parser.add_argument("--codes", type=int, default=0, help="views of each id, to fit the weakness of codes as well")
     arguments = parser.parse_args()
     rng = np.random.default_rng(arguments.seed)
-    views = draw_views(LENS, rng, arguments.views)
+    views = views_of_markers(LENS, rng, arguments.views)
     seen = rendered(LENS, views, {f"{level:g}": (level, WEBCAM) for level in DETECTION_MODEL.levels}, rng)
     fitted = {level: fit(views, errors) for level, errors in seen.items()}
     table = Table("figure", *(f"level {level}: fitted / in use" for level in fitted))

@@ -1,7 +1,7 @@
-"""How exactly are gates placed, by the rendered camera and by the projected one?
+"""How exactly do the rendered and the projected camera place a gate?
 
-Sweeps distance, lateral offset and heading of a gate of two markers in the rendered corridor, at each level of
-degradation: middle, bearing, axis. Prints tables, writes results/gate_accuracy.json.
+The script sweeps distance, lateral offset and heading of a gate of two markers at each level of degradation, measures
+the errors of its middle and its axis, prints tables and writes results/gate_accuracy.json.
 
     python benchmarks/gate_accuracy.py [--views 900] [--seed 0] [--out FILE]
 """
@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from marker_accuracy import CAR, LENS, LEVELS, Array, Columns, Hall, Marker, from_the_origin, hall_plan, quantiles, show
+from error_tables import quantiles, show
+from marker_views import CAR, LENS, LEVELS, Array, Columns, Marker, MarkerRoom, from_the_origin, room_plan
 from numpy.typing import NDArray
 from rich.console import Console
 
@@ -29,14 +30,14 @@ RESULTS = Path(__file__).parent / "results" / "gate_accuracy.json"
 DISTANCES = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0)
 
 
-def draw_views(rng: np.random.Generator, count: int) -> Columns:
-    """Gates before the camera at the distances of the tables; columns (count,) by name, in the car's frame."""
+def views_of_gates(rng: np.random.Generator, count: int) -> Columns:
+    """Random gates before the camera, at `DISTANCES`; columns (count,) by name, in the car's frame."""
     distance = np.resize(DISTANCES, count)
     n = len(distance)
     return {
         "distance": distance,
         "x": CAR.camera_x + distance * rng.uniform(0.95, 1.05, n),
-        # As far aside as leaves both markers of most gates in the image.
+        # Both markers of most gates lie in the image up to this offset.
         "y": distance * rng.uniform(-0.35, 0.35, n),
         "axis": np.radians(rng.uniform(-30, 30, n)),
         "width": rng.uniform(0.78, 1.38, n),
@@ -46,7 +47,7 @@ def draw_views(rng: np.random.Generator, count: int) -> Columns:
 
 
 def gate_of(views: Columns, row: int) -> list[Marker]:
-    """Both markers of a view."""
+    """The two markers of a gate."""
     x, y, axis, width, z = (float(views[name][row]) for name in ("x", "y", "axis", "width", "z"))
     side = -math.sin(axis) * width / 2, math.cos(axis) * width / 2
     left = 2 * int(views["id"][row])
@@ -54,32 +55,32 @@ def gate_of(views: Columns, row: int) -> list[Marker]:
 
 
 def rendered(views: Columns, rng: np.random.Generator) -> dict[str, Detection]:
-    """What the detector makes of the gates, by level."""
-    hall, n = Hall(LENS), len(views["x"])
+    """Detections of the rendered camera, by level."""
+    room, n = MarkerRoom(LENS), len(views["x"])
     seen = {name: Detection.nothing(n) for name in LEVELS}
     for row in range(n):
-        hall.show(gate_of(views, row))
+        room.show(gate_of(views, row))
         for name, fault in LEVELS.items():
-            poses = hall.search(fault, rng)
+            poses = room.search(fault, rng)
             valid = np.ones((1, len(poses.ids)), bool)
             found = nearest_gate_and_marker(poses.ids[None], poses.x[None], poses.y[None], poses.heading[None], valid)
             seen[name].put(np.array([row]), found)
-    hall.close()
+    room.close()
     return seen
 
 
 def projected(views: Columns, level: float, rng: np.random.Generator) -> Detection:
-    """What the projected camera makes of them."""
+    """Detections of the projected camera at a level."""
     n = len(views["x"])
     scenery = Scenery(n)
     for row in range(n):
-        scenery.place(row, hall_plan(gate_of(views, row)))
+        scenery.place(row, room_plan(gate_of(views, row)))
     seen = from_the_origin(scenery, LENS, level, rng)
     return nearest_gate_and_marker(seen.ids, seen.x, seen.y, seen.heading, seen.valid)
 
 
 def summary(views: Columns, seen: Detection, rows: NDArray[np.bool_]) -> dict[str, Any]:
-    """Rate, errors of the middle along and across the line of sight, and of the axis; median and 95 % quantile."""
+    """Share of gates found; median and 95 % quantile of the errors of middle and axis, along and across the sight."""
     hit = rows & seen.gate_seen
     x, y = views["x"][hit] - CAR.camera_x, views["y"][hit]
     off_x, off_y = seen.gate_x[hit] - views["x"][hit], seen.gate_y[hit] - y
@@ -96,7 +97,7 @@ def summary(views: Columns, seen: Detection, rows: NDArray[np.bool_]) -> dict[st
 
 
 def deviation(error: Array) -> float | None:
-    """Standard deviation that the middle 90 % of the errors speak for: a few mirrored headings do not count."""
+    """Standard deviation of a normal distribution with this 90 % quantile: a few mirrored headings do not count."""
     return round(float(np.quantile(np.abs(error), 0.9) / 1.645), 5) if len(error) else None
 
 
@@ -107,7 +108,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=RESULTS)
     arguments = parser.parse_args()
     rng, console = np.random.default_rng(arguments.seed), Console()
-    views = draw_views(rng, arguments.views)
+    views = views_of_gates(rng, arguments.views)
     seen = {"rendered": rendered(views, rng)}
     seen["projected"] = {name: projected(views, level, rng) for name, (level, _) in LEVELS.items()}
     tables: dict[str, list[dict[str, Any]]] = {"distance": [], "offset": [], "heading": []}

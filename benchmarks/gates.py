@@ -3,7 +3,7 @@
     python benchmarks/gates.py --policy gate_scurve --seeds 1000:1200 --out gates.jsonl
     python benchmarks/gates.py --plot docs/img/gates.png gates.jsonl
 
-Drives are appended to the file as they end; run it again and it goes on where it was stopped.
+The script appends each drive to the file as it ends; started again, it goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from tral_env.config import CarConfig
 from tral_env.course.plan import BOX_KINDS, Plan
 from tral_env.errors import ConfigError, TralError
+from tral_env.se2 import relative, to_inner, to_outer
 from tral_fsm import load_machine, load_policy
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.choices import Camera, Randomization
@@ -31,18 +32,18 @@ from tral_fsm.evaluation.seeds import parse_seeds, stretches
 from tral_fsm.evaluation.statistics import wilson
 
 CHUNK = 8
-"""Drives in one batch."""
+"""Number of drives in a batch."""
 NEAR_M = 1.6
-"""The path is kept from so far before a gate's plane to as far behind it,"""
+"""Length of the recorded path before the plane of a gate, and behind it."""
 STEP_M = 0.05
-"""one point in so many metres."""
+"""Distance between two points of the path along the gate's axis."""
 TOUCH_M = 0.03
-"""A car in collision that is so near to a post touches it."""
+"""A car in collision touches a post if the post is nearer than this."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
-    """What every drive of a file has in common."""
+class RunSettings:
+    """Settings of all drives of a file."""
 
     policy: str
     camera: str
@@ -50,15 +51,15 @@ class Settings:
 
 
 def main(
-    files: Annotated[list[Path] | None, typer.Argument(help="With --table or --plot: files to show.")] = None,
-    seeds: Annotated[str, typer.Option(help="FIRST:END, as a range.")] = "1000:1200",
+    files: Annotated[list[Path] | None, typer.Argument(help="Files to show, with --table or --plot.")] = None,
+    seeds: Annotated[str, typer.Option(help="Seeds FIRST:END.")] = "1000:1200",
     policy: str = "gate_scurve",
     camera: Camera = "rendered",
     randomization: Randomization = "default",
     processes: Annotated[int, typer.Option(min=1)] = 2,
     out: Path = Path("benchmarks/results/gates.jsonl"),
-    table: Annotated[bool, typer.Option(help="Print the table of the files.")] = False,
-    plot: Annotated[Path | None, typer.Option(help="Draw the paths of the files through their gates.")] = None,
+    table: Annotated[bool, typer.Option(help="Print the table of the files, and drive nothing.")] = False,
+    plot: Annotated[Path | None, typer.Option(help="Draw the paths through the gates into this picture.")] = None,
 ) -> None:
     """Drive seeds of the family `gates` and print a table."""
     try:
@@ -66,7 +67,10 @@ def main(
             draw(files or [out], plot)
         if not (table or plot is not None):
             drive(
-                parse_seeds(seeds), Settings(policy=policy, camera=camera, randomization=randomization), processes, out
+                parse_seeds(seeds),
+                RunSettings(policy=policy, camera=camera, randomization=randomization),
+                processes,
+                out,
             )
         if table or plot is None:
             print(markdown(files or [out]))
@@ -74,13 +78,13 @@ def main(
         raise SystemExit(f"Error: {error}") from None
 
 
-def drive(seeds: range, settings: Settings, processes: int, out: Path) -> None:
-    """Drive what the file does not hold yet, and append it as it ends.
+def drive(seeds: range, settings: RunSettings, processes: int, out: Path) -> None:
+    """Drive the seeds that the file does not hold yet, and append each drive as it ends.
 
     Raises:
         ConfigError: the file was made with other settings, or another machine.
     """
-    machine = load_policy(settings.policy).definition  # what cannot drive begins no file
+    machine = load_policy(settings.policy).definition  # a machine that cannot drive begins no file
     drivers = {settings.policy: digest(machine)}
     done = {line["seed"] for line in made_with(out, settings, drivers) if line["kind"] == "drive"}
     missing = [seed for seed in seeds if seed not in done]
@@ -92,7 +96,7 @@ def drive(seeds: range, settings: Settings, processes: int, out: Path) -> None:
 
 
 class Watch:
-    """What a drive shows at its gates."""
+    """An observer of a drive that records its paths through the gates."""
 
     def __init__(self, seed: int, plan: Plan) -> None:
         self.seed, self.plan, self.gates, self.widths = seed, plan, plan.gate_pose, plan.gate_width
@@ -109,13 +113,12 @@ class Watch:
     def follow(self, pose: NDArray[np.float64], passed: int) -> None:
         """Take the pose after a tick and the number of gates passed so far."""
         for gate in range(len(self.gates)):
-            x, y = in_gate(self.gates[gate], pose)
+            x, y = to_inner(self.gates[gate], pose[0], pose[1])
             path = self.paths[gate]
             if abs(x) < NEAR_M and abs(y) < NEAR_M and (not path or abs(x - path[-1][0]) >= STEP_M):
                 path.append((round(x, 3), round(y, 3)))
         if passed > self.next:
-            _, y = in_gate(self.gates[self.next], pose)
-            angle = (pose[2] - self.gates[self.next, 2] + math.pi) % (2 * math.pi) - math.pi
+            _, y, angle = relative(self.gates[self.next], pose)
             self.crossings[self.next] = (round(y, 4), round(math.degrees(angle), 2))
             self.next = passed
 
@@ -138,18 +141,10 @@ class Watch:
         }
 
 
-def in_gate(gate: NDArray[np.float64], pose: NDArray[np.float64]) -> tuple[float, float]:
-    """A place in the frame of a gate, or of any other pose: x along its axis, y to the left, m."""
-    dx, dy = pose[0] - gate[0], pose[1] - gate[1]
-    cos, sin = math.cos(gate[2]), math.sin(gate[2])
-    return cos * dx + sin * dy, cos * dy - sin * dx
-
-
 def near_post(plan: Plan, pose: NDArray[np.float64]) -> float:
-    """Distance between a car and the nearest post of a gate, m; infinite where there are no gates."""
+    """Distance between a car and the nearest gate post, m; infinite without gates."""
     car = CarConfig()
-    x, y, yaw = pose
-    body = np.array([x + car.middle_x * math.cos(yaw), y + car.middle_x * math.sin(yaw), yaw])
+    body = np.array([*to_outer(pose, car.middle_x, 0.0), pose[2]])
     half = np.array([car.length, car.width]) / 2
     gaps = [math.inf]
     for k in np.flatnonzero(plan.box_kind == BOX_KINDS.index("post")):
@@ -161,15 +156,14 @@ def near_post(plan: Plan, pose: NDArray[np.float64]) -> float:
 def gap(
     one: NDArray[np.float64], half: NDArray[np.float64], other: NDArray[np.float64], other_half: NDArray[np.float64]
 ) -> float:
-    """Distance of a rectangle's corners from another rectangle, m; each by its pose (3,) and half its sides (2,)."""
-    cos, sin = math.cos(one[2]), math.sin(one[2])
-    corners = one[:2] + half * [[1, 1], [1, -1], [-1, 1], [-1, -1]] @ np.array([[cos, sin], [-sin, cos]])
-    beyond = [np.maximum(np.abs(in_gate(other, corner)) - other_half, 0.0) for corner in corners]
+    """Distance of the nearest corner of a rectangle from another rectangle, m; pose (3,), half sides (2,) of each."""
+    corners = [to_outer(one, *(half * signs)) for signs in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
+    beyond = [np.maximum(np.abs(to_inner(other, *corner)) - other_half, 0.0) for corner in corners]
     return min(math.hypot(*each) for each in beyond)
 
 
-def batch(seeds: list[int], settings: Settings) -> list[dict[str, Any]]:
-    """Drive seeds side by side."""
+def batch(seeds: list[int], settings: RunSettings) -> list[dict[str, Any]]:
+    """Records of drives that run side by side."""
     runner = BatchRunner(["gates"], rows=len(seeds), camera=settings.camera, randomization=settings.randomization)
     requests = [EpisodeRequest(0, "gates", seed) for seed in seeds]
     watches = [Watch(request.seed, runner.draw(request)[0].plan) for request in requests]
@@ -183,7 +177,7 @@ def batch(seeds: list[int], settings: Settings) -> list[dict[str, Any]]:
 
 
 def read(path: Path) -> tuple[dict[str, str], list[dict[str, Any]]]:
-    """Settings and drives of a file.
+    """RunSettings and drives of a file.
 
     Raises:
         ConfigError: there are none.
@@ -197,7 +191,7 @@ def read(path: Path) -> tuple[dict[str, str], list[dict[str, Any]]]:
 
 
 def markdown(paths: list[Path]) -> str:
-    """A table of the files."""
+    """The files as a Markdown table."""
     rows = [
         "| machine | level | seeds | drives arrived | 95 % | gates passed | post touched | offset cm, median / 95 % | "
         "angle deg, median / 95 % | time s |",
@@ -221,12 +215,12 @@ def markdown(paths: list[Path]) -> str:
 
 
 def spread(values: list[float]) -> str:
-    """Median and 95 % quantile of sizes."""
+    """Median and 95 % quantile of absolute values."""
     return "{:.1f} / {:.1f}".format(*np.quantile(np.abs(values), [0.5, 0.95])) if values else "-"
 
 
 def draw(paths: list[Path], to: Path) -> None:
-    """All paths through the gates, a panel a file; black: where posts stand, of the narrowest gate to the widest.
+    """Draw all paths through the gates, a panel for each file; black: posts of the narrowest to the widest gate.
 
     Raises:
         ConfigError: no folder or no format for the picture.

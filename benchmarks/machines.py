@@ -1,10 +1,10 @@
-"""Every reference machine on the family that it is made for, and `office` on all: success, clearance, speed.
+"""How well does each reference machine drive the family that it is made for, and `office` all families?
 
     python benchmarks/machines.py --seeds 2000:2200 --out now.jsonl
     python benchmarks/machines.py --seeds 2000:2200 --folder old_machines --out before.jsonl
     python benchmarks/machines.py --table before.jsonl now.jsonl
 
-Drives are appended to the file as they end; run it again and it goes on where it was stopped.
+The script appends each drive to the file as it ends; started again, it goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ MADE_FOR = {
 """The machine of each family."""
 COLUMNS = ["family", "machine", "file", "arrived", "95 %", "collisions", "missed", "RMSE cm", "settled cm", "m/s", "s"]
 CHUNK = 64
-"""Drives in one batch."""
+"""Number of drives in a batch."""
 Record = dict[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
-    """What every drive of a file has in common."""
+class RunSettings:
+    """Settings of all drives of a file."""
 
     folder: str
     camera: str
@@ -56,20 +56,20 @@ class Settings:
 
 
 def main(
-    files: Annotated[list[Path] | None, typer.Argument(help="With --table: files to show beside each other.")] = None,
-    seeds: Annotated[str, typer.Option(help="FIRST:END, as a range.")] = "2000:2200",
-    scenarios: Annotated[str, typer.Option(help="Families with commas between them, or all.")] = "all",
-    folder: Annotated[str, typer.Option(help="Machine files to drive instead of the packaged ones.")] = "",
+    files: Annotated[list[Path] | None, typer.Argument(help="Files to show beside each other, with --table.")] = None,
+    seeds: Annotated[str, typer.Option(help="Seeds FIRST:END.")] = "2000:2200",
+    scenarios: Annotated[str, typer.Option(help="Families, separated by commas, or all.")] = "all",
+    folder: Annotated[str, typer.Option(help="Folder of machine files that drive instead of the packaged ones.")] = "",
     randomization: Randomization = "default",
-    own: Annotated[bool, typer.Option(help="Only the machine of each family, not `office` on all.")] = False,
+    own: Annotated[bool, typer.Option(help="Drive only the machine of each family, not `office` on all.")] = False,
     processes: Annotated[int, typer.Option(min=1)] = 2,
     out: Path = Path("benchmarks/results/machines.jsonl"),
-    table: Annotated[bool, typer.Option(help="Print the table of the files.")] = False,
+    table: Annotated[bool, typer.Option(help="Print the table of the files, and drive nothing.")] = False,
 ) -> None:
     """Drive seeds x families with their machines and print a table."""
     try:
         if not table:
-            settings = Settings(folder=folder, camera="projected", randomization=randomization)
+            settings = RunSettings(folder=folder, camera="projected", randomization=randomization)
             drive(jobs(families(scenarios), parse_seeds(seeds), own=own), settings, processes, out)
         print(markdown(files or [out]))
     except TralError as error:
@@ -77,17 +77,17 @@ def main(
 
 
 def jobs(scenarios: Iterable[str], seeds: range, *, own: bool) -> dict[str, list[tuple[str, int]]]:
-    """Machine and seed of all drives, by family; each family has its machine, and `office` unless only its `own`."""
+    """Machine and seed of all drives, by family: its machine, and `office` too unless `own`."""
     machines = {scenario: sorted({MADE_FOR[scenario]} | (set() if own else {"office"})) for scenario in scenarios}
     return {scenario: [(name, seed) for seed in seeds for name in names] for scenario, names in machines.items()}
 
 
-def drive(wanted: Mapping[str, Sequence[tuple[str, int]]], settings: Settings, processes: int, out: Path) -> None:
-    """Drive what the file does not hold yet, and append it as it ends.
+def drive(wanted: Mapping[str, Sequence[tuple[str, int]]], settings: RunSettings, processes: int, out: Path) -> None:
+    """Drive what the file does not hold yet, and append each drive as it ends.
 
     Raises:
         ConfigError: the file was made with other settings, or other machines.
-        TralError: a machine cannot be read; said before the file is begun.
+        TralError: a machine cannot be read; no file is begun then.
     """
     drivers = {name: digest(machine(name, settings)) for name in sorted({*MADE_FOR.values()})}
     before = made_with(out, settings, drivers)
@@ -102,12 +102,12 @@ def drive(wanted: Mapping[str, Sequence[tuple[str, int]]], settings: Settings, p
     collect(batch, [(*part, settings) for part in batches], sum(len(part) for _, part in batches), processes, out)
 
 
-def machine(name: str, settings: Settings) -> MachineDefinition:
+def machine(name: str, settings: RunSettings) -> MachineDefinition:
     """A machine of the folder, or the packaged one."""
     return load_machine(Path(settings.folder) / f"{name}.json" if settings.folder else name)
 
 
-def batch(scenario: str, wanted: Sequence[tuple[str, int]], settings: Settings) -> list[Record]:
+def batch(scenario: str, wanted: Sequence[tuple[str, int]], settings: RunSettings) -> list[Record]:
     """Records of drives, given as machine and seed, on one family."""
     names = sorted({name for name, _ in wanted})
     machines = [machine(name, settings) for name in names]
@@ -122,7 +122,7 @@ def batch(scenario: str, wanted: Sequence[tuple[str, int]], settings: Settings) 
 
 
 def markdown(files: Iterable[Path]) -> str:
-    """The files beside each other, a table a machine's family, those of `office` below."""
+    """The files beside each other as Markdown tables: each family with its machine, then `office` on the others."""
     made = {path.stem: drives_of(path) for path in files}
     out = [f"{name}: seeds {stretches({r['seed'] for r in records})}" for name, records in made.items()]
     for own in (True, False):
@@ -159,7 +159,7 @@ def row(names: Sequence[str], records: Sequence[Record]) -> str:
 
 
 def centimetres(records: Sequence[Mapping[str, Any]], kind: str) -> str:
-    """RMSE over all ticks of all drives at which it was measured."""
+    """RMSE over all measured ticks of all drives, cm."""
     rmse = pooled_rmse(records, kind)
     return "-" if rmse is None else f"{100 * rmse:.1f}"
 

@@ -22,8 +22,8 @@ from matplotlib.axes import Axes
 Row = dict[str, Any]
 RESULTS = Path(__file__).parent / "results"
 COLOURS = {"off": "#222222", "mild": "#1f6fb2", "strong": "#c8452e"}
-TELLING = {"streak": 10, "patch": 38}
-"""Seeds with a long streak, and with a patch that covers something."""
+CLEAR_SEEDS = {"streak": 10, "patch": 38}
+"""Seeds that give a long streak, and a patch that covers a marker."""
 LENSES = {"default": "-", "wide": ":", "320 x 240": "--", "1280 x 960": "-."}
 
 
@@ -40,12 +40,12 @@ def main() -> None:
 
 
 def read(name: str) -> Any:
-    """A result."""
+    """Content of a result file."""
     return json.loads((RESULTS / name).read_text(encoding="utf-8"))
 
 
 def curves(axes: Axes, rows: list[Row], name: str, level: str, index: int | None = None) -> None:
-    """One quantity over distance: solid as rendered, dashed as projected."""
+    """Plot a quantity over distance, solid for the rendered and dashed for the projected camera."""
     for camera, dash in (("rendered", "-"), ("projected", "--")):
         points = [(row["distance_m"], row[camera][name]) for row in rows if row[camera][name] is not None]
         values = [value if index is None else value[index] for _, value in points]
@@ -53,12 +53,12 @@ def curves(axes: Axes, rows: list[Row], name: str, level: str, index: int | None
 
 
 def marker_accuracy() -> plt.Figure:
-    """Rate, position and heading of a single marker."""
+    """Rate of detection, errors of position and heading of a single marker."""
     table = read("marker_accuracy.json")["default"]["distance"]
     figure, grid = plt.subplots(2, 3, figsize=(8.6, 5.0), sharex=True)
     for axes_row, angle in zip(grid, ("0 to 25", "25 to 50"), strict=True):
         for level in COLOURS:
-            # Quantiles of a few sightings say nothing.
+            # Quantiles of less than ten detections say little.
             rows = [row for row in table if row["level"] == level and row["angle_deg"] == angle]
             enough = [row for row in rows if row["rendered"]["rate"] * row["views"] >= 10]
             curves(axes_row[0], rows, "rate", level)
@@ -82,7 +82,7 @@ def _legend(axes: Axes) -> None:
 
 
 def marker_lenses() -> plt.Figure:
-    """How far each lens sees."""
+    """Rate of detection over distance, for each lens."""
     result = read("marker_accuracy.json")
     figure, panels = plt.subplots(1, 3, figsize=(8.6, 2.8), sharey=True)
     for axes, level in zip(panels, COLOURS, strict=True):
@@ -98,7 +98,7 @@ def marker_lenses() -> plt.Figure:
 
 
 def gate_accuracy() -> plt.Figure:
-    """Middle and axis of a gate."""
+    """Errors of the middle and the axis of a gate."""
     table = read("gate_accuracy.json")["distance"]
     figure, panels = plt.subplots(1, 4, figsize=(9.6, 2.8))
     for level in COLOURS:
@@ -117,21 +117,21 @@ def gate_accuracy() -> plt.Figure:
 
 
 def image_faults() -> plt.Figure:
-    """The same gate, 3 m away, with every fault; only this picture needs OpenGL."""
-    from marker_accuracy import LEVELS, SINGLE, Hall
+    """The same gate 3 m away with each fault; this picture alone needs OpenGL."""
+    from marker_views import LEVELS, SINGLE, MarkerRoom
 
     from tral_env.perception.degrade import degrade
 
-    hall, faults = Hall(), LEVELS | SINGLE
-    hall.show([(6, 3.0, 0.5, 0.25, math.pi), (7, 3.0, -0.5, 0.25, math.pi)])
+    room, faults = MarkerRoom(), LEVELS | SINGLE
+    room.show([(6, 3.0, 0.5, 0.25, math.pi), (7, 3.0, -0.5, 0.25, math.pi)])
     figure, panels = plt.subplots(3, 3, figsize=(7.2, 3.6))
     for axes, (name, (level, law)) in zip(panels.flat, faults.items(), strict=True):
-        image = degrade(hall.image, level, np.random.default_rng(TELLING.get(name, 2)), law)
-        seen = len(hall.detector.detect(image).ids)
+        image = degrade(room.image, level, np.random.default_rng(CLEAR_SEEDS.get(name, 2)), law)
+        seen = len(room.detector.detect(image).ids)
         axes.imshow(image[150:300, 160:500], interpolation="nearest")
         axes.set_title(f"{name}: {seen} found", fontsize=8)
         axes.axis("off")
-    hall.close()
+    room.close()
     return figure
 
 

@@ -3,7 +3,7 @@
     python benchmarks/report.py --seeds 1000:1050 --scenarios all --policy office --camera rendered \
         --out benchmarks/results/office.jsonl
 
-Each episode is appended to the file as it ends; run it again and it goes on where it was stopped.
+The script appends each episode to the file as it ends; started again, it goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from tral_fsm.evaluation.summary import Summary, summarize
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
-    """What every episode of a file has in common."""
+class RunSettings:
+    """Settings of all episodes of a file."""
 
     policy: str
     camera: str
@@ -34,23 +34,23 @@ class Settings:
 
 
 def main(
-    seeds: Annotated[str, typer.Option(help="FIRST:END, as a range.")] = "1000:1050",
-    scenarios: Annotated[str, typer.Option(help="Names with commas between them, or all.")] = "all",
+    seeds: Annotated[str, typer.Option(help="Seeds FIRST:END.")] = "1000:1050",
+    scenarios: Annotated[str, typer.Option(help="Families, separated by commas, or all.")] = "all",
     policy: str = "office",
     camera: Camera = "rendered",
     randomization: Randomization = "default",
     processes: int = 2,
     out: Path = Path("benchmarks/results/office.jsonl"),
-    table_only: Annotated[bool, typer.Option(help="Drive nothing, print the table of the file.")] = False,
+    table_only: Annotated[bool, typer.Option(help="Print the table of the file, and drive nothing.")] = False,
 ) -> None:
     """Drive seeds x families and print a table."""
-    settings = Settings(policy=policy, camera=camera, randomization=randomization)
+    settings = RunSettings(policy=policy, camera=camera, randomization=randomization)
     try:
         done = read(out, settings)
         jobs = [(name, seed) for name in families(scenarios) for seed in parse_seeds(seeds)]
         missing = [] if table_only else [job for job in jobs if job not in done]
         if missing:
-            load_policy(policy)  # what cannot drive begins no file
+            load_policy(policy)  # a policy that cannot drive begins no file
             begin_run(out, settings)
             collect(episode, [(*job, settings) for job in missing], len(missing), processes, out)
         print(markdown(out, settings))
@@ -58,7 +58,7 @@ def main(
         raise SystemExit(f"Error: {error}") from None
 
 
-def read(path: Path, settings: Settings) -> dict[tuple[str, int], dict[str, Any]]:
+def read(path: Path, settings: RunSettings) -> dict[tuple[str, int], dict[str, Any]]:
     """Episodes that a file holds, by family and seed.
 
     Raises:
@@ -67,11 +67,11 @@ def read(path: Path, settings: Settings) -> dict[tuple[str, int], dict[str, Any]
     return {(line["scenario"], line["seed"]): line for line in made_with(path, settings) if line["kind"] == "episode"}
 
 
-_kept: dict[tuple[str, Settings], tuple[Any, Any]] = {}
+_kept: dict[tuple[str, RunSettings], tuple[Any, Any]] = {}
 
 
-def episode(scenario: str, seed: int, settings: Settings) -> list[dict[str, Any]]:
-    """The line of one episode, driven in a process that keeps its last env."""
+def episode(scenario: str, seed: int, settings: RunSettings) -> list[dict[str, Any]]:
+    """The line of one episode; the process keeps its last env."""
     from tral_fsm.evaluation.rollout import drive
 
     key = (scenario, settings)
@@ -84,7 +84,7 @@ def episode(scenario: str, seed: int, settings: Settings) -> list[dict[str, Any]
     return [{"kind": "episode", **drive(env, policy, seed, on_step=stop_check(), scenario=scenario).record()}]
 
 
-def _make(scenario: str, settings: Settings) -> tuple[Any, Any]:
+def _make(scenario: str, settings: RunSettings) -> tuple[Any, Any]:
     import gymnasium as gym
 
     env = gym.make(
@@ -96,7 +96,7 @@ def _make(scenario: str, settings: Settings) -> tuple[Any, Any]:
     return env, load_policy(settings.policy)
 
 
-def markdown(path: Path, settings: Settings) -> str:
+def markdown(path: Path, settings: RunSettings) -> str:
     """The file as a Markdown table."""
     episodes = read(path, settings)
     runs = [line["host"] for line in lines(path) if line["kind"] == "run"]

@@ -2,7 +2,7 @@
 
     python benchmarks/tuning_speed.py --out benchmarks/results/tuning_speed.json
 
-For a computer that does nothing else; the load that it had before is told beside the result.
+Run it on an idle computer; the result tells the load before it.
 """
 
 from __future__ import annotations
@@ -27,27 +27,29 @@ from tral_fsm.evaluation.pool import ProcessPool, spawned
 from tral_fsm.evaluation.results import prepare_folder, print_figures, write_json
 
 SEEDS = 8
-"""Courses that all candidates share, as in a search."""
+"""Number of courses that all candidates share, as in a search."""
 BUSY = 0.3
-"""Load before the measurement above which its figures say little."""
+"""Load before the measurement from which on the figures say little."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Share:
-    """What one process measured; times are those of its clock."""
+    """Measurements of one process."""
 
     drives: int
     simulated_s: float
     began: float
-    """On the clock that all processes share, s."""
+    """Start on the clock that all processes share, s."""
     ended: float
+    """End on the same clock, s."""
     step_s: float
-    """Spent in `Batch.step`."""
+    """Time in `Batch.step`, s."""
     cpu_s: float
+    """CPU time, s."""
 
 
 class Timed:
-    """A batch whose steps are timed."""
+    """A batch that measures the time of its steps."""
 
     def __init__(self, batch: Any) -> None:
         self._batch, self.seconds = batch, 0.0
@@ -56,14 +58,14 @@ class Timed:
         return getattr(self._batch, name)
 
     def step(self, *args: Any, **kwargs: Any) -> None:
-        """A step of the batch."""
+        """Step the batch."""
         began = time.perf_counter()
         self._batch.step(*args, **kwargs)
         self.seconds += time.perf_counter() - began
 
 
 def measure(policy: str, scenario: str, drives: int, rows: int, ready: Any = None) -> Share:
-    """Drive, once all processes are ready; building the simulation and the courses is not counted."""
+    """Drive once all processes are ready; the time to build the simulation and the courses does not count."""
     machine = load_machine(policy)
     jobs = [EpisodeRequest(0, scenario, k % SEEDS) for k in range(drives)]
     runner = BatchRunner([scenario], rows=rows, stuck_s=10.0)
@@ -98,7 +100,7 @@ def _measure(policy: str, scenario: str, drives: int, rows: int) -> Share:
 
 
 def figures(shares: list[Share]) -> dict[str, float]:
-    """What they are together, from the first that began to the last that ended."""
+    """Figures of all processes together, from the first start to the last end."""
     seconds = max(each.ended for each in shares) - min(each.began for each in shares)
     drives, simulated = sum(each.drives for each in shares), sum(each.simulated_s for each in shares)
     at_work = sum(each.ended - each.began for each in shares)
@@ -115,7 +117,7 @@ def figures(shares: list[Share]) -> dict[str, float]:
 
 
 def pairs(text: str) -> list[tuple[str, str]]:
-    """Machines with their families."""
+    """Pairs of machine and family in a text MACHINE:FAMILY,..."""
     found = []
     for pair in text.split(","):
         policy, _, scenario = pair.rpartition(":")
@@ -127,12 +129,12 @@ def pairs(text: str) -> list[tuple[str, str]]:
 
 
 def main(
-    policies: Annotated[str, typer.Option(help="Machines with their families: MACHINE:FAMILY, with commas.")] = (
+    policies: Annotated[str, typer.Option(help="Pairs MACHINE:FAMILY, separated by commas.")] = (
         "wall:straight,office:office"
     ),
-    drives: Annotated[int, typer.Option(min=1, help="In each process.")] = 384,
+    drives: Annotated[int, typer.Option(min=1, help="Number of drives in each process.")] = 384,
     processes: Annotated[int, typer.Option(min=1)] = os.cpu_count() or 1,
-    rows: Annotated[int, typer.Option(min=1, help="Drives at once in a process.")] = ROWS,
+    rows: Annotated[int, typer.Option(min=1, help="Number of drives at once in each process.")] = ROWS,
     out: Path | None = None,
 ) -> None:
     """Measure drives a minute."""

@@ -2,7 +2,7 @@
 
 Sources: "report" is the TRAL report of 2016; "ucboard" and "PSES" are the data sheet and the URDF that the Project
 Seminar Real-Time Systems at TU Darmstadt published for the same cars; "SRF08" is the data sheet of the ultrasonic
-ranger; "choice" is ours.
+ranger; "choice" is a choice of this project.
 """
 
 from __future__ import annotations
@@ -85,34 +85,34 @@ class CarConfig:
     height: float = HEIGHT_M
     """Height of the outline, m. Source: PSES."""
     mass: float = 1.9
-    """kg, ready to drive: kit 1.45 kg with motor and pack, computer and sensors 0.45 kg. Source: choice."""
+    """Mass of the car ready to drive, kg: 1.45 of kit, motor and pack, 0.45 of computer and sensors. Source: choice."""
     sonar_side: float = SONAR_SIDE_M
-    """Side ultrasonics stand this far from the middle line, midway between the axles, m. Source: ucboard."""
+    """The side ultrasonics stand this far from the middle line, midway between the axles, m. Source: ucboard."""
     sonar_front: float = SONAR_FRONT_M
-    """Front ultrasonic stands this far ahead of midway between the axles, m. Source: ucboard."""
+    """The front ultrasonic stands this far ahead of midway between the axles, m. Source: ucboard."""
     sonar_height: float = 0.10
-    """m above the floor. Source: choice."""
+    """Height of the ultrasonics above the floor, m. Source: choice."""
     camera_x: float = 0.20
-    """Camera ahead of the rear axle, m. Source: choice."""
+    """The camera stands this far ahead of the rear axle, m. Source: choice."""
     camera_z: float = 0.19
-    """Camera above the floor, m. Source: choice."""
+    """The camera stands this far above the floor, m. Source: choice."""
 
     def __post_init__(self) -> None:
         _check(self, positive=tuple(field.name for field in fields(self)))
 
     @property
     def full_lock(self) -> float:
-        """Full lock, rad."""
+        """Steering angle of the bicycle model at command 1, rad."""
         return math.radians(self.full_lock_deg)
 
     @property
     def middle_x(self) -> float:
-        """Midway between the axles, m ahead of the rear axle: where the side ultrasonics stand."""
+        """Distance of the side ultrasonics ahead of the rear axle, m: midway between the axles."""
         return self.wheelbase / 2
 
     @property
     def front_x(self) -> float:
-        """Front ultrasonic, m ahead of the rear axle."""
+        """Distance of the front ultrasonic ahead of the rear axle, m."""
         return self.middle_x + self.sonar_front
 
 
@@ -147,9 +147,9 @@ class EscConfig:
     switch_s: float = 0.1
     """Brake and neutral must each last this long before the other direction drives, s. Source: ucboard."""
     motor_resistance: float = 0.918
-    """Ohm. Source: fit, time constant 0.3 s."""
+    """Resistance of the motor, ohm. Source: fit, time constant 0.3 s."""
     back_emf: float = 0.0790 / WHEEL_RADIUS_M
-    """V at a rolling speed of 1 m/s. Source: fit to Velocity.csv of echtzeitsysteme."""
+    """Back-EMF of the motor at a rolling speed of 1 m/s, V. Source: fit to Velocity.csv of echtzeitsysteme."""
     battery_v: float = 7.2
     """Nominal voltage of the pack, V. Source: ucboard."""
     max_latency_s: float = 0.2
@@ -166,7 +166,7 @@ class UltrasonicConfig:
     """One SRF08 ranger."""
 
     rays: int = 11
-    """Rays of the fan that samples the beam."""
+    """Number of rays in the fan that samples the beam, 2 or more. Source: choice."""
     beam_deg: float = 55.0
     """Full width of the beam at -6 dB, deg. Source: SRF08."""
     incidence_limit_deg: float = 22.5
@@ -182,7 +182,7 @@ class UltrasonicConfig:
     min_range: float = 0.03
     """Nearer echoes are lost in the ringing of the transducer, m. Source: SRF08."""
     max_range: float = 5.0
-    """m in microsecond mode. Source: report."""
+    """Greatest range in microsecond mode, m. Source: report."""
     mode: str = "us"
     """"us": microsecond mode, to 5 m; "cm": centimetre mode, 0.2 to 3 m in steps of 1 cm. Source: report."""
     cm_min_range: float = 0.2
@@ -190,7 +190,7 @@ class UltrasonicConfig:
     cm_max_range: float = 3.0
     """Greatest range in centimetre mode, m. Source: report."""
     cadence_s: float = 0.065
-    """One ranging, s. Source: SRF08."""
+    """Time that one ranging takes, s. Source: SRF08."""
     jitter_m: float = 0.00865
     """Step between neighbouring wave fronts that may trigger the comparator, m. Source: era."""
     jitter_share: float = 0.3
@@ -198,7 +198,7 @@ class UltrasonicConfig:
     crosstalk_share: float = 0.1
     """Probability that a sonar hears a neighbour when they fire together. Source: choice."""
     metres_per_us: float = 1.716e-4
-    """Distance for a microsecond of flight there and back, m. Source: era."""
+    """Range for a microsecond of flight there and back, m. Source: era."""
 
     def __post_init__(self) -> None:
         _check(
@@ -217,7 +217,7 @@ class HallConfig:
     """Hall sensor on the rear left wheel."""
 
     metres_per_tick: float = HALL_METRES_PER_TICK
-    """Way of a tick, m: 8 magnets on a wheel of 0.032 m. Source: ucboard."""
+    """Travel of the wheel between two ticks, m: 8 magnets on a wheel of 0.032 m. Source: ucboard."""
     timeout_s: float = 0.25
     """Without a tick for this long the car is taken to stand, s. Source: choice."""
     stamp_s: float = 1e-4
@@ -236,11 +236,11 @@ class LineConfig:
     """Row of eight photo diodes that look down at floor tape."""
 
     x: float = 0.30
-    """Ahead of the rear axle, m: under the front bumper. Source: choice."""
+    """The row stands this far ahead of the rear axle, m: under the front bumper. Source: choice."""
     pitch: float = 0.009525
     """Distance of neighbouring diodes, m. Source: Pololu QTR-8."""
     tape_width: float = 0.019
-    """m; 0.019 and 0.025 are sold. Source: choice."""
+    """Width of the tape, m; shops sell 0.019 and 0.025. Source: choice."""
 
     def __post_init__(self) -> None:
         _check(self, positive=("pitch", "tape_width"))
@@ -275,19 +275,19 @@ class CameraConfig:
     """Intrinsics and mounting of the camera that looks ahead. Pixel (0, 0) is the middle of the upper left pixel."""
 
     width: int = 640
-    """px. Source: report (USB webcam)."""
+    """Width of the image, px. Source: report (USB webcam)."""
     height: int = 480
-    """px."""
+    """Height of the image, px. Source: report (USB webcam)."""
     fx: float = 554.256
-    """Focal length, px: 60 degrees across. Source: choice, see docs/."""
+    """Focal length along x, px: 60 degrees across. Source: choice, see docs/perception.md."""
     fy: float = 554.256
-    """Focal length, px."""
+    """Focal length along y, px."""
     cx: float = 319.5
-    """Principal point, px."""
+    """Principal point along x, px."""
     cy: float = 239.5
-    """Principal point, px."""
+    """Principal point along y, px."""
     distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
-    """k1, k2, p1, p2, k3 of OpenCV's model."""
+    """Coefficients k1, k2, p1, p2, k3 of OpenCV's model."""
     rate_hz: float = 15.0
     """Frames per second. Source: choice, webcams of the era gave 10 to 30."""
     marker_size: float = MARKER_SIZE_M
@@ -301,7 +301,7 @@ class CameraConfig:
             )
 
     def scaled(self, width: int, height: int) -> CameraConfig:
-        """The lens that sees the same in an image of another size, px."""
+        """The lens that sees the same in an image of `width` x `height` px."""
         across, down = width / self.width, height / self.height
         return replace(
             self,
@@ -323,11 +323,11 @@ class TaskConfig:
     """What counts as success, and what it earns."""
 
     nominal_speed: float = 0.3
-    """The time limit is the route's length at this speed plus `grace_s`, m/s."""
+    """Speed for the time limit, m/s: the limit is the route's length over it, plus `grace_s`. Source: choice."""
     grace_s: float = 10.0
-    """s."""
+    """Time that every route gets beyond its length over `nominal_speed`, s. Source: choice."""
     touch_speed: float = 0.2
-    """A contact at a lower closing speed is a touch, at a higher one a crash, m/s."""
+    """A contact at this closing speed or more is a crash, m/s; one at less is a touch. Source: choice."""
     progress_reward: float = 1.0
     """Reward for a metre along the route."""
     gate_reward: float = 1.0
@@ -335,7 +335,7 @@ class TaskConfig:
     success_reward: float = 5.0
     """Reward for the goal."""
     failure_reward: float = -2.0
-    """Reward for a collision or a missed gate. Small: fear of a crash must not outweigh the joy of rolling."""
+    """Reward for a collision or a missed gate. It is small, so that a learner does not prefer to stand."""
     steering_cost: float = 0.01
     """Cost of the square of the change of the steering command in a tick."""
     time_cost: float = 0.005

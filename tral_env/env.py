@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import math
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -11,53 +13,144 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
-from tral_env.config import CameraConfig, CarConfig, TaskConfig
 from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space
-from tral_env.perception.degrade import ImageCorruption
-from tral_env.randomization import Randomization
-from tral_env.world import VIEWS, CorridorConfig, Simulation, Views, Webcam, World
+from tral_env.options import CorridorConfig, check_counts, is_count, option_parameters, takes
+from tral_env.world import VIEWS, Simulation, Views, Webcam, World
 
 _ROW = np.zeros(1, np.int64)
 
 
+@takes(option_parameters())
 class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
-    """A 1:10 car drives a university corridor by three ultrasonics, a hall sensor and a camera.
+    """A 1:10 car drives a university corridor with three ultrasonics, a hall sensor and a camera.
 
-    ## Action
-    `Box(-1, 1, (2,), float32)`, 80 times a second: steering (+1 = full left, 22 degrees), throttle (+1 = full forward,
-    0 = neutral). Throttle below 0 brakes while the car rolls forward; it reverses only after the ESC's neutral.
+    ## Description
+    The car is an Ackermann car of 0.4 m, simulated in MuJoCo. It starts in a corridor that is new in every episode,
+    passes all gates in order, and reaches the goal line without touching anything. It is told readings that are
+    noisy, late and sometimes wrong, as those of the real car are. Frame: x forward, y left, z up, angles
+    counter-clockwise, origin on the ground below the middle of the rear axle. A step takes 1/80 s.
 
-    ## Observation
-    `Box((d,), float32)`, SI units, frame x forward, y left; each reading with its age, because a sonar answers 8 to
-    15 times a second and a camera 15 times.
+    ## Action Space
+    `Box(-1, 1, (2,), float32)`:
+
+    | # | action | min | max | unit | meaning |
+    | --- | --- | --- | --- | --- | --- |
+    | 0 | `steering` | -1 | 1 | share of full lock | +1 = full left, a steering angle of 22 degrees |
+    | 1 | `throttle` | -1 | 1 | share of full throttle | +1 = full forward, 0 = neutral, -1 = full reverse or brake |
+
+    Negative throttle brakes while the car rolls forward. The car reverses only after the motor controller has seen
+    0.1 s of brake and then 0.1 s of neutral. A command beyond the bounds counts as the bound.
+
+    ## Observation Space
+    `Box((d,), float32)` in SI units. A reading keeps its value until the next one arrives, and its age tells how old
+    it is: a sonar answers 8 to 15 times a second, the camera 15 times.
 
     {fields}
 
-    ## Reward
-    Progress along the route in metres (1 a metre: the slope to climb), 1 for a gate passed, 5 for the goal, -2 for
-    a collision or a missed gate, minus 0.01 times the square of the steering's change and 0.005 a tick.
-    Numbers: `TaskConfig`. `info["reward_terms"]` has each term by name: `progress`, `gate`, `success`, `failure`,
-    `steering`, `time`; the reward is their sum.
+    The option `groups` adds readings behind these:
 
-    ## Start, end
-    The car stands in the middle third of the corridor, within 5 degrees of its direction. *Terminated*: the rear axle
-    crosses the goal line after all gates in order (success); any contact with wall, door, obstacle or post
-    (collision); a gate crossed outside its posts or backwards (missed gate). *Truncated*: the route took longer than
-    its length / (0.3 m/s) + 10 s.
+    | group | columns | what it is |
+    | --- | --- | --- |
+    | `line` | 1 | one byte of the line sensor: one bit a photo diode, bit 7 leftmost, 1 = tape |
+    | `imu` | 6 | angular rate about x, y, z, rad/s; acceleration with gravity along x, y, z, m/s^2 |
+    | `battery` | 1 | voltage of the drive battery under load, V |
+
+    ## Rewards
+    The reward is the sum of these terms, which `info["reward_terms"]` tells by name. The weights are fields of
+    `TaskConfig`, see the option `task`.
+
+    | term | weight | default | formula |
+    | --- | --- | --- | --- |
+    | `progress` | `progress_reward` | 1 | weight * metres gained along the route in this step; negative backwards |
+    | `gate` | `gate_reward` | 1 | weight, when the car passes its next gate |
+    | `success` | `success_reward` | 5 | weight, when the car reaches the goal |
+    | `failure` | `failure_reward` | -2 | weight, at a collision or a missed gate |
+    | `steering` | `steering_cost` | 0.01 | -weight * (change of the steering command in this step)^2 |
+    | `time` | `time_cost` | 0.005 | -weight, in every step |
+
+    ## Starting State
+    The car stands still, its commands are 0, and it is within a sixth of the corridor's width of the middle line and
+    within 5 degrees of the corridor's direction. A course of your own says where its car starts. The ultrasonics have
+    just measured once; the camera has just exposed its first image, which arrives after the camera's latency. Course
+    and car are drawn from the seed: `reset(seed=k)` always gives the same episode.
+
+    ## Episode End
+    ### Termination
+    1. Success: the rear axle crosses the goal line after all gates in order.
+    2. Collision: the car touches a wall, door, obstacle or post.
+    3. Missed gate: the rear axle crosses a gate's plane outside its posts, backwards, or out of order, or crosses the
+       goal line before it passed all gates.
+
+    ### Truncation
+    The episode took longer than the route's length / `nominal_speed` (0.3 m/s) + `grace_s` (10 s), both of
+    `TaskConfig`.
 
     ## Info
-    Ground truth that no policy sees: `success`, `collision`, `crash` (closing speed of 0.2 m/s or more), `missed_gate`,
-    `progress` in [0, 1], `gates_passed`, `gates_total`, `clearance_left_m` and `clearance_right_m` (from the side
-    ultrasonics square to the walls; absent off the plain straights), `lateral_offset_m` to the route, `pose` (x, y [m],
-    yaw [rad]), `speed_mps`, `time_s`; `is_success` when the episode ends; `car` at reset: the drawn parameters.
+    Ground truth. No policy sees it.
+
+    | key | unit | when | what it is |
+    | --- | --- | --- | --- |
+    | `success` | | always | the car reached the goal line after all gates in order and touched nothing |
+    | `collision` | | always | the car touches a wall, door, obstacle or post |
+    | `crash` | | always | the car touches it at a closing speed of 0.2 m/s or more (`touch_speed` of `TaskConfig`) |
+    | `missed_gate` | | always | the car missed a gate in this step, see Episode End |
+    | `progress` | | always | share of the route's length, 0 to 1 |
+    | `gates_passed` | | always | number of gates that the car has passed |
+    | `gates_total` | | always | number of gates of the route |
+    | `clearance_left_m` | m | beside plain walls | from the left ultrasonic to the wall, square to the wall |
+    | `clearance_right_m` | m | beside plain walls | the same on the right |
+    | `lateral_offset_m` | m | always | distance from the route, + = the car is left of it |
+    | `pose` | m, m, rad | always | x, y, yaw of the car in the course's frame |
+    | `speed_mps` | m/s | always | speed along the car's x axis |
+    | `time_s` | s | always | time since reset |
+    | `reward_terms` | | steps | the terms of the reward by name; `sum(info["reward_terms"].values())` is the reward |
+    | `is_success` | | last step | the same as `success` |
+    | `car` | | reset | the drawn parameters of the car by name, see `tral_env.randomization.Randomization` |
+
+    Near doors, corners, gates and obstacles the clearances are absent (NaN in a vector environment).
 
     ## Arguments
-    See `CorridorConfig`. `render_mode="rgb_array"` with `view` "chase", "top" or "onboard".
-    `reset(options={{"course": Course or path, "car": {{"friction": 0.6}}}})`.
-    """
+    ```python
+    import gymnasium as gym
+
+    env = gym.make("tral_env:TralCorridor-v0", scenario="gates", groups=("imu",))
+    ```
+
+    | argument | default | meaning |
+    | --- | --- | --- |
+    | `render_mode` | `None` | `"rgb_array"`: `render()` gives a picture. `None`: it gives none. |
+    | `view` | `'chase'` | What `render()` shows: `"chase"`, `"top"` or `"onboard"`. |
+    | `width` | `640` | Width of the picture, px. |
+    | `height` | `480` | Height of the picture, px. |
+    | `scenario` | `'office'` | Family of the generated courses: one of `tral_env.course.generate.SCENARIOS`, which `tral courses` lists. |
+    | `course` | `None` | Every episode drives this `Course`, or the one in the JSON file of this path, instead of generated ones. |
+    | `courses` | `None` | Every episode draws one of so many courses, 1 or more. Each is built when it is first driven and then kept (up to 40 kB); course k is the one that `reset(seed=k)` gives without this option. `None`: every episode builds a new course, which takes most of a reset. |
+    | `camera` | `'projected'` | `"projected"`: the corners of the markers are projected through the lens, without OpenGL. `"rendered"`: OpenCV's detector searches a rendered image. |
+    | `randomization` | `'default'` | How much cars differ from one another: `"none"`, `"default"`, `"hard"`, or a `Randomization` of other ranges. |
+    | `groups` | `()` | Optional groups of readings behind the core ones: names out of `"line"`, `"imu"`, `"battery"`. |
+    | `car` | `None` | A `CarConfig`: the car's geometry. Only `full_lock_deg` may differ from the car of `assets/car.xml`. |
+    | `lens` | `None` | The camera's lens: a `CameraConfig`, `"default"`, `"wide"`, or the path of a calibration file (.yaml, .yml). |
+    | `task` | `None` | A `TaskConfig`: the weights of the reward, the time limit and the speed of a crash. |
+    | `image_faults` | `None` | An `ImageCorruption`: how much of each fault an `image_degradation` of 1 brings to a rendered image. Streaks and covered patches are off by default. |
+
+    `None` for `car`, `lens`, `task` and `image_faults` is the configuration's own default. These and `randomization`
+    also take a mapping of values.
+
+    ## Reset Options
+    `reset(seed=k, options={...})` takes:
+
+    | option | what it is |
+    | --- | --- |
+    | `course` | a `tral_env.course.layout.Course`, or the path of its file, for this episode |
+    | `car` | values of `Randomization` parameters that are not to be drawn, such as `{"friction": 0.6}` |
+    | `reset_mask` | (n,) bool, in a vector environment with `autoreset_mode="Disabled"` alone: the rows to reset |
+
+    ## Version History
+    * v0: the first version.
+    """  # noqa: E501
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": int(CONTROL_RATE_HZ)}  # noqa: RUF012 (Gymnasium declares it so)
 
@@ -66,49 +159,40 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
 
     def __init__(
         self,
-        scenario: str = "office",
-        camera: str = "projected",
-        randomization: str | Randomization = "default",
-        course: Course | str | None = None,
-        groups: tuple[str, ...] = (),
+        *,
         render_mode: str | None = None,
         view: str = "chase",
         width: int = 640,
         height: int = 480,
-        car: CarConfig | None = None,
-        lens: CameraConfig | str | None = None,
-        task: TaskConfig | None = None,
-        courses: int | None = None,
-        image_faults: ImageCorruption | None = None,
+        **options: Any,
     ) -> None:
-        """See the class."""
-        given = {name: value for name, value in locals().items() if name not in ("self", "__class__")}
-        EzPickle.__init__(self, **given)
+        EzPickle.__init__(self, render_mode=render_mode, view=view, width=width, height=height, **options)
         if render_mode not in (None, "rgb_array"):
             raise ConfigError(f"unknown render_mode {render_mode!r}. Allowed: None, 'rgb_array'")
         if view not in VIEWS:
             raise ConfigError(f"unknown view '{view}': {nearest(view, VIEWS)}")
+        check_counts(width=width, height=height)
         self.render_mode, self._view, self._size = render_mode, view, (width, height)
-        config = CorridorConfig.of(
-            scenario=scenario,
-            courses=courses,
-            camera=camera,
-            randomization=randomization,
-            course=course,
-            groups=groups,
-            car=car,
-            lens=lens,
-            task=task,
-            image_faults=image_faults,
-            pixels=self._pixels,
-        )
+        config = CorridorConfig.of(options, allowed=inspect.signature(type(self)).parameters, pixels=self._pixels)
         self.world = World(1, config)
         self.action_space = action_space()
         self.observation_space: spaces.Space[Any] = self.world.layout.space()
         self._views = Views()
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Start a new episode; see the class for the options."""
+        """Start a new episode.
+
+        Args:
+            seed: draws course, car and noise; None: the generator of the episodes before goes on.
+            options: see Reset Options of the class.
+
+        Returns:
+            The first observation, and the info of a reset.
+
+        Raises:
+            ConfigError: an option is unknown or not allowed.
+            CourseError: the course cannot be built, or its file is no course.
+        """
         super().reset(seed=seed)
         car = self.world.reset(_ROW, [self.np_random], options)
         info = self._info(self.world.info())
@@ -118,8 +202,12 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     def step(self, action: NDArray[np.floating]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive for 12.5 ms.
 
+        Args:
+            action: (2,) steering, throttle.
+
         Raises:
-            ConfigError: the action is not two finite numbers.
+            ConfigError: the action is not two finite numbers, or there was no reset.
+            SimulationError: the physics became unstable; the next reset mends it.
         """
         action = np.asarray(action, np.float64)
         if action.shape != (2,) or not np.isfinite(action).all():
@@ -136,7 +224,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         return readings
 
     def _info(self, info: dict[str, Any]) -> dict[str, Any]:
-        """Info of the only car: Python numbers and bools, and arrays of its own."""
+        """Info of the only car as Python numbers and bools, and arrays that nobody else holds."""
         single = {name: values.item() if values.ndim == 1 else values[0].copy() for name, values in info.items()}
         # Not NaN, which is unequal to itself: Gymnasium's checker would call the env not deterministic.
         for name in ("clearance_left_m", "clearance_right_m"):
@@ -146,7 +234,11 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
 
     @property
     def plan(self) -> Plan:
-        """Geometry of the course being driven."""
+        """Geometry of the course that is driven.
+
+        Raises:
+            ConfigError: there was no reset.
+        """
         plan = self.world.plans[0]
         if plan is None:
             raise ConfigError("there is no course before the first reset()")
@@ -154,7 +246,11 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
 
     @property
     def course(self) -> Course:
-        """The course being driven."""
+        """The course that is driven.
+
+        Raises:
+            ConfigError: there was no reset.
+        """
         course = self.world.courses[0]
         if course is None:
             raise ConfigError("there is no course before the first reset()")
@@ -165,12 +261,15 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         return None if self.render_mode is None else self.render_view(self._view, *self._size)
 
     def render_view(self, view: str, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
-        """Any view at any time.
+        """Render any view at any time.
 
         Args:
             view: "chase", "top" or "onboard".
-            width: px.
-            height: px.
+            width: of the picture, px.
+            height: of the picture, px.
+
+        Returns:
+            (height, width, 3) uint8.
 
         Raises:
             ConfigError: unknown view.
@@ -185,26 +284,31 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
 
 
 if TralCorridorEnv.__doc__:  # absent under python -OO
-    TralCorridorEnv.__doc__ = TralCorridorEnv.__doc__.format(fields=CORE_LAYOUT.table().replace("\n", "\n    "))
+    TralCorridorEnv.__doc__ = TralCorridorEnv.__doc__.replace("{fields}", CORE_LAYOUT.table().replace("\n", "\n    "))
 
 
+@takes(inspect.signature(TralCorridorEnv).parameters.values())
 class TralCorridorPixelsEnv(TralCorridorEnv):
     """`TralCorridor-v0` with the camera's image in the observation.
 
-    Observation: `Dict(image=Box(0, 255, (height, width, 3), uint8), readings=Box((d,), float32))`. The image is that of
-    the last exposure, 15 times a second, scaled to `image_size`, (width, height) in pixels: through the lens, with the
-    mounting error and the degradation that were drawn for the car. It needs OpenGL. `image_faults` are in the image
-    with either camera; the readings of the projected one know nothing of them.
+    ## Observation Space
+    `Dict(image=Box(0, 255, (height, width, 3), uint8), readings=Box((d,), float32))`. `image` is the last one that the
+    camera exposed, 15 times a second, through the lens and with the mounting error and degradation that were drawn for
+    the car. `readings` is the observation of `TralCorridor-v0`. The environment needs OpenGL.
+
+    ## Arguments
+    `image_size`, width and height in pixels, (160, 120) by default, and the arguments of `TralCorridor-v0`. The image
+    shows `image_faults` with either camera; the readings of the projected camera do not know of them.
     """
 
     _pixels: ClassVar[bool] = True
 
-    def __init__(self, image_size: tuple[int, int] = (160, 120), **kwargs: Any) -> None:
-        """See the class; the other arguments are those of `TralCorridorEnv`."""
-        super().__init__(**kwargs)
-        EzPickle.__init__(self, image_size, **kwargs)
-        self._image_size = tuple(image_size)
-        width, height = self._image_size
+    def __init__(self, *, image_size: Sequence[int] = (160, 120), **options: Any) -> None:
+        super().__init__(**options)
+        EzPickle.__init__(self, image_size=image_size, **options)
+        if np.shape(image_size) != (2,) or not all(map(is_count, image_size)):
+            raise ConfigError(f"image_size = {image_size!r}: expected width and height, px, such as (160, 120)")
+        width, height = self._image_size = tuple(image_size)
         image = spaces.Box(0, 255, (height, width, 3), np.uint8)
         self.observation_space = spaces.Dict({"image": image, "readings": self.world.layout.space()})
         self._image = np.zeros(image.shape, np.uint8)
@@ -213,7 +317,7 @@ class TralCorridorPixelsEnv(TralCorridorEnv):
         self._webcam: Webcam | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Start a new episode, with a new image."""
+        """Start a new episode with a new image; see `TralCorridorEnv.reset`."""
         self._exposures = -1
         return super().reset(seed=seed, options=options)
 

@@ -14,6 +14,10 @@ class ConfigError(TralError, ValueError):
     """A value of a configuration, an option or an argument is not allowed."""
 
 
+class UnknownOptionError(ConfigError, TypeError):
+    """An environment does not take an option of this name. Python, too, has a TypeError for unknown arguments."""
+
+
 class CourseError(TralError, ValueError):
     """A course file cannot be read, or the course that it describes cannot be built or driven."""
 

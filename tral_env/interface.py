@@ -143,6 +143,19 @@ OPTIONAL_GROUPS: Mapping[str, tuple[Field, ...]] = {
 """Groups of fields that can be added behind the core fields: ``gym.make(..., groups=("imu",))``."""
 
 
+def group_names(groups: Iterable[str]) -> tuple[str, ...]:
+    """Names of optional groups, as a tuple.
+
+    Raises:
+        ConfigError: not names in a sequence; a single string is none.
+    """
+    if not isinstance(groups, str) and isinstance(groups, Iterable):
+        names = tuple(groups)
+        if all(isinstance(name, str) for name in names):
+            return names
+    raise ConfigError(f"groups = {groups!r}: expected names in a tuple, such as ('imu',)")
+
+
 @dataclass(frozen=True)
 class Layout:
     """Which fields an observation has, in which column."""
@@ -157,12 +170,12 @@ class Layout:
             groups: names out of `OPTIONAL_GROUPS`.
 
         Raises:
-            ConfigError: unknown group, or one given twice.
+            ConfigError: unknown group, one given twice, or no names.
         """
         fields = list(CORE_FIELDS)
-        groups = list(groups)
-        for i, group in enumerate(groups):
-            if group in groups[:i]:
+        names = group_names(groups)
+        for i, group in enumerate(names):
+            if group in names[:i]:
                 raise ConfigError(f"observation group '{group}' is given twice")
             if group not in OPTIONAL_GROUPS:
                 raise ConfigError(f"unknown observation group '{group}': {nearest(group, OPTIONAL_GROUPS)}")
@@ -209,7 +222,7 @@ class Layout:
 
     def missing(self, n: int) -> NDArray[np.float64]:
         """Readings of a car that has not measured anything, shape (n, d)."""
-        return np.tile(self._missing, (n, 1))
+        return np.full((n, self.size), self._missing)
 
     def pack(self, values: Mapping[str, FloatArray | float], n: int) -> NDArray[np.float32]:
         """Bring named readings into the order of the observation, within its bounds.
@@ -224,11 +237,12 @@ class Layout:
         Raises:
             ConfigError: a name is not a field of this layout.
         """
-        packed = self.missing(n)
+        packed = np.full((n, self.size), self._missing, np.float32)
+        columns = self._columns
         for name, value in values.items():
-            packed[:, self.column(name)] = value
+            packed[:, columns[name] if name in columns else self.column(name)] = value
         low, high = self._bounds
-        return np.minimum(np.maximum(packed.astype(np.float32), low), high)
+        return np.minimum(np.maximum(packed, low, out=packed), high, out=packed)
 
     def unpack(self, observation: NDArray[np.floating]) -> dict[str, NDArray[np.floating]]:
         """Views of the named readings of an observation.

@@ -1,7 +1,7 @@
 """The native vector environment as a Stable-Baselines3 `VecEnv` (extra ``rl``).
 
-SB3 does not take Gymnasium vector environments. It resets within the step, so the environment runs in SAME_STEP mode,
-and what SB3 wants of an episode's end is read from `final_obs` and `final_info`.
+SB3 does not take Gymnasium vector environments. It resets within the step, so the environment runs in "SameStep" mode,
+and the wrapper reads what SB3 wants of an episode's end from `final_obs` and `final_info`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ except ImportError as error:
 class SB3CorridorVecEnv(VecEnv):
     """`TralCorridorVectorEnv` for SB3: observations (n, d) float32, rewards (n,) float32.
 
-    At the end of an episode its info holds `terminal_observation`, `TimeLimit.truncated`, `is_success` and the
+    At the end of an episode the row's info holds `terminal_observation`, `TimeLimit.truncated`, `is_success` and the
     environment's own final info; all other infos are empty.
     """
 
@@ -33,7 +33,7 @@ class SB3CorridorVecEnv(VecEnv):
         """Wrap an environment.
 
         Raises:
-            ConfigError: it was not made with ``autoreset_mode="SameStep"``.
+            ConfigError: the environment was not made with ``autoreset_mode="SameStep"``.
         """
         mode = env.metadata["autoreset_mode"]
         if mode is not AutoresetMode.SAME_STEP:
@@ -74,7 +74,7 @@ class SB3CorridorVecEnv(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        """Drive all cars for 12.5 ms."""
+        """Drive all cars for 12.5 ms: observations (n, d), rewards (n,), dones (n,), an info for each row."""
         observation, reward, terminated, truncated, info = self.env.step(self._actions)
         done = terminated | truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
@@ -92,7 +92,7 @@ class SB3CorridorVecEnv(VecEnv):
         self.env.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """The environment's attribute, once for each index: all rows share it."""
+        """An attribute of the environment, once for each index: all rows share it."""
         return [getattr(self.env, attr_name)] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
@@ -118,14 +118,14 @@ def _row(info: dict[str, Any], row: int) -> dict[str, Any]:
     }
 
 
-def make_vec_env(num_envs: int = 64, *, seed: int | None = None, monitor: bool = True, **kwargs: Any) -> VecEnv:
+def make_vec_env(num_envs: int = 64, *, seed: int | None = None, monitor: bool = True, **options: Any) -> VecEnv:
     """A vector environment ready for SB3.
 
     Args:
         num_envs: n.
         seed: row i starts with seed + i.
         monitor: wrap it in `VecMonitor`, which counts episodes' rewards and lengths.
-        kwargs: arguments of `TralCorridorVectorEnv`.
+        options: those of `TralCorridorVectorEnv`.
 
     Returns:
         A `VecEnv`, for example ``PPO("MlpPolicy", make_vec_env(64, scenario="corners"))``.
@@ -133,6 +133,6 @@ def make_vec_env(num_envs: int = 64, *, seed: int | None = None, monitor: bool =
     Raises:
         MissingExtraError: Stable-Baselines3 is not installed.
     """
-    env = SB3CorridorVecEnv(TralCorridorVectorEnv(num_envs, autoreset_mode="SameStep", **kwargs))
+    env = SB3CorridorVecEnv(TralCorridorVectorEnv(num_envs, autoreset_mode="SameStep", **options))
     env.seed(seed)
     return VecMonitor(env, info_keywords=("is_success",)) if monitor else env

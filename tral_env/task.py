@@ -20,20 +20,24 @@ Index = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 ROUTE_WINDOW = (3, 6)
-"""Route points looked at behind and ahead of the last one: a car cannot jump to another leg of its route."""
+"""Route points behind and ahead of the last one that are looked at, so that a car cannot jump to another leg."""
 _NEARBY = np.arange(-ROUTE_WINDOW[0], ROUTE_WINDOW[1])
 CUT_M = 0.85
-"""So far from its route a car may be inside a corner, beyond the centre of its curve (radius 0.9 m): the curve is then
-farther away than the corridors before and behind it, and only a long look finds the way across."""
+"""A car farther from its route than this, m, may have cut a corner beyond the centre of the curve (radius 0.9 m). The
+legs before and behind the corner are then nearer than the curve, and only a long look finds the way across."""
 _FAR = np.arange(-16, 64)
 _SAME_WAY = -0.3
-"""Least cosine between the route here and there in a long look: around one corner, not into the leg that comes back."""
+"""A long look takes a place only if the cosine between the route there and here is at least this: it looks around one
+corner, not into the leg that comes back."""
 _CLEARLY = 0.8
-"""What a long look finds has to be nearer by this factor: a leg behind a thin wall is not."""
+"""A long look takes a place only if its distance is less than this share of the distance here: a leg behind a thin wall
+is not."""
 GATE_REACH_M = 3.0
-"""The plane of a gate ends this far from its middle."""
+"""The plane of a gate ends this far from its middle, m."""
 GATE_ROUTE_REACH_M = 1.5
-"""A gate is looked at while the car's place on the route is this near to the gate's."""
+"""A gate counts while the car's place on the route is this near to the gate's, m."""
+_NO_STRAIGHT = -1.0
+"""Stands for a straight that is not there: a stretch of negative length holds no car."""
 
 
 @dataclass
@@ -41,23 +45,25 @@ class Track:
     """The plans of n cars, padded to common shapes."""
 
     route: Array
-    """(n, R, 2) padded by repeating the last point."""
+    """(n, R, 2) points, m; the last one is repeated."""
     route_s: Array
-    """(n, R) arc length at the points."""
+    """(n, R) arc length at the points, m."""
     route_unit: Array
-    """(n, R, 2) direction from each point to the next one; 0 at the end."""
+    """(n, R, 2) unit vector from each point to the next one; 0 at the end."""
     last: Index
     """(n,) index of the last point."""
     gate_pose: Array
-    """(n, G, 3) x, y, yaw; NaN where there is none."""
+    """(n, G, 3) x [m], y [m], yaw [rad]; NaN where there is none."""
+    gate_unit: Array
+    """(n, G, 2) cosine and sine of the gates' yaw; NaN where there is none."""
     gate_width: Array
-    """(n, G)"""
+    """(n, G) distance between the posts, m."""
     gate_s: Array
-    """(n, G) place of the gates on the route; infinite where there is none."""
+    """(n, G) place of the gates on the route, m; infinite where there is none."""
     gates: Index
     """(n,) number of gates."""
     straights: Array
-    """(n, S, 5) x, y, yaw, length, width; length 0 where there is none."""
+    """(n, S, 5) x [m], y [m], yaw [rad], length [m], width [m]; all are `_NO_STRAIGHT` where there is none."""
     straight_unit: Array
     """(n, S, 2) cosine and sine of the straights' yaw."""
 
@@ -69,13 +75,14 @@ class Track:
 
 
 def empty_track(n: int) -> Track:
-    """Track of n cars without courses."""
+    """Track of n cars that have no courses yet."""
     return Track(
         route=np.zeros((n, 2, 2)),
         route_s=np.zeros((n, 2)),
         route_unit=np.zeros((n, 2, 2)),
         last=np.ones(n, np.int64),
         gate_pose=np.zeros((n, 0, 3)),
+        gate_unit=np.zeros((n, 0, 2)),
         gate_width=np.zeros((n, 0)),
         gate_s=np.zeros((n, 0)),
         gates=np.zeros(n, np.int64),
@@ -95,9 +102,10 @@ def lay(track: Track, row: int, plan: Plan) -> None:
     track.route_s = _grown(track.route_s, points, edge=True)
     track.route_unit = _grown(track.route_unit, points)
     track.gate_pose = _grown(track.gate_pose, gates, fill=np.nan)
+    track.gate_unit = _grown(track.gate_unit, gates, fill=np.nan)
     track.gate_width = _grown(track.gate_width, gates)
     track.gate_s = _grown(track.gate_s, gates, fill=np.inf)
-    track.straights = _grown(track.straights, straights)
+    track.straights = _grown(track.straights, straights, fill=_NO_STRAIGHT)
     track.straight_unit = _grown(track.straight_unit, straights)
     track.route[row, :points], track.route[row, points:] = route, route[-1]
     track.route_s[row, :points], track.route_s[row, points:] = route_s, route_s[-1]
@@ -106,16 +114,21 @@ def lay(track: Track, row: int, plan: Plan) -> None:
     track.route_unit[row, : points - 1] = along / np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
     track.last[row] = points - 1
     track.gate_pose[row], track.gate_pose[row, :gates] = np.nan, gate_pose
+    track.gate_unit[row] = _unit(track.gate_pose[row, :, 2])
     track.gate_width[row, :gates] = gate_width
     track.gate_s[row], track.gate_s[row, :gates] = np.inf, gate_s
     track.gates[row] = gates
-    track.straights[row], track.straights[row, :straights] = 0.0, plan.straights
-    yaw = track.straights[row, :, 2]
-    track.straight_unit[row] = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+    track.straights[row], track.straights[row, :straights] = _NO_STRAIGHT, plan.straights
+    track.straight_unit[row] = _unit(track.straights[row, :, 2])
+
+
+def _unit(yaw: Array) -> Array:
+    """Cosine and sine, (k,) -> (k, 2)."""
+    return np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
 
 
 def _laps(plan: Plan) -> tuple[Array, Array, Array, Array, Array]:
-    """Points of all laps and their arc length; of the gates place on the route, pose, width."""
+    """Points of all laps with their arc length; place, pose and width of the gates of all laps."""
     if plan.laps == 1:
         return plan.route, plan.route_s, plan.gate_s, plan.gate_pose, plan.gate_width
     route = np.concatenate([np.tile(plan.route[:-1], (plan.laps, 1)), plan.route[-1:]])
@@ -193,13 +206,14 @@ def cross_gates(track: Track, before: Array, after: Array, s: Array, passed: Ind
         (n,) missed a gate: crossed a plane outside the posts, or backwards.
     """
     n, gates = track.gate_s.shape
-    if gates == 0:
+    beside = np.abs(s[:, None] - track.gate_s) < GATE_ROUTE_REACH_M
+    if not beside.any():
         return np.zeros(n, bool), np.zeros(n, bool)
-    x0, y0 = _gate_frame(track.gate_pose, before)
-    x1, y1 = _gate_frame(track.gate_pose, after)
+    x0, y0 = _gate_frame(track, before)
+    x1, y1 = _gate_frame(track, after)
     share = np.where(x1 != x0, -x0 / np.where(x1 != x0, x1 - x0, 1.0), 0.0)
     offset = np.abs(y0 + share * (y1 - y0))
-    near = (np.abs(s[:, None] - track.gate_s) < GATE_ROUTE_REACH_M) & (offset < GATE_REACH_M)
+    near = beside & (offset < GATE_REACH_M)
     between = offset < track.gate_width / 2
     forwards = near & (x0 < 0) & (x1 >= 0)
     backwards = near & (x0 >= 0) & (x1 < 0)
@@ -209,15 +223,16 @@ def cross_gates(track: Track, before: Array, after: Array, s: Array, passed: Ind
     return through, missed
 
 
-def _gate_frame(gate_pose: Array, position: Array) -> tuple[Array, Array]:
-    dx = position[:, None, 0] - gate_pose[..., 0]
-    dy = position[:, None, 1] - gate_pose[..., 1]
-    cos, sin = np.cos(gate_pose[..., 2]), np.sin(gate_pose[..., 2])
+def _gate_frame(track: Track, position: Array) -> tuple[Array, Array]:
+    """x and y of the cars as seen from each gate, (n, G) m."""
+    dx = position[:, None, 0] - track.gate_pose[..., 0]
+    dy = position[:, None, 1] - track.gate_pose[..., 1]
+    cos, sin = track.gate_unit[..., 0], track.gate_unit[..., 1]
     return cos * dx + sin * dy, cos * dy - sin * dx
 
 
 def wall_clearance(track: Track, pose: Array, car: CarConfig) -> tuple[Array, Array]:
-    """True perpendicular distance from the side ultrasonics to the walls, on plain straight stretches.
+    """True distance from the side ultrasonics to the walls beside plain straight stretches, square to the walls.
 
     Args:
         track: the stretches.
@@ -225,7 +240,7 @@ def wall_clearance(track: Track, pose: Array, car: CarConfig) -> tuple[Array, Ar
         car: where the ultrasonics stand.
 
     Returns:
-        (n,) left, (n,) right, m; NaN elsewhere.
+        (n,) left, (n,) right, m; NaN where the car is on no such stretch, or turned by more than about 45 degrees.
     """
     n, count, _ = track.straights.shape
     if count == 0:
@@ -237,7 +252,7 @@ def wall_clearance(track: Track, pose: Array, car: CarConfig) -> tuple[Array, Ar
     dx, dy = pose[:, :1] - x0, pose[:, 1:2] - y0
     x = cos * dx + sin * dy + car.middle_x * cos_turn
     y = cos * dy - sin * dx + car.middle_x * np.sin(turn)
-    on = (x >= 0) & (x <= length) & (np.abs(y) < half) & (cos_turn > 0.7) & (length > 0)
+    on = (x >= 0) & (x <= length) & (np.abs(y) < half) & (cos_turn > 0.7)
     pick = np.arange(n), on.argmax(axis=1)
     here, middle, side = on[pick], y[pick], car.sonar_side * cos_turn[pick]
     left = np.where(here, half[pick] - middle - side, np.nan)
@@ -246,25 +261,25 @@ def wall_clearance(track: Track, pose: Array, car: CarConfig) -> tuple[Array, Ar
 
 
 def time_limit(length: Array, config: TaskConfig) -> Array:
-    """Time that a route may take, s: its length (n,) at `nominal_speed`, plus `grace_s`."""
+    """Time that a route of this length (n,) may take, (n,) s: length / `nominal_speed` + `grace_s`."""
     limit: Array = length / config.nominal_speed + config.grace_s
     return limit
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What happened to n cars in a tick."""
+    """What n cars did in a tick."""
 
     advance: Array
-    """(n,) metres gained along the route."""
+    """(n,) distance gained along the route, m."""
     gate: Flags
-    """(n,) passed a gate."""
+    """(n,) the car passed its next gate."""
     success: Flags
-    """(n,)"""
+    """(n,) the car reached the goal."""
     failure: Flags
-    """(n,) collision or missed gate."""
+    """(n,) the car touched something or missed a gate."""
     steering_change: Array
-    """(n,) change of the steering command."""
+    """(n,) change of the steering command, -2 to 2."""
 
 
 def progress_term(outcome: Outcome, config: TaskConfig) -> Array:
@@ -292,7 +307,7 @@ def failure_term(outcome: Outcome, config: TaskConfig) -> Array:
 
 
 def steering_term(outcome: Outcome, config: TaskConfig) -> Array:
-    """Minus `steering_cost` times the square of the steering command's change in the tick (-1 .. 1, so up to 4)."""
+    """Minus `steering_cost` times the square of the steering command's change in the tick, 0 to 4."""
     earned: Array = -(config.steering_cost * outcome.steering_change**2)
     return earned
 
@@ -310,8 +325,8 @@ REWARD_TERMS: Mapping[str, Callable[[Outcome, TaskConfig], Array]] = {
     "steering": steering_term,
     "time": time_term,
 }
-"""The terms of the reward by name, in the order in which they are added. Progress along the route is the potential that
-a learner climbs (Ng et al., 1999); all else is small beside it but for the end of the episode."""
+"""The terms of the reward by name, in the order in which `reward` adds them. Progress along the route is the potential
+that a learner climbs (Ng et al., 1999); beside it all terms are small but those of the episode's end."""
 
 
 def reward_terms(outcome: Outcome, config: TaskConfig) -> dict[str, Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -11,33 +12,32 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from tral_env.config import CameraConfig, CarConfig, TaskConfig
-from tral_env.course.layout import Course
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, action_space
-from tral_env.perception.degrade import ImageCorruption
-from tral_env.randomization import Randomization
-from tral_env.world import CorridorConfig, Step, World, is_count
+from tral_env.options import CorridorConfig, check_counts, option_parameters, takes
+from tral_env.world import Step, World
 
 Array = NDArray[np.floating]
 
 
+@takes(option_parameters())
 class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
     """`TralCorridor-v0`, n at once: ``gym.make_vec("TralCorridor-v0", num_envs=64)``.
 
     Row i, reset with seed s + i, is bit for bit the single environment reset with that seed, whatever the other rows
-    do. Arguments are those of `TralCorridorEnv` without rendering, and:
+    do. The options are those of `TralCorridorEnv`, without the arguments of its pictures, and three more arguments:
 
+    - `num_envs`: number of cars, n.
     - `autoreset_mode`: "NextStep" (default), "SameStep" or "Disabled", as Gymnasium defines them. With "SameStep"
-      `info["final_obs"]` is (n, d) and `info["final_info"]` a dict of arrays, both masked by their `_` twins. With
-      "Disabled" a row that ended rests, earns nothing and says again how it ended, until it is reset by
-      ``reset(options={"reset_mask": mask})``: evaluate until all have ended.
-    - `nthread`: threads that step the cars; the results do not depend on it.
+      `info["final_obs"]` is (n, d) and `info["final_info"]` a dict of arrays, and masks `_final_obs` and `_final_info`
+      tell which rows have them. With "Disabled" a row that ended rests, earns nothing and tells again how it ended,
+      until ``reset(options={"reset_mask": mask})`` names it: so an evaluation drives until all rows have ended.
+    - `nthread`: number of threads that step the cars; the results do not depend on it.
 
-    For training, ``courses=1000`` keeps as many courses instead of building a new one for every episode: resets take a
+    For training, ``courses=1000`` keeps a thousand courses instead of building one for every episode: a reset takes a
     third of the time or less.
 
-    Every entry of `info` is an array of (n, ...), with a mask `_name`; `info["car"]` of a reset holds the parameters of
+    Every entry of `info` is an array of (n, ...) with a mask `_name`; `info["car"]` of a reset holds the parameters of
     the cars in the same way. ``options={"car": {"friction": np.linspace(0.5, 1.2, n)}}`` sweeps a parameter.
     """
 
@@ -48,35 +48,12 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         num_envs: int = 1,
         autoreset_mode: str | AutoresetMode = "NextStep",
         nthread: int = 2,
-        scenario: str = "office",
-        camera: str = "projected",
-        randomization: str | Randomization = "default",
-        course: Course | str | None = None,
-        groups: tuple[str, ...] = (),
-        car: CarConfig | None = None,
-        lens: CameraConfig | str | None = None,
-        task: TaskConfig | None = None,
-        courses: int | None = None,
-        image_faults: ImageCorruption | None = None,
+        **options: Any,
     ) -> None:
-        """See the class."""
-        for name, count in (("num_envs", num_envs), ("nthread", nthread)):
-            if not is_count(count):
-                raise ConfigError(f"{name} = {count!r}: expected a whole number, 1 or more")
+        check_counts(num_envs=num_envs, nthread=nthread)
         self._mode = _autoreset_mode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
-        config = CorridorConfig.of(
-            scenario=scenario,
-            courses=courses,
-            camera=camera,
-            randomization=randomization,
-            course=course,
-            groups=groups,
-            car=car,
-            lens=lens,
-            task=task,
-            image_faults=image_faults,
-        )
+        config = CorridorConfig.of(options, allowed=inspect.signature(type(self)).parameters)
         self.num_envs = num_envs
         self.world = World(num_envs, config, nthread=nthread)
         self.single_observation_space = self.world.layout.space()
@@ -95,6 +72,13 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         Args:
             seed: row i is seeded with seed + i, or with seed[i].
             options: as in `TralCorridorEnv`, and ``reset_mask``: (n,) bool.
+
+        Returns:
+            Observations (n, d), and the info of all rows.
+
+        Raises:
+            ConfigError: a seed or an option is unknown or not allowed, or the first reset leaves out a row.
+            CourseError: the course cannot be built, or its file is no course.
         """
         mask = None
         if isinstance(options, dict) and "reset_mask" in options:
@@ -104,7 +88,10 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         self._seed(seed, rows)
         cars = self.world.reset(rows, self._rngs, options)
         self._done[rows] = False
-        return self.world.observation(), _masked(self.world.info() | {"car": cars})
+        info = self.world.info()
+        if self._done.any():
+            info = self._told_again(info, self._done)
+        return self.world.observation(), _masked(info | {"car": cars})
 
     def _rows(self, mask: Any) -> NDArray[np.int64]:
         mask = np.asarray(mask)
@@ -122,7 +109,7 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
                 self._rngs[row] = seeding.np_random(seeds[row])[0]
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        """One for each row."""
+        """One seed for each row."""
         if seed is None or isinstance(seed, int | np.integer):
             return [None if seed is None else int(seed) + i for i in range(self.num_envs)]
         wrong = f"seed = {seed!r}: expected a whole number, or one for each of {self.num_envs} environments, 0 or more"
@@ -136,10 +123,17 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         return [None if each is None else int(each) for each in seeds]
 
     def step(self, actions: Array) -> tuple[Array, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Drive all cars for 12.5 ms. `actions` is (n, 2).
+        """Drive all cars for 12.5 ms.
+
+        Args:
+            actions: (n, 2) steering, throttle.
+
+        Returns:
+            Observations (n, d), rewards (n,), terminated (n,), truncated (n,), info.
 
         Raises:
-            ConfigError: actions of another shape or not finite.
+            ConfigError: actions of another shape or not finite, or there was no reset.
+            SimulationError: the physics of a row became unstable; it has to be reset.
         """
         actions = np.asarray(actions, np.float64)
         if actions.shape != (self.num_envs, 2) or not np.isfinite(actions).all():
@@ -165,21 +159,25 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         return observation, step.reward, step.terminated, step.truncated, info
 
     def _resting(self, step: Step, ended: NDArray[np.bool_]) -> Step:
-        """Rows that ended and were not reset: they stand, earn nothing and tell again how they ended."""
+        """The step in which the rows that ended stand, earn nothing and tell again how they ended."""
         last = self._last
         return Step(
             step.observation,
             np.where(ended, 0.0, step.reward),
             np.where(ended, last.terminated, step.terminated),
             np.where(ended, last.truncated, step.truncated),
-            {name: np.where(_like(ended, values), last.info[name], values) for name, values in step.info.items()},
+            self._told_again(step.info, ended),
             {name: np.where(ended, 0.0, values) for name, values in step.reward_terms.items()},
         )
+
+    def _told_again(self, info: Mapping[str, NDArray[Any]], ended: NDArray[np.bool_]) -> dict[str, NDArray[Any]]:
+        """Info in which the rows that ended tell once more what they told at their end."""
+        return {name: np.where(_like(ended, values), self._last.info[name], values) for name, values in info.items()}
 
     def _after_next_step_reset(
         self, step: Step, again: NDArray[np.bool_]
     ) -> tuple[Array, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Rows that were done start anew, and this step is theirs to do so."""
+        """Start the rows anew that ended in the step before; this step does nothing else with them."""
         self.world.reset(np.flatnonzero(again), self._rngs)
         terminated, truncated = step.terminated & ~again, step.truncated & ~again
         self._done = terminated | truncated
@@ -206,7 +204,7 @@ def _like(mask: NDArray[np.bool_], values: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def _earned(terms: Mapping[str, NDArray[Any]], rows: NDArray[np.bool_]) -> dict[str, Any]:
-    """The reward's terms as an entry of info, where only some rows have any: the others began an episode."""
+    """The terms of the reward as an entry of info; rows outside the mask began an episode and have none."""
     return _masked({"reward_terms": {name: np.where(rows, values, 0.0) for name, values in terms.items()}}, rows)
 
 

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tral_env import task
-from tral_env.calibration.camera_info import load_lens
-from tral_env.config import CameraConfig, CarConfig, TaskConfig, as_config
-from tral_env.course.generate import SCENARIOS, generate_plan
+from tral_env.course.generate import generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import Layout
-from tral_env.perception.degrade import ImageCorruption
+from tral_env.options import CorridorConfig, as_course
 from tral_env.randomization import Randomization, level
 from tral_env.simulation.culling import LOCAL_BOXES, max_boxes_in_reach
 from tral_env.simulation.sim import Simulation
@@ -28,121 +25,18 @@ from tral_env.simulation.views import VIEWS, Views
 from tral_env.simulation.vision import Webcam
 
 __all__ = ["VIEWS", "CorridorConfig", "Drawn", "Simulation", "Step", "Views", "Webcam", "World"]
-"""The shells see the simulation through this module alone."""
+"""The environments see the simulation through this module alone."""
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-CAMERAS = ("projected", "rendered")
 RESET_OPTIONS = ("course", "car")
 """What ``reset(options=...)`` understands."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class CorridorConfig:
-    """What to drive, with which car and which eyes."""
-
-    scenario: str = "office"
-    """Family of courses that are generated, one of `SCENARIOS`."""
-    course: Course | str | Path | None = None
-    """A course, or the path of its JSON file, driven instead of generated ones."""
-    courses: int | None = None
-    """Draw each episode's course among this many, which are built once and kept: course k is that of
-    ``reset(seed=k)`` without this. None: a new course each time."""
-    camera: str = "projected"
-    """"projected": markers are projected, no OpenGL; "rendered": an image is rendered and searched by OpenCV."""
-    randomization: str | Randomization | Mapping[str, Any] = "default"
-    """How much the cars differ: "none", "default", "hard" or ranges of your own."""
-    groups: tuple[str, ...] = ()
-    """Optional groups of readings behind the core ones."""
-    car: CarConfig = field(default_factory=CarConfig)
-    """Only its full lock can be other than that of `assets/car.xml`."""
-    lens: CameraConfig = field(default_factory=CameraConfig)
-    task: TaskConfig = field(default_factory=TaskConfig)
-    image_faults: ImageCorruption = field(default_factory=ImageCorruption)
-    """How much of each fault a level of `image_degradation` brings to a rendered image: streaks and covered patches
-    are off until they are asked for here."""
-    pixels: bool = False
-    """The observation has an image of its own, which is rendered wherever the readings come from.
-    `TralCorridorPixels-v0` sets it."""
-
-    def __post_init__(self) -> None:
-        if self.scenario not in tuple(SCENARIOS):  # a tuple, so that a list is told as any other wrong name
-            raise ConfigError(f"unknown scenario '{self.scenario}': {nearest(self.scenario, SCENARIOS)}")
-        if self.camera not in CAMERAS:
-            raise ConfigError(f"unknown camera '{self.camera}': {nearest(self.camera, CAMERAS)}")
-        if self.courses is not None and not is_count(self.courses):
-            raise ConfigError(f"courses = {self.courses!r}: expected a whole number, 1 or more, or None")
-        if self.courses is not None and self.course is not None:
-            raise ConfigError(f"courses = {self.courses!r} with a course of your own: expected one of them")
-        if self.camera == "projected" and not self.pixels and self.image_faults != ImageCorruption():
-            raise ConfigError(
-                f"image_faults = {self.image_faults!r} with camera='projected', which takes no image: expected "
-                "camera='rendered', or TralCorridorPixels-v0, whose observation has an image"
-            )
-        level(self.randomization)
-        Layout.of(self.groups)
-        for place in fields(CarConfig):
-            got, has = getattr(self.car, place.name), getattr(CarConfig(), place.name)
-            if place.name != "full_lock_deg" and got != has:
-                raise ConfigError(f"CarConfig.{place.name} = {got!r}: the car of assets/car.xml has {has!r}")
-
-    @classmethod
-    def of(
-        cls,
-        *,
-        groups: Sequence[str] = (),
-        car: CarConfig | Mapping[str, Any] | None = None,
-        lens: CameraConfig | str | Path | Mapping[str, Any] | None = None,
-        task: TaskConfig | Mapping[str, Any] | None = None,
-        image_faults: ImageCorruption | Mapping[str, Any] | None = None,
-        **others: Any,
-    ) -> CorridorConfig:
-        """A configuration from the arguments of an environment: None for defaults, mappings for what JSON was.
-
-        Raises:
-            ConfigError: one of them is unknown or cannot be.
-        """
-        if isinstance(groups, str) or not isinstance(groups, Iterable):
-            raise ConfigError(f"groups = {groups!r}: expected names in a tuple, such as ('imu',)")
-        return cls(
-            groups=tuple(groups),
-            car=as_config(CarConfig, car),
-            lens=load_lens(lens),
-            task=as_config(TaskConfig, task),
-            image_faults=as_config(ImageCorruption, image_faults),
-            **others,
-        )
-
-    def fixed_course(self) -> Course | None:
-        """The course that every episode drives, if there is one."""
-        return as_course(self.course)
-
-
-def is_count(value: object) -> bool:
-    """Whether it is a whole number, 1 or more, that can be counted to. True is none."""
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    return whole and 1 <= int(value) <= np.iinfo(np.int64).max  # type: ignore[call-overload]
-
-
-def as_course(course: Course | str | Path | None) -> Course | None:
-    """A course, read from its file if a path was given.
-
-    Raises:
-        ConfigError: none of these.
-        CourseError: the file is no course.
-        OSError: the file cannot be opened.
-    """
-    if isinstance(course, str | Path):
-        return Course.load(course)
-    if course is not None and not isinstance(course, Course):
-        raise ConfigError(f"course = {course!r}: expected a Course or the path of a course file")
-    return course
-
-
 def _checked(options: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The options of a reset, if they are any of `RESET_OPTIONS`."""
+    """The options of a reset, which may be those of `RESET_OPTIONS`."""
     if not isinstance(options, Mapping):
         raise ConfigError(f"options = {options!r}: expected a mapping with {', '.join(RESET_OPTIONS)}")
     for name in options:
@@ -162,7 +56,7 @@ class Drawn(NamedTuple):
 
 @dataclass(frozen=True)
 class Step:
-    """What a tick brought, arrays of (n, ...)."""
+    """What n cars got in a tick, as arrays of (n, ...)."""
 
     observation: NDArray[np.float32]
     reward: Array
@@ -201,6 +95,8 @@ class World:
         self.courses: list[Course | None] = [None] * n
         self.plans: list[Plan | None] = [None] * n
         self._everyone = np.arange(n)
+        self._length = np.zeros(n)
+        self._limit_s = np.zeros(n)
         self._segment = np.zeros(n, np.int64)
         self._s = np.zeros(n)
         self._lateral = np.zeros(n)
@@ -276,9 +172,11 @@ class World:
         self._started = True
 
     def _line_up(self, rows: Index) -> None:
-        """Begin the task of the rows anew."""
+        """Put the rows at the beginning of their routes."""
         position, first = self.sim.pose[rows, :2], np.zeros(len(rows), np.int64)
         self._s[rows], self._lateral[rows], self._segment[rows] = task.locate(self.track, rows, position, first)
+        self._length = self.track.length.copy()
+        self._limit_s = task.time_limit(self._length, self.config.task)
         self._passed[rows] = 0
         self._steering[rows] = 0.0
 
@@ -336,10 +234,15 @@ class World:
         return self.sim.observation()
 
     def step(self, command: NDArray[np.floating], rows: Index | None = None) -> Step:
-        """Drive all cars, or those of the rows, for one tick. `command` is (n, 2).
+        """Drive for one tick.
+
+        Args:
+            command: (n, 2) steering, throttle.
+            rows: (k,) the cars that move; None: all.
 
         Raises:
             ConfigError: the cars have no courses yet.
+            SimulationError: the physics of a car became unstable; it has to be reset.
         """
         if not self._started:
             raise ConfigError("step() before the first reset()")
@@ -349,7 +252,7 @@ class World:
         s, self._lateral, self._segment = task.locate(self.track, self._everyone, sim.pose[:, :2], self._segment)
         through, missed = task.cross_gates(self.track, before, sim.pose[:, :2], s, self._passed)
         self._passed = self._passed + through
-        arrived = s >= self.track.length - 1e-6
+        arrived = s >= self._length - 1e-6
         missed |= arrived & (self._passed < self.track.gates)
         failure = sim.collision | missed
         success = arrived & ~failure
@@ -362,7 +265,7 @@ class World:
         )
         self._s, self._steering = s, sim.command[:, 0].copy()
         terminated = success | failure
-        truncated = (sim.time_s >= task.time_limit(self.track.length, config)) & ~terminated
+        truncated = (sim.time_s >= self._limit_s) & ~terminated
         info = self.info(success, missed)
         terms = task.reward_terms(outcome, config)
         return Step(sim.observation(), task.reward(terms), terminated, truncated, info, terms)
@@ -371,7 +274,6 @@ class World:
         """The ground truth of all cars, which no policy sees."""
         sim = self.sim
         no = np.zeros(self.n, bool)
-        length = np.maximum(self.track.length, 1e-9)
         left, right = task.wall_clearance(self.track, sim.pose, self.config.car)
         crash = sim.collision & (sim.closing_speed >= self.config.task.touch_speed)
         return {
@@ -379,7 +281,7 @@ class World:
             "collision": sim.collision.copy(),
             "crash": crash,
             "missed_gate": no if missed is None else missed,
-            "progress": np.minimum(np.maximum(self._s / length, 0.0), 1.0),
+            "progress": np.minimum(np.maximum(self._s / self._length, 0.0), 1.0),
             "gates_passed": self._passed.copy(),
             "gates_total": self.track.gates.copy(),
             "clearance_left_m": left,

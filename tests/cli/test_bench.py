@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from tral_env.course.geometry import build_plan
 from tral_fsm.bench import speed
@@ -19,17 +19,27 @@ MEASURED = {
     "camera": None,
     "course_size": None,
 }
-TINY = speed.Plan(rows=(2,), threads=(2,), rivals=2, landmarks=(), rounds=1, seconds=0.05, camera=False, sizes=False)
+TINY = speed.SpeedPlan(
+    rows=(2,), threads=(2,), rivals=2, landmarks=(), rounds=1, seconds=0.05, camera=False, sizes=False
+)
 
 
-def test_every_contestant_is_measured() -> None:
-    result = speed.measure(TINY)
+@pytest.fixture(scope="module")
+def measured() -> Result:
+    """A measurement by the command."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(speed, "QUICK", TINY)
+        return CliRunner().invoke(app, ["bench", "speed", "--quick", "--json", "--scenario", "straight"])
+
+
+def test_every_contestant_is_measured(measured: Result) -> None:
+    result = json.loads(measured.stdout)
     names = [row["name"] for row in result["contestants"]]
     assert names[:4] == ["bare mj_step loop", "single env", "sync, 2 environments", "async, 2 environments"]
     assert all(row["steps_per_s"] > 0 for row in result["contestants"])
     # How large it is cannot be known from a twentieth of a second on a busy machine.
     assert result["ratios"]["single_over_bare_loop"] > 0
-    assert result["reset_scenario"] == TINY.scenario
+    assert result["reset_scenario"] == "straight"
     assert result["reset_ms_per_row"] > 0
     assert result["reset_ms_per_row_kept"] > 0
     assert result["host"]["versions"]["mujoco"]
@@ -48,11 +58,9 @@ def test_a_ratio_is_the_median_of_its_rounds() -> None:
     assert speed.ratios([one, other]) == {"single_over_bare_loop": 1.0}
 
 
-def test_json_is_the_only_thing_on_stdout(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(speed, "QUICK", TINY)
-    result = CliRunner().invoke(app, ["bench", "speed", "--quick", "--json", "--scenario", "straight"])
-    assert result.exit_code == 0
-    assert json.loads(result.stdout)["plan"]["scenario"] == "straight"
+def test_json_is_the_only_thing_on_stdout(measured: Result) -> None:
+    assert measured.exit_code == 0
+    assert json.loads(measured.stdout)["plan"]["scenario"] == "straight"
 
 
 def test_the_cost_of_a_reset_is_told_with_its_family(monkeypatch: pytest.MonkeyPatch) -> None:

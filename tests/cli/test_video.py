@@ -14,7 +14,7 @@ from tral_env.errors import RenderError
 from tral_env.interface import MAX_AGE_S
 from tral_fsm.evaluation.episode import Tick
 from tral_fsm.evaluation.rollout import drive
-from tral_fsm.report.drive.palette import COLOURS, Palette
+from tral_fsm.report.drive.state_colours import COLOURS, StateColours
 from tral_fsm.report.drive.video import FPS, HEIGHT, INSET_WIDTH, WIDTH, DriveVideo, compose, gate_line
 
 
@@ -127,8 +127,8 @@ def test_the_gate_is_told_with_its_age() -> None:
 
 
 def test_states_keep_the_colour_of_their_first_appearance() -> None:
-    palette = Palette(["a", "b", "a"])
-    assert palette.states == ("a", "b")
-    assert palette.rgb("a") == COLOURS[0]
-    assert palette.rgb("c") == COLOURS[2]
-    assert max(palette.unit("b")) <= 1.0
+    colours = StateColours(["a", "b", "a"])
+    assert colours.states == ("a", "b")
+    assert colours.rgb("a") == COLOURS[0]
+    assert colours.rgb("c") == COLOURS[2]
+    assert max(colours.unit("b")) <= 1.0

@@ -6,9 +6,8 @@ from typing import Any, ClassVar
 import pytest
 from readings import Bench, two_states
 
-from tral_env.geometry import MARKER_BOARD_WIDTH_M, curvature
+from tral_env.geometry import MARKER_BOARD_WIDTH_M, curvature, steering_play
 from tral_fsm.conditions.base import RUNTIMES
-from tral_fsm.control.laws import steering_play
 from tral_fsm.definition.conditions import CONDITIONS
 
 

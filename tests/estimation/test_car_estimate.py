@@ -60,8 +60,8 @@ def test_a_machine_leaves_the_estimator_and_its_estimate_as_they_were(name: str)
         command = machine.tick(estimate)
         assert pickle.dumps((estimator, estimate)) == before
         visited.add(machine.active_path)
-        estimator.learn(command)
-        return np.array([estimator.actuate(command), speed_controller.throttle(command, estimate.speed)], np.float32)
+        steering = (command.steering or 0.0) + estimator.steering_offset
+        return np.array([steering, speed_controller.throttle(command, estimate.speed)], np.float32).clip(-1.0, 1.0)
 
     world = toy.corner("left", 2.0, trim=0.03)
     world.drive(act, 6.0)

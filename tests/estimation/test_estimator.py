@@ -75,3 +75,22 @@ class TestAxis:
             bench.tick(**gate, gate_age=0.0)
         expected = -axis_deg if believed else 0.0
         assert math.degrees(bench.estimate.heading) == pytest.approx(expected, abs=0.01)
+
+
+class TestSteering:
+    """One offset and one gain, learnt from walls and gates, whatever the state."""
+
+    def test_walls_teach_the_trim_and_the_driver_steers_by_it(self) -> None:
+        bench = one_state(type="Motor", throttle=0.2)
+        for k in range(60):  # it drifts to the left of straight ahead
+            y = 0.5 * 0.1 * (0.04 * k) ** 2
+            steering, _ = bench.tick(left=0.8 - y, right=0.8 + y, distance=0.04 * k, speed=0.5)
+        assert bench.estimator.steering_offset < -0.03
+        assert steering == bench.estimate.steering_offset == bench.estimator.steering_offset
+
+    def test_a_given_trim_is_no_part_of_what_is_learnt(self) -> None:
+        bench = one_state(type="Motor", throttle=0.2, steering=0.2, steering_trim=0.1)
+        bench.tick()
+        bench.estimator.steering_offset, bench.estimator.steering_gain = -0.03, 0.8
+        assert bench.tick()[0] == pytest.approx(0.2 / 0.8 + 0.1 - 0.03)
+        assert bench.estimator.steering_offset == -0.03

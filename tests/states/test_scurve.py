@@ -5,10 +5,10 @@ import math
 import pytest
 from readings import Bench, one_state, two_states
 
-from tral_env.geometry import curvature
+from tral_env.geometry import curvature, steering_play
 from tral_env.se2 import Pose, relative
 from tral_fsm.control import biarc as arcs
-from tral_fsm.control.laws import clip, steering_play
+from tral_fsm.control.laws import clip
 
 HERE = (0.0, 0.0, 0.0)
 TICK = 1 / 80

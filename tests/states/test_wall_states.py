@@ -104,10 +104,8 @@ class TestBasicFollowWall:
         bench.tick(right=0.6)
         assert (bench.command.wanted_side, bench.command.wanted_clearance) == (-1.0, 0.5)
 
-    def test_it_learns_the_cars_trim_from_what_remains_of_e(self) -> None:
-        bench = wall(learn_trim=0.5)
-        bench.tick(left=0.6)
-        assert bench.estimator.steering_offset == pytest.approx(0.5 * 0.1 * 0.0125)
+    def test_files_that_speak_of_learn_trim_drive_like_all_others(self) -> None:
+        assert wall(learn_trim=0.5).tick(left=0.6) == wall().tick(left=0.6)
 
     def test_a_trim_is_added(self) -> None:
         assert wall(steering_trim=-0.05).tick(left=0.6)[0] == pytest.approx(0.15)

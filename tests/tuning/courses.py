@@ -42,6 +42,17 @@ NESTED = MachineDefinition(
 """A machine in a machine."""
 
 
+FOLLOW_THEN_CRASH = MachineDefinition(
+    root=0,
+    states=(
+        FollowWallSpec(id=0, label="follow", side="right", speed=0.7, p=1.0, d=1.5),
+        MotorSpec(id=1, steering=0.5, speed=1.0, final=True),
+    ),
+    transitions=(TransitionSpec(id=0, source=0, target=1, when=DistanceSpec(distance=2.0)),),
+)
+"""Follows a wall for 2 m and then hits one: cheap to drive."""
+
+
 def blind(steering: float = 0.0, speed: float = 0.7) -> MachineDefinition:
     """Drives with fixed steering: into a wall, if it is not 0."""
     return MachineDefinition(root=0, states=(MotorSpec(id=0, steering=steering, speed=speed, final=True),))

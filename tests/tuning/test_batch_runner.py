@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import math
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from courses import blind
+from courses import FOLLOW_THEN_CRASH, blind
 
 from tral_env.errors import ConfigError
 from tral_fsm import load_machine
 from tral_fsm.evaluation.batch import BatchRunner
-from tral_fsm.evaluation.episode import EpisodeRequest
+from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
 from tral_fsm.evaluation.rollout import drive
 from tral_fsm.runtime.policy import MachinePolicy
 
@@ -32,13 +33,29 @@ def runner() -> BatchRunner:
     return BatchRunner(["straight", "doors"], rows=3)
 
 
-@pytest.mark.parametrize("rows", [2, 3])
-def test_each_drive_is_bit_for_bit_the_one_of_the_single_environment(rows: int) -> None:
-    drives = BatchRunner(["straight", "doors"], rows=rows).drive(MACHINES, JOBS)
-    for job, got in zip(JOBS, drives, strict=True):
+@pytest.fixture(scope="module")
+def alone() -> list[dict[str, Any]]:
+    """Records of the jobs in an environment of their own."""
+    records = []
+    for job in JOBS:
         with contextlib.closing(gym.make("tral_env:TralCorridor-v0", scenario=job.scenario)) as env:
-            alone = drive(env, MachinePolicy(MACHINES[job.machine]), job.seed, scenario=job.scenario).record()
-        assert {name: got.record()[name] for name in alone} == alone
+            policy = MachinePolicy(MACHINES[job.machine])
+            records.append(drive(env, policy, job.seed, scenario=job.scenario).record())
+    return records
+
+
+@pytest.fixture(scope="module")
+def far_off(runner: BatchRunner) -> EpisodeResult:
+    """A drive along a wall that begins 68 cm beside its clearance."""
+    (result,) = runner.drive(MACHINES, [EpisodeRequest(0, "straight", 4)])
+    return result
+
+
+@pytest.mark.parametrize("rows", [2, 3])
+def test_each_drive_is_bit_for_bit_the_one_of_the_single_environment(rows: int, alone: list[dict[str, Any]]) -> None:
+    drives = BatchRunner(["straight", "doors"], rows=rows).drive(MACHINES, JOBS)
+    for result, record in zip(drives, alone, strict=True):
+        assert {name: result.record()[name] for name in record} == record
 
 
 def test_steering_travel_adds_up_every_change(runner: BatchRunner) -> None:
@@ -48,22 +65,22 @@ def test_steering_travel_adds_up_every_change(runner: BatchRunner) -> None:
     assert math.isnan(got.clearance_rmse)
 
 
-def test_the_histogram_of_errors_counts_every_measured_tick(runner: BatchRunner) -> None:
-    (got,) = runner.drive(MACHINES, [EpisodeRequest(0, "straight", 3)])
-    assert got.errors.sum() == got.clearance_samples > 100
+def test_the_histogram_of_errors_counts_every_measured_tick(far_off: EpisodeResult) -> None:
+    assert far_off.errors.sum() == far_off.clearance_samples > 100
 
 
-def test_the_settled_error_leaves_out_the_way_from_a_start_far_off(runner: BatchRunner) -> None:
-    (got,) = runner.drive(MACHINES, [EpisodeRequest(0, "straight", 4)])  # begins 68 cm beside its clearance
-    assert got.clearance_rmse > 0.1
-    assert got.settled_rmse < 0.03
-    assert 0.5 * got.clearance_samples < got.settled_samples < got.clearance_samples
+def test_the_settled_error_leaves_out_the_way_from_a_start_far_off(far_off: EpisodeResult) -> None:
+    assert far_off.clearance_rmse > 0.1
+    assert far_off.settled_rmse < 0.03
+    assert 0.5 * far_off.clearance_samples < far_off.settled_samples < far_off.clearance_samples
 
 
-def test_a_second_call_finds_the_fleet_as_the_first_did(runner: BatchRunner) -> None:
-    first = runner.drive(MACHINES, JOBS[:2])
-    runner.drive(MACHINES, JOBS[2:3])
-    assert runner.drive(MACHINES, JOBS[:2]) == first
+def test_a_second_call_finds_the_rows_as_the_first_did(runner: BatchRunner) -> None:
+    machines = [FOLLOW_THEN_CRASH, blind(0.5)]
+    both = [EpisodeRequest(0, "straight", 3), EpisodeRequest(1, "doors", 3)]
+    first = runner.drive(machines, both)
+    runner.drive(machines, [EpisodeRequest(1, "straight", 1)])
+    assert runner.drive(machines, both) == first
 
 
 def test_a_car_that_gets_nowhere_is_given_up() -> None:

@@ -27,7 +27,7 @@ from tral_fsm.tuning.classical.design import (
     predicted_limit_cycle,
     step_response,
 )
-from tral_fsm.tuning.classical.experiments import relay, step, wall_states
+from tral_fsm.tuning.classical.experiments import relay, step, wall_gains
 
 SHARP = LinearCar(cadence_s=1e-6, latency_s=0.0, servo_s=1e-6, sonar_x=0.0)
 """Without delays, looking from the rear axle."""
@@ -126,7 +126,7 @@ def test_beyond_the_gain_margin_the_simulated_car_swings_on() -> None:
 
 
 def test_a_relay_swings_the_car_where_the_models_phase_is_half_a_turn() -> None:
-    cycle = relay(0.5)
+    cycle = relay(0.5, cars=4, seconds=18.0)
     assert cycle is not None
     (response,) = loop(Gains(p=1.0, d=0.0), 0.5, np.array([2.0 * math.pi / cycle.period_s]))
     assert abs(math.degrees(cmath.phase(-response))) < 15.0
@@ -142,9 +142,9 @@ def test_a_fast_car_has_no_steady_swing_by_p_alone() -> None:
 
 
 def test_the_states_with_gains_of_a_machine_are_found() -> None:
-    (state,) = wall_states(load_machine("wall"))
+    (state,) = wall_gains(load_machine("wall"))
     assert (state.name, state.place) == ("follow", ("states", 0))
-    assert wall_states(load_machine("office")) == []
+    assert wall_gains(load_machine("office")) == []
 
 
 @pytest.mark.parametrize(

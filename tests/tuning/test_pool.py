@@ -2,37 +2,32 @@
 
 from __future__ import annotations
 
-import time
+from typing import Any
 
 import pytest
 
 from tral_fsm.evaluation.pool import ProcessPool, StoppedError, spawned, stop_check
 
-
-def endless(began: object) -> None:
-    check = stop_check()
-    began.set()  # type: ignore[attr-defined]
-    while True:
-        check(0)
-        time.sleep(0.001)
+_began: Any = None
+"""Event that tells the pool's owner that the work has begun."""
 
 
-_began = None
-
-
-def _keep(began: object) -> None:
+def keep(began: Any) -> None:
     global _began
     _began = began
 
 
-def work() -> None:
-    endless(_began)
+def endless() -> None:
+    check = stop_check()
+    _began.set()
+    while True:
+        check(0)
 
 
 def test_an_error_gives_up_what_the_workers_drive() -> None:
     began = spawned.Event()
-    with pytest.raises(KeyboardInterrupt), ProcessPool(1, _keep, began) as pool:  # noqa: PT012
-        future = pool.submit(work)
+    with pytest.raises(KeyboardInterrupt), ProcessPool(1, keep, began) as pool:  # noqa: PT012
+        future = pool.submit(endless)
         began.wait()
         raise KeyboardInterrupt
     assert isinstance(future.exception(), StoppedError)

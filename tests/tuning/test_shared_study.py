@@ -180,25 +180,26 @@ def watched(storage: str) -> Iterator[Any]:
 def test_one_of_two_processes_is_killed_the_other_goes_on_and_nothing_is_lost(storage: str, tmp_path: Path) -> None:
     machine = tmp_path / "crashing.json"
     machine.write_text(write(CRASHING, "json"))
-    first, second = started = [process(machine, storage, 120, tmp_path / name) for name in ("one", "two")]
+    first, second = started = [process(machine, storage, 40, tmp_path / name) for name in ("one", "two")]
     with watched(storage) as told:
         try:
-            while len(told()) < 8:
-                assert (first.poll(), second.poll()) == (None, None)
-                time.sleep(0.2)
+            while len(told()) < 4:
+                with pytest.raises(subprocess.TimeoutExpired):
+                    first.wait(timeout=0.2)
+                assert second.poll() is None
             os.kill(first.pid, signal.SIGKILL)
             before = told()
             assert second.wait(timeout=240) == 0
             after = told()
             assert before.items() < after.items()
             report = json.loads((tmp_path / "two" / "tune.json").read_text())
-            assert (report["drives"] >= 120, report["trials"]) == (True, len(after))
+            assert (report["drives"] >= 40, report["trials"]) == (True, len(after))
             assert "secret" not in "".join(path.read_text() for path in (tmp_path / "two").iterdir())
             # The same command with a larger budget goes on where the study is.
-            started.append(process(machine, storage, 140, tmp_path / "one"))
+            started.append(process(machine, storage, 48, tmp_path / "one"))
             assert started[-1].wait(timeout=240) == 0
             assert after.items() < told().items()
-            assert json.loads((tmp_path / "one" / "tune.json").read_text())["drives"] >= 140
+            assert json.loads((tmp_path / "one" / "tune.json").read_text())["drives"] >= 48
         finally:
             for each in started:
                 if each.poll() is None:

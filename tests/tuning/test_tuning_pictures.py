@@ -13,7 +13,7 @@ from tral_fsm.report.tuning import figures as tuning_figures
 from tral_fsm.report.tuning import model as tuning_model
 from tral_fsm.tuning.classical.design import Gains
 from tral_fsm.tuning.classical.loops import Response
-from tral_fsm.tuning.landscape import Line, Plane
+from tral_fsm.tuning.landscape import CostLine, CostPlane
 from tral_fsm.tuning.parameters import find
 from tral_fsm.tuning.search.optuna import OBJECTIVES
 from tral_fsm.tuning.search.space import Trial
@@ -34,7 +34,7 @@ def test_a_cell_of_the_plane_that_no_machine_may_have_is_left_white() -> None:
     failed = np.where(np.isnan(cost), np.nan, 0.0)
     xs, ys = np.array([1.0, 2.0]), np.array([0.5, 1.0])
     drawn = tuning_figures.plane(
-        Plane(x=P, y=D, xs=xs, ys=ys, cost=cost, failed=failed, collided=failed), {"as it was": (1.0, 0.5)}
+        CostPlane(x=P, y=D, xs=xs, ys=ys, cost=cost, failed=failed, collided=failed), {"as it was": (1.0, 0.5)}
     )
     (mesh, *_) = drawn.axes[0].collections
     assert np.ma.getmaskarray(mesh.get_array()).ravel().tolist() == [True, False, False, False]
@@ -43,7 +43,8 @@ def test_a_cell_of_the_plane_that_no_machine_may_have_is_left_white() -> None:
 
 def test_a_parameter_that_does_not_matter_or_was_0_is_drawn_as_well() -> None:
     flat = [
-        Line(parameter=each, values=np.array([0.5, 1.0]), cost=np.ones(2), failed=np.zeros(2)) for each in (P, SPEED)
+        CostLine(parameter=each, values=np.array([0.5, 1.0]), cost=np.ones(2), failed=np.zeros(2))
+        for each in (P, SPEED)
     ]
     drawn = tuning_figures.sensitivity(flat, [1.0, 1.0], [0.0, 0.7])
     drawn.canvas.draw()
@@ -54,7 +55,7 @@ def test_a_parameter_that_does_not_matter_or_was_0_is_drawn_as_well() -> None:
 
 def test_ticks_of_less_than_a_decade_do_not_overlap() -> None:
     values = np.geomspace(0.5, 6.0, 9)
-    line = Line(parameter=P, values=values, cost=np.linspace(1.0, 2.0, 9), failed=np.zeros(9))
+    line = CostLine(parameter=P, values=values, cost=np.linspace(1.0, 2.0, 9), failed=np.zeros(9))
     drawn = tuning_figures.sensitivity([line], [1.0], [1.2])
     drawn.canvas.draw()
     shown = [label.get_text() for label in drawn.axes[0].get_xticklabels(which="both")]
@@ -75,7 +76,7 @@ def test_the_front_says_in_what_it_is_not_beaten() -> None:
 def test_the_legend_names_no_collisions_where_there_are_none() -> None:
     ends, calm = np.array([1.0, 2.0]), np.zeros((2, 2))
     for collided, shown in ((calm, []), (calm + 0.5, ["drives hit a wall"])):
-        whole = Plane(x=P, y=D, xs=ends, ys=ends, cost=calm + 1.0, failed=collided, collided=collided)
+        whole = CostPlane(x=P, y=D, xs=ends, ys=ends, cost=calm + 1.0, failed=collided, collided=collided)
         drawn = tuning_figures.plane(whole, {"tuned": (1.0, 1.0)})
         labels = [text.get_text() for text in drawn.axes[0].get_legend().get_texts()]  # type: ignore[union-attr]
         assert labels == [*shown, "tuned"]

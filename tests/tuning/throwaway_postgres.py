@@ -63,9 +63,10 @@ def server() -> Iterator[str]:
                 psycopg.connect(url).close()
                 break
             except psycopg.OperationalError:
-                assert process.poll() is None, "the server ended"
                 assert time.monotonic() < deadline, "the server does not answer"
-                time.sleep(0.1)
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(timeout=0.1)
+                    raise AssertionError("the server ended") from None
         yield url
     finally:
         if process is not None:

@@ -13,9 +13,10 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 STEERING_LEAD_STEPS = 0.8
-"""By how many of its steps the semi-implicit integrator turns the car too early; the servo is held back as much.
+"""The semi-implicit integrator turns the car this many of its steps too early, so the servo is held back as much.
 
-Measured against steps of 0.25 ms, see tests/car: it halves the error in place and leaves a third of that in heading.
+Source: measured against steps of 0.25 ms in tests/car; it halves the error of the position and leaves a third of the
+error of the heading.
 """
 
 
@@ -35,7 +36,7 @@ class Actuators:
         self.actuation.reset(rows)
 
     def apply(self, moving: Index, command: Array) -> Array:
-        """Give cars their commands.
+        """Let the actuators of cars follow their commands for a tick.
 
         Args:
             moving: (k,) the cars that move.

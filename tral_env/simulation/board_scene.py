@@ -16,9 +16,9 @@ from tral_env.perception.camera import Image, OnboardCamera, SceneRenderer
 from tral_env.perception.degrade import degrade
 
 MARGIN = 0.02
-"""White around the squares, m."""
+"""Width of the white margin around the squares, m."""
 PIXELS_PER_METRE = 4000.0
-"""Resolution of the board's texture: four pixels a millimetre."""
+"""Resolution of the board's texture, px/m: four pixels a millimetre."""
 MAX_PIXELS = 4096
 """Largest side of the texture, px."""
 
@@ -47,7 +47,7 @@ _FLIP = np.diag([1.0, -1.0, -1.0])
 
 
 def pixels_per_metre(board: Board) -> float:
-    """How fine the texture of a board is."""
+    """Resolution of a board's texture, px/m."""
     return min(PIXELS_PER_METRE, MAX_PIXELS / (max(board.size) + 2 * MARGIN))
 
 
@@ -61,7 +61,7 @@ class BoardScene:
             board: what is shown.
             lens: of the camera.
             degradation: noise, blur, exposure and glare of the images, see `degrade`.
-            seed: of these.
+            seed: of these faults.
         """
         ok, png = cv2.imencode(".png", board.image(pixels_per_metre(board), MARGIN))
         assert ok, "a grey image can be written as PNG"

@@ -17,16 +17,17 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 LOCAL_BOXES = 48
-"""Boxes around a car. The families of courses have at most 46 within 5.5 m of a place on their routes; for courses of
-your own there are as many as their densest place needs, see `max_boxes_in_reach`."""
+"""Number of boxes around a car. The families of courses have at most 46 within 5.5 m of a place on their routes; a
+course of your own gets as many as its densest place needs, see `max_boxes_in_reach`."""
 REACH_M = UltrasonicConfig().max_range + 0.35
-"""From the rear axle as far as a sonar hears: its range, and how far ahead of the axle it sits."""
+"""A sonar hears this far from the rear axle, m: its range, and how far ahead of the axle it sits."""
 _MIN_FREE_M = 0.25
-"""In a place with more boxes within reach than the model holds, the farthest are left out; look again this often."""
+"""Where more boxes are within reach than the model holds, the farthest are left out, and the car looks again after this
+distance, m."""
 _ROUTE_MARGIN_M = 1.0
-"""A car may be so far from its route without more boxes within reach than `max_boxes_in_reach` counts."""
+"""Up to this distance from its route, m, a car has no more boxes within reach than `max_boxes_in_reach` counts."""
 _CHUNK = 64
-"""Places on a route that are looked at together."""
+"""Number of places on a route that are looked at together."""
 
 
 class LocalGeoms:
@@ -41,13 +42,13 @@ class LocalGeoms:
             near: how many of them may be near a car, if that may be more than in the families of courses.
         """
         self.size = min(boxes, max(LOCAL_BOXES, near))
-        """Boxes around a car, W."""
+        """Number of boxes around a car, W."""
         self._pos, self._quat, self._half = np.zeros((n, boxes, 3)), np.zeros((n, boxes, 4)), np.zeros((n, boxes, 3))
         self._centre = np.zeros((n, 2))
         self._free = np.full(n, np.inf)
 
     def place(self, row: int, placed: Placement) -> None:
-        """Take over the boxes of a course, the first of a placement."""
+        """Keep the boxes of a car's course, which are the first of a placement."""
         boxes = self._pos.shape[1]
         self._pos[row], self._quat[row] = placed.geom_pos[:boxes], placed.geom_quat[:boxes]
         self._half[row] = placed.geom_size[:boxes]
@@ -96,7 +97,7 @@ def max_boxes_in_reach(plan: Plan) -> int:
 
 
 def _distance(pos: Array, quat: Array, half: Array, position: Array) -> Array:
-    """(k, B) from cars to the floor plans of their boxes; those parked below the floor are far away."""
+    """(k, B) distance from cars to the floor plans of their boxes, m; infinite for boxes parked below the floor."""
     w, z = quat[..., 0], quat[..., 3]
     cos, sin = w * w - z * z, 2 * w * z
     dx, dy = position[:, None, 0] - pos[..., 0], position[:, None, 1] - pos[..., 1]

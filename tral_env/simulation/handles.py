@@ -33,7 +33,7 @@ class CarHandles:
         self.wheel_speeds = np.array([int(model.sensor(f"{PREFIX}wheel_{wheel}_vel").adr[0]) for wheel in WHEELS])
         imu = [int(model.sensor(f"{PREFIX}imu_{kind}").adr[0]) for kind in ("gyro", "accelerometer")]
         self.imu = np.array([adr + axis for adr in imu for axis in range(3)])
-        """(6,) columns in sensordata: angular rate, then acceleration."""
+        """(6,) columns in sensordata of angular rate, then acceleration."""
         contact = int(model.sensor("collision").adr[0])
         self.contact_found, self.contact_normal = contact, slice(contact + 1, contact + 4)
         names = [[f"{PREFIX}ultrasonic_{side}_{ray:02d}" for ray in range(sonar.rays)] for side in SONARS]

@@ -24,7 +24,7 @@ _VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
 _NONE = int(mujoco.mjtStage.mjSTAGE_NONE)
 
 _UNSTABLE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
-"""Warnings about positions, velocities and accelerations that are not finite, or huge."""
+"""MuJoCo's warnings about positions, velocities and accelerations that are huge or not finite."""
 
 
 class Physics:
@@ -60,7 +60,7 @@ class Physics:
         self.frictionloss, self.sensor_interval = expand("dof_frictionloss"), expand("sensor_interval")
 
     def place(self, row: int, plan: Plan) -> None:
-        """Take over the boxes of a car's course; `reset` puts them into its model."""
+        """Keep the boxes of a car's course; `reset` puts them into its model."""
         self._local.place(row, place(plan, self._pool))
 
     def reset(self, rows: Index, plans: Sequence[Plan]) -> None:
@@ -117,7 +117,7 @@ class Physics:
         return motion
 
     def motion_at_rest(self) -> Array:
-        """(n, 6) the same of standing cars; MuJoCo's sensors have not been read before the first tick."""
+        """(n, 6) what `motion` gives for cars that stand: MuJoCo computes these sensors in a step only."""
         motion = np.zeros((len(self.time_s), len(self.handles.imu)))
         motion[:, 5] = -self.model.opt.gravity[2]
         return motion

@@ -141,7 +141,7 @@ class Simulation:
             self._place(int(row), plan, car["image_degradation"], rngs[row])
         self.car_parameters.apply(rows, cars)
         self.physics.reset(rows, plans)
-        self.truth.observe()
+        self.truth.reset(rows)
         self.actuators.reset(rows)
         self.hall_wheel.reset(rows)
         self.sonars.reset(rows)

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _DRAWS = 2 + ultrasonic.MEASURE_DRAWS
-"""Numbers for one ranging: softness of the incidence limit, crosstalk, measurement."""
+"""Number of draws for one ranging: softness of the incidence limit, crosstalk, measurement."""
 
 
 class Sonars:
@@ -62,7 +62,7 @@ class Sonars:
         self.ranging.fire(rows, sonars, self._measure(rows, sonars, physics.time_s[rows] - time_s), time_s)
 
     def _measure(self, rows: Index, sonars: Index, since_s: Array) -> Array:
-        """Ranges of the named sonars, from rays cast `since_s` ago; (k,). The rows ascend, some more than once."""
+        """Ranges (k,) of the named sonars, m, from rays that were cast `since_s` ago. Rows ascend, and may repeat."""
         config, drawn = self._config, self._parameters.drawn
         distance, normal = self._echo_points(rows, sonars, since_s)
         first = np.append(True, rows[1:] != rows[:-1])
@@ -77,7 +77,7 @@ class Sonars:
         return ultrasonic.measure(echoes[sonars, place], own[:, 2:], config, drawn["sonar_outlier_rate"][rows])
 
     def _echo_points(self, rows: Index, sonars: Index, since_s: Array) -> tuple[Array, Array]:
-        """Length of each ray (k, R), and the normal of what it hit, (k, R, 2), as the sonar looks when it fires."""
+        """Length of each ray (k, R), m, and the normal of what it hit (k, R, 2), in the sonar's frame when it fired."""
         physics, handles = self._physics, self._physics.handles
         fan = physics.sensordata[rows[:, None], handles.fans[sonars]].reshape(len(rows), self._config.rays, 4)
         yaw_rate = physics.qvel[rows, handles.root_dof + 5]

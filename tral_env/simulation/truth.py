@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from tral_env.simulation.physics import Physics
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 
 class GroundTruth:
@@ -23,8 +24,14 @@ class GroundTruth:
         self.collision = np.zeros(n, bool)
         """(n,) whether the car touches anything but the floor."""
         self.closing_speed = np.zeros(n)
-        """(n,) speed towards what it touches, a tick before, m/s."""
+        """(n,) speed towards what the car touches, a tick before, m/s; 0 where it touches nothing."""
         self._velocity = np.zeros((n, 2))
+
+    def reset(self, rows: Index) -> None:
+        """Read where cars (k,) stand; they touch nothing."""
+        self.observe()
+        self.collision[rows] = False
+        self.closing_speed[rows] = 0.0
 
     def observe(self) -> None:
         """Read pose and speed from the state."""
@@ -38,7 +45,7 @@ class GroundTruth:
         self.speed[:] = self._velocity[:, 0] * np.cos(yaw) + self._velocity[:, 1] * np.sin(yaw)
 
     def update(self) -> None:
-        """Read all after a step; a car closes in with the velocity that it had before."""
+        """Read all after a step; a car closes in with the velocity that it had before the step."""
         before = self._velocity.copy()
         self.observe()
         sensordata, handles = self._physics.sensordata, self._physics.handles

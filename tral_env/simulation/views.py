@@ -1,4 +1,4 @@
-"""Pictures of the simulation for people: from behind, from above, through the car's own camera."""
+"""Pictures of the simulation from behind, from above, and through the car's own camera."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Views:
         """OpenGL is opened with the first picture."""
         self._renderer = SceneRenderer(offsamples=0)
         self._sim: Simulation | None = None
-        self._stage: RenderScene | None = None
+        self._scene: RenderScene | None = None
 
     def render(self, sim: Simulation, view: str, row: int, width: int, height: int) -> NDArray[np.uint8]:
         """Picture of a car.
@@ -42,9 +42,9 @@ class Views:
         """
         if view not in VIEWS:
             raise ConfigError(f"unknown view '{view}': {nearest(view, VIEWS)}")
-        if self._stage is None or sim is not self._sim:
-            self._sim, self._stage = sim, RenderScene(sim.pool)
-        model, data = self._stage.show(sim.plan(row), sim.qpos[row])
+        if self._scene is None or sim is not self._sim:
+            self._sim, self._scene = sim, RenderScene(sim.pool)
+        model, data = self._scene.show(sim.plan(row), sim.qpos[row])
         return self._renderer.render(model, data, VIEWS[view], width, height)
 
     def close(self) -> None:

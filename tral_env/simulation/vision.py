@@ -1,4 +1,4 @@
-"""The eyes of n cars: what their cameras see of gates and markers, projected or rendered."""
+"""The vision of n cars: what their cameras see of gates and markers, projected or rendered."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Index = NDArray[np.int64]
 
 
 class Vision(Protocol):
-    """A way to see."""
+    """How cars see: what their cameras show of gates and markers."""
 
     def place(self, row: int, plan: Plan, degradation: float, seed: int) -> None:
         """Put a course around a car.
@@ -70,12 +70,12 @@ class ProjectedVision:
 
     def see(self, rows: Index, pose: Array, qpos: Array, mounting: Array) -> Detection:
         """See `Vision`."""
-        sighting = Detection.nothing(len(rows))
+        detection = Detection.nothing(len(rows))
         # Rows without markers draw no noise, whether they are alone or among others.
         some = np.flatnonzero(self._markers[rows])
         if len(some):
-            sighting.put(some, self._see(rows[some], pose[some], mounting[some]))
-        return sighting
+            detection.put(some, self._see(rows[some], pose[some], mounting[some]))
+        return detection
 
     def _see(self, rows: Index, pose: Array, mounting: Array) -> Detection:
         normal = self._noise.normal(rows, NOISE_PLACES * NORMALS).reshape(-1, NOISE_PLACES, NORMALS)
@@ -101,13 +101,13 @@ class Webcam:
     """The images that n cars' cameras take: through the lens, mounted askew, degraded as a webcam does."""
 
     def __init__(self, n: int, pool: Pool, lens: CameraConfig, corruption: ImageCorruption | None = None) -> None:
-        """OpenGL is opened with the first image; `corruption`: how much of each fault a level brings."""
-        self._stage = RenderScene(pool)
+        """OpenGL is opened with the first image; `corruption` is how much of each fault a level brings."""
+        self._scene = RenderScene(pool)
         self._plans: list[Plan | None] = [None] * n
         self._rngs = [np.random.default_rng(0) for _ in range(n)]
         self._degradation = np.zeros(n)
         self._camera = OnboardCamera(lens)
-        self._law = corruption
+        self._corruption = corruption
 
     def place(self, row: int, plan: Plan, degradation: float, seed: int) -> None:
         """See `Vision`."""
@@ -128,8 +128,8 @@ class Webcam:
         plan = self._plans[row]
         assert plan is not None, "a car looks around after its course was placed"
         roll, pitch, yaw = (float(angle) for angle in mounting)
-        image = self._camera.capture(*self._stage.show(plan, qpos), (roll, pitch, yaw))
-        return degrade(image, float(self._degradation[row]), self._rngs[row], self._law)
+        image = self._camera.capture(*self._scene.show(plan, qpos), (roll, pitch, yaw))
+        return degrade(image, float(self._degradation[row]), self._rngs[row], self._corruption)
 
     def close(self) -> None:
         """Free the OpenGL context."""
@@ -142,7 +142,7 @@ class RenderedVision:
     def __init__(
         self, n: int, pool: Pool, lens: CameraConfig, car: CarConfig, corruption: ImageCorruption | None = None
     ) -> None:
-        """OpenGL is opened with the first image; `corruption`: how much of each fault a level brings."""
+        """OpenGL is opened with the first image; `corruption` is how much of each fault a level brings."""
         self._webcam = Webcam(n, pool, lens, corruption)
         self._detector = Detector()
         self._lens, self._car = lens, car

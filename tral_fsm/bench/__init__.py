@@ -1,1 +1,1 @@
-"""How fast things are: measurements that `tral bench` and the scripts of benchmarks/ share."""
+"""Measurements of speed, for `tral bench` and the scripts of benchmarks/."""

@@ -1,4 +1,4 @@
-"""What a result depends on besides the question: the computer and the versions."""
+"""The computer and the versions on which a result depends."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _PACKAGES = ("tral-env", "mujoco", "gymnasium", "numpy", "opencv-python-headless
 
 
 def host() -> dict[str, Any]:
-    """CPU, cores, system, versions, and the commit of the checkout if there is one."""
+    """CPU, cores, system, versions, and commit; None for the commit outside a checkout."""
     return {
         "cpu": _cpu(),
         "cores": os.cpu_count(),
@@ -25,7 +25,7 @@ def host() -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that decide a drive."""
+    """Versions of Python and of the packages on which a drive depends."""
     python = ".".join(str(part) for part in sys.version_info[:3])
     return {"python": python, **{name: metadata.version(name) for name in _PACKAGES}}
 
@@ -41,7 +41,7 @@ def _cpu() -> str:
 
 def _commit() -> str | None:
     root = Path(__file__).parents[2]
-    if not (root / ".git").exists():  # installed: a repository around it is another's
+    if not (root / ".git").exists():  # an installed package is not in its own repository
         return None
     done = subprocess.run(
         ["git", "describe", "--always", "--dirty"],

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 
 def speed_figure(result: dict[str, Any]) -> Figure:
-    """Bars of steps a second, one a contestant, on a logarithmic axis."""
+    """Figure with a bar of steps per second for each contestant, on a logarithmic axis."""
     rows = result["contestants"][::-1]
     figure = Figure(figsize=(8, 0.34 * len(rows) + 1.2), layout="constrained")
     axes = figure.subplots()

@@ -1,4 +1,4 @@
-"""Cost of a larger course: the same cars in corridors with more and more walls."""
+"""Cost of larger courses: the same cars in corridors with more and more walls."""
 
 from __future__ import annotations
 
@@ -15,21 +15,22 @@ from tral_env.course.layout import Course, Door, Segment
 from tral_env.world import CorridorConfig, World
 
 DOORS = (0, 4, 49)
-"""Doors on each side of a straight corridor, 2.5 m apart: 4, 36 and about 400 boxes."""
+"""Numbers of doors on each side of a straight corridor, 2.5 m apart: 4, 36 and about 400 boxes."""
 _VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
 
 
 def corridor(doors: int) -> Course:
-    """A straight corridor with that many doors on each side."""
+    """A straight corridor with a number of doors on each side."""
     placed = tuple(Door(side=side, at=4.0 + 2.5 * i) for i in range(doors) for side in ("left", "right"))
     return Course(name=f"{doors} doors", segments=(Segment(length=max(20.0, 8.0 + 2.5 * doors), doors=placed),))
 
 
 def size_cost(rows: int = 64, ticks: int = 40, rounds: int = 3) -> list[dict[str, Any]]:
-    """Cost of a step against the number of boxes, on one thread.
+    """Cost of a step over the number of boxes, on one thread.
 
     Returns:
-        For each course: ``boxes``; ``step_us`` of the corridor and ``bare_us`` of `Batch.step`, a car and control step.
+        For each course ``boxes``, and the time of a control step of a car, us: ``step_us`` in the corridor,
+        ``bare_us`` of `Batch.step` alone.
     """
     fields: list[tuple[int, World, list[float], list[float]]] = []
     for doors in DOORS:

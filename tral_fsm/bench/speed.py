@@ -1,8 +1,8 @@
-"""Steps a second, side by side in one run.
+"""Steps per second of several environments, side by side in one run.
 
-A step is one control period of 12.5 ms of one car. Contestants take turns, round by round, so that a machine that
-slows down slows them all; each figure is the median over the rounds. Warm-up lies outside the clock, and steps in
-which an environment only resets are not counted.
+A step is one control period of 12.5 ms of one car. Contestants take turns, round by round, so that a computer that
+slows down slows them all; each figure is the median over the rounds. The warm-up lies outside the clock, and a step in
+which an environment only resets does not count.
 """
 
 from __future__ import annotations
@@ -35,29 +35,29 @@ _VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
-    """What is measured, and for how long."""
+class SpeedPlan:
+    """What to measure, and for how long."""
 
     scenario: str = "corners"
-    """Courses that are driven."""
+    """Family of the courses."""
     rows: tuple[int, ...] = (1, 16, 64, 256, 1024)
-    """Sizes of the native vector environment."""
+    """Numbers of rows of the native vector environment."""
     threads: tuple[int, ...] = (1, 2)
     rivals: int = 16
-    """Environments in Gymnasium's own vector environments."""
+    """Number of environments in Gymnasium's own vector environments."""
     landmarks: tuple[str, ...] = ("Ant-v5", "HalfCheetah-v5")
-    """Well-known environments; their steps are of their own length."""
+    """Well-known environments, whose steps have their own length."""
     rounds: int = 3
     seconds: float = 1.0
-    """Of one contestant in one round."""
+    """Time of a contestant in a round, s."""
     camera: bool = True
-    """Whether the rendered camera is measured too."""
+    """Whether to measure the rendered camera too."""
     sizes: bool = True
-    """Whether the cost of larger courses is measured too."""
+    """Whether to measure the cost of larger courses too."""
 
 
-QUICK = Plan(rows=(1, 256), threads=(2,), landmarks=("HalfCheetah-v5",), rounds=2, seconds=0.6, sizes=False)
-"""Under a minute."""
+QUICK = SpeedPlan(rows=(1, 256), threads=(2,), landmarks=("HalfCheetah-v5",), rounds=2, seconds=0.6, sizes=False)
+"""A plan of less than a minute."""
 
 
 @dataclass(kw_only=True)
@@ -66,16 +66,17 @@ class Contestant:
 
     name: str
     step: Callable[[], int]
-    """Drives on; gives the steps that count."""
+    """Function that steps once, and returns the number of steps that count."""
     step_s: float = CONTROL_PERIOD_S
-    """Simulated time of a step."""
+    """Simulated time of a step, s."""
     close: Callable[[], None] = lambda: None
     wall: list[float] = field(default_factory=list)
+    """Steps per second of wall time, in each round."""
     cpu: list[float] = field(default_factory=list)
-    """Steps a second in each round, of wall time and of this process's CPU time."""
+    """Steps per second of this process's CPU time, in each round."""
 
     def run(self, seconds: float) -> None:
-        """One round."""
+        """Run one round."""
         steps, wall, cpu = 0, time.perf_counter(), time.process_time()
         while time.perf_counter() - wall < seconds:
             steps += self.step()
@@ -83,7 +84,7 @@ class Contestant:
         self.cpu.append(steps / max(time.process_time() - cpu, 1e-9))
 
     def record(self) -> dict[str, float | str]:
-        """Medians: steps/s, simulated s per wall s, per CPU s of this process."""
+        """Medians: steps per second; simulated seconds per second of wall time, and of this process's CPU time."""
         wall, cpu = statistics.median(self.wall), statistics.median(self.cpu)
         return {
             "name": self.name,
@@ -99,7 +100,7 @@ def commands(n: int, rng: np.random.Generator) -> NDArray[np.float32]:
 
 
 def native(scenario: str, rows: int, threads: int) -> Contestant:
-    """The native vector environment, resets included."""
+    """The native vector environment with its resets."""
     env = TralCorridorVectorEnv(rows, autoreset_mode="SameStep", nthread=threads, scenario=scenario)
     env.reset(seed=0)
     rng = np.random.default_rng(0)
@@ -112,12 +113,12 @@ def native(scenario: str, rows: int, threads: int) -> Contestant:
 
 
 RECORDED_TICKS = 160
-"""Ticks that are recorded, 2 s: the cars have reached their speed, and few of them a wall."""
+"""Number of recorded ticks, 2 s: the cars have reached their speed, and few of them a wall."""
 
 
 @lru_cache(maxsize=8)
 def recording(scenario: str, rows: int) -> list[dict[str, NDArray[np.float64]]]:
-    """What the native environment writes into its batch in each of its first ticks."""
+    """Arrays that the native environment writes into its batch in each of its first ticks."""
     env = TralCorridorVectorEnv(rows, scenario=scenario)
     env.reset(seed=0)
     rng, batch = np.random.default_rng(0), env.world.sim.batch
@@ -131,7 +132,7 @@ def recording(scenario: str, rows: int) -> list[dict[str, NDArray[np.float64]]]:
 
 
 def bare_batch(scenario: str, rows: int, threads: int) -> Contestant:
-    """`Batch.step` through the very drives of the native environment: no readings, rewards or resets."""
+    """`Batch.step` through the same drives as the native environment, without readings, rewards and resets."""
     ticks = recording(scenario, rows)
     env = TralCorridorVectorEnv(rows, nthread=threads, scenario=scenario)
     env.reset(seed=0)
@@ -201,8 +202,8 @@ def rival(scenario: str, rows: int, mode: str) -> Contestant:
     return Contestant(name=f"{mode}, {rows} environments", step=step, close=env.close)
 
 
-def contestants(plan: Plan) -> Iterator[Contestant]:
-    """Everything that takes part."""
+def contestants(plan: SpeedPlan) -> Iterator[Contestant]:
+    """All contestants."""
     yield bare_loop(plan.scenario)
     yield single(ENV_ID, "single env", scenario=plan.scenario)
     yield rival(plan.scenario, plan.rivals, "sync")
@@ -216,23 +217,23 @@ def contestants(plan: Plan) -> Iterator[Contestant]:
     for name in plan.landmarks:
         try:
             landmark = gym.make(name)
-        except ImportError:  # Gymnasium's MuJoCo environments want imageio
+        except ImportError:  # the MuJoCo environments of Gymnasium need imageio
             continue
         step_s = float(landmark.get_wrapper_attr("dt"))
         landmark.close()
         yield single(name, name, step_s)
 
 
-def measure(plan: Plan, on_round: Callable[[str], None] = lambda name: None) -> dict[str, Any]:
-    """Run everything.
+def measure(plan: SpeedPlan, on_round: Callable[[str], None] = lambda name: None) -> dict[str, Any]:
+    """Measure all contestants.
 
     Args:
-        plan: what and how long.
-        on_round: told the name of each contestant when its turn comes.
+        plan: what to measure, and for how long.
+        on_round: called with the name of each contestant when its turn comes.
 
     Returns:
-        ``host``, ``plan``; ``contestants``: records; ``ratios`` by name; ``reset_ms_per_row`` with a new course of the
-        family ``reset_scenario``, ``reset_ms_per_row_kept`` with one built before; ``startup``, ``camera``,
+        ``host``, ``plan``; ``contestants`` with their records; ``ratios`` by name; ``reset_ms_per_row`` with a new
+        course of the family ``reset_scenario``, ``reset_ms_per_row_kept`` with a kept one; ``startup``, ``camera``,
         ``course_size``.
     """
     field_ = list(contestants(plan))
@@ -261,7 +262,7 @@ def measure(plan: Plan, on_round: Callable[[str], None] = lambda name: None) -> 
 
 
 def ratios(field_: list[Contestant]) -> dict[str, float]:
-    """Round by round ratios of those that take part, their medians."""
+    """Medians of the ratios of two contestants, round by round."""
     by_name = {contestant.name: contestant for contestant in field_}
 
     def ratio(one: str, other: str) -> float | None:
@@ -283,7 +284,7 @@ def ratios(field_: list[Contestant]) -> dict[str, float]:
 
 
 KEPT = 8
-"""Courses that are kept where such resets are timed. Source: choice; built once, their number does not matter."""
+"""Number of kept courses in the timing of resets. Source: choice; their number does not matter once they are built."""
 
 
 def reset_cost(scenario: str, rows: int = 64, courses: int | None = None) -> float:
@@ -291,8 +292,8 @@ def reset_cost(scenario: str, rows: int = 64, courses: int | None = None) -> flo
 
     Args:
         scenario: family of the courses.
-        rows: cars that are reset together.
-        courses: None: each on a course that is built for it; else on one of so many that were built before.
+        rows: number of cars that are reset together.
+        courses: number of kept courses; None: each reset builds a course.
     """
     env = TralCorridorVectorEnv(rows, scenario=scenario, courses=courses)
     env.reset(seed=0)
@@ -308,11 +309,11 @@ def reset_cost(scenario: str, rows: int = 64, courses: int | None = None) -> flo
 
 
 _ONE_GATE = {"name": "gate", "segments": [{"length": 8.0, "width": 2.4, "gates": [{"id": 0, "at": 4.0}]}]}
-"""The car starts at 1 m: both markers are in view."""
+"""A course with one gate; the car starts at 1 m and sees both markers."""
 
 
 def camera_cost(frames: int = 20) -> dict[str, float] | str:
-    """Cost of a frame that shows a gate in the environment, and of rendering, detecting and placing it alone, ms."""
+    """Time of a frame with a gate in the environment, and of rendering, detection and pose alone, ms."""
     from tral_env.env import TralCorridorEnv
     from tral_env.errors import RenderError
     from tral_env.perception.aruco import Detector, marker_poses

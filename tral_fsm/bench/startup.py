@@ -1,4 +1,4 @@
-"""Cost of a start, measured in fresh interpreters: seconds to import and to make, memory of a row."""
+"""Cost of a start, measured in new interpreters: time to import and to make an environment, memory of a row."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ except OSError:  # elsewhere than on Linux, where the peak would be that of the 
 print(json.dumps({"mb": kilobytes / 1024}))
 """
 _ROWS, _MORE_ROWS = 16, 272
-"""Sizes of the two environments whose memory is compared."""
+"""Numbers of rows of the two environments whose memory is compared."""
 
 
 def startup_cost(scenario: str) -> dict[str, float]:
-    """Measure it.
+    """Measure the cost of a start.
 
     Returns:
-        ``import_s``: importing tral_env; ``make_and_reset_s``: `gym.make` and the first reset, imports included;
+        ``import_s`` of tral_env; ``make_and_reset_s`` of `gym.make` and the first reset with their imports;
         ``memory_mb_per_row`` of the native vector environment.
     """
     few, many = (_run(_MEMORY, scenario, str(rows))["mb"] for rows in (_ROWS, _MORE_ROWS))

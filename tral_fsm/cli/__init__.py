@@ -1,6 +1,6 @@
 """The `tral` command: drive, courses, fsm, tune, calibrate, print, doctor, bench.
 
-One file a subcommand; what is heavy is imported when needed.
+Each subcommand has a file; heavy modules are imported when a command needs them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_show_locals=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-    epilog="Exit codes: 0 all is well, 1 an episode failed or a file is bad, 2 bad usage, 3 something is lacking.",
+    epilog="Exit codes: 0 success, 1 an episode failed or a file is bad, 2 bad usage, 3 the computer lacks something.",
 )
 app.command("drive")(drive_command)
 app.command("courses")(courses_command)
@@ -48,7 +48,7 @@ def _show_version(wanted: bool) -> None:
 @app.callback()
 def main(
     version: Annotated[
-        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and leave.")
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
     ] = False,
 ) -> None:
-    """Small Ackermann cars in corridors: drive them, look at courses, tune controllers, calibrate cameras."""
+    """Small Ackermann cars in corridors: drive them, look at courses, tune machines, calibrate cameras."""

@@ -1,4 +1,4 @@
-"""`tral bench`: how fast things are on this machine."""
+"""`tral bench`: how fast the simulation is on this computer."""
 
 from __future__ import annotations
 
@@ -8,36 +8,37 @@ from typing import Annotated, Any
 
 import typer
 
-from tral_fsm.cli.console import check_name, print_figures
-from tral_fsm.cli.files import prepare_folder, write_json
+from tral_fsm.evaluation.choices import check_families
+from tral_fsm.evaluation.results import prepare_folder, print_figures, write_json
 
-app = typer.Typer(no_args_is_help=True, help="Measure how fast things are on this machine.")
+app = typer.Typer(no_args_is_help=True, help="Measure how fast the simulation is on this computer.")
 
 
 @app.callback()
 def main() -> None:
-    """Measure how fast things are on this machine."""
+    """Measure how fast the simulation is on this computer."""
 
 
 @app.command("speed")
 def speed(
-    quick: Annotated[bool, typer.Option(help="Fewer contestants, under a minute.")] = False,
-    scenario: Annotated[str, typer.Option(help="Courses that are driven.")] = "corners",
-    out: Annotated[Path | None, typer.Option(file_okay=False, help="Folder for speed.json and speed.png.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout and nothing else.")] = False,
+    quick: Annotated[bool, typer.Option(help="Measure fewer contestants, in less than a minute.")] = False,
+    scenario: Annotated[str, typer.Option(help="Family of the courses.")] = "corners",
+    out: Annotated[
+        Path | None, typer.Option(file_okay=False, help="Folder of speed.json and speed.png; without it no files.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Steps a second: single and vector environments beside bare MuJoCo and Gymnasium's own."""
+    """Measure steps per second: single and vector environments beside bare MuJoCo and those of Gymnasium."""
     from dataclasses import replace
 
     from rich.console import Console
 
-    from tral_env.course.generate import SCENARIOS
-    from tral_fsm.bench.speed import QUICK, Plan, measure
+    from tral_fsm.bench.speed import QUICK, SpeedPlan, measure
 
-    check_name("scenario", scenario, SCENARIOS)
+    check_families([scenario])
     if out is not None:
         prepare_folder(out)
-    plan = replace(QUICK if quick else Plan(), scenario=scenario)
+    plan = replace(QUICK if quick else SpeedPlan(), scenario=scenario)
     with Console(stderr=True).status("measuring") as status:
         result = measure(plan, on_round=lambda name: status.update(f"measuring {name}"))
     if out is not None:

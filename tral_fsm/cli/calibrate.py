@@ -1,4 +1,4 @@
-"""`tral calibrate`: the lens of a camera from images of a printed board, or of the simulated camera."""
+"""`tral calibrate`: the lens of a real camera from images of a printed board, or that of the simulated camera."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from tral_env.errors import ConfigError
-from tral_fsm.cli.console import FAILED, versions
-from tral_fsm.cli.files import prepare_folder, write_json
+from tral_fsm.bench.host import versions
+from tral_fsm.cli.console import FAILED
+from tral_fsm.evaluation.results import prepare_folder, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,12 +31,12 @@ if TYPE_CHECKING:
 BoardKind = Literal["charuco", "chessboard"]
 
 GOOD, POOR = "camera_info.yaml", "poor_camera_info.yaml"
-"""A poor calibration never replaces a good one."""
+"""Files of a good and of a poor calibration: a poor one never replaces a good one."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Calibrating:
-    """What was asked for."""
+class CalibrateArguments:
+    """Options of `tral calibrate` but for the board and the folder, as the file of the calibration tells them."""
 
     sources: tuple[str, ...]
     simulated: bool
@@ -52,10 +53,10 @@ class Calibrating:
 def make_board(
     kind: BoardKind, columns: int | None, rows: int | None, square_mm: float | None, marker_mm: float | None
 ) -> Board:
-    """The board that the options describe; what they leave out is that of `tral print board`.
+    """The board that the options describe; an option that is None is that of `tral print board`.
 
     Raises:
-        ConfigError: there is no such board.
+        ConfigError: the options describe no board.
     """
     from tral_env.calibration.boards import printed_board
 
@@ -67,31 +68,39 @@ def command(
         list[str] | None,
         typer.Argument(help="Images, folders, patterns, videos, or a camera such as /dev/video0.", show_default=False),
     ] = None,
-    simulated: Annotated[bool, typer.Option("--simulated", help="Move a board before the simulated camera.")] = False,
-    lens: Annotated[str, typer.Option(help="Of the simulated camera: default, wide, or a camera_info file.")] = "wide",
-    shots: Annotated[int, typer.Option(min=1, help="Images of the simulated camera.")] = 40,
-    seed: Annotated[int, typer.Option(min=0, help="Of the simulated board's poses.")] = 0,
-    board: Annotated[BoardKind, typer.Option(help="What is shown.")] = "charuco",
-    columns: Annotated[int | None, typer.Option(min=3, help="Squares in a row: 7, on a chessboard 10.")] = None,
-    rows: Annotated[int | None, typer.Option(min=3, help="Squares in a column: 5, on a chessboard 7.")] = None,
-    square_mm: Annotated[float | None, typer.Option(help="Edge of a square: 36, on a chessboard 25.")] = None,
-    marker_mm: Annotated[float | None, typer.Option(help="Edge of a charuco marker: 7/9 of a square.")] = None,
-    every: Annotated[int, typer.Option(min=1, help="Of a video or camera, look at one in so many frames.")] = 5,
-    max_views: Annotated[int, typer.Option(min=4, help="Stop looking when so many views are of use.")] = 60,
-    radial: Annotated[int, typer.Option(min=1, max=3, help="Terms of radial distortion; 3 beyond 100 degrees.")] = 2,
-    name: Annotated[str, typer.Option(help="Of the camera, for the file.")] = "camera",
-    keep_images: Annotated[bool, typer.Option("--keep-images", help="Save what was looked at as images.")] = False,
+    simulated: Annotated[
+        bool, typer.Option("--simulated", help="Look at a board that moves before the simulated camera.")
+    ] = False,
+    lens: Annotated[
+        str, typer.Option(help="Lens of the simulated camera: default, wide, or a camera_info file.")
+    ] = "wide",
+    shots: Annotated[int, typer.Option(min=1, help="Number of images of the simulated camera.")] = 40,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated board's poses.")] = 0,
+    board: Annotated[BoardKind, typer.Option(help="Kind of the board.")] = "charuco",
+    columns: Annotated[int | None, typer.Option(min=3, help="Squares in a row; default: 7, chessboard: 10.")] = None,
+    rows: Annotated[int | None, typer.Option(min=3, help="Squares in a column; default: 5, chessboard: 7.")] = None,
+    square_mm: Annotated[float | None, typer.Option(help="Edge of a square, mm; default: 36, chessboard: 25.")] = None,
+    marker_mm: Annotated[
+        float | None, typer.Option(help="Edge of a charuco marker, mm; default: 7/9 of a square.")
+    ] = None,
+    every: Annotated[int, typer.Option(min=1, help="Of a video or a camera, look at one in this many frames.")] = 5,
+    max_views: Annotated[int, typer.Option(min=4, help="Stop after this many usable views.")] = 60,
+    radial: Annotated[
+        int, typer.Option(min=1, max=3, help="Number of radial distortion terms; 3 for lenses wider than 100 degrees.")
+    ] = 2,
+    name: Annotated[str, typer.Option(help="Name of the camera in the file.")] = "camera",
+    keep_images: Annotated[bool, typer.Option("--keep-images", help="Save every image that was looked at.")] = False,
     out: Annotated[Path, typer.Option(file_okay=False, help="Folder of the files.")] = Path("runs/calibrate"),
     as_json: Annotated[
-        bool, typer.Option("--json", help="Write calibration.json to stdout too, and nothing else.")
+        bool, typer.Option("--json", help="Print calibration.json and nothing else; the files are written too.")
     ] = False,
 ) -> None:
     """Find the lens of a camera.
 
-    Writes camera_info.yaml (read wherever a lens is named; a poor calibration is called poor_camera_info.yaml),
-    calibration.json and coverage.png. The exit code is 0 if the calibration is good, 1 if it is poor.
+    The command writes camera_info.yaml, calibration.json and coverage.png. Every --lens reads camera_info.yaml; a poor
+    calibration goes to poor_camera_info.yaml instead. The exit code is 0 for a good calibration, else 1.
     """
-    asked = Calibrating(
+    asked = CalibrateArguments(
         sources=tuple(sources or ()),
         simulated=simulated,
         lens=lens,
@@ -110,12 +119,12 @@ def command(
         raise typer.Exit(FAILED)
 
 
-def run(asked: Calibrating, board: Board, out: Path, *, quiet: bool) -> dict[str, Any]:
-    """Look at all images, fit, and write the files.
+def run(asked: CalibrateArguments, board: Board, out: Path, *, quiet: bool) -> dict[str, Any]:
+    """Look at all images, fit the lens, and write the files.
 
     Args:
-        asked: what to look at.
-        board: what is shown.
+        asked: the options.
+        board: the board in the images.
         out: folder of the files.
         quiet: print nothing.
 
@@ -123,9 +132,9 @@ def run(asked: Calibrating, board: Board, out: Path, *, quiet: bool) -> dict[str
         The content of calibration.json.
 
     Raises:
-        ConfigError: nothing to look at, or a folder that cannot be written.
+        ConfigError: there are no images, or the folder cannot be written.
         CalibrationError: too few images show the board.
-        RenderError: no OpenGL for the simulated camera.
+        RenderError: the simulated camera finds no OpenGL.
     """
     from tral_env.calibration.camera_info import load_lens
     from tral_env.calibration.solve import calibrate_collection
@@ -147,8 +156,8 @@ def run(asked: Calibrating, board: Board, out: Path, *, quiet: bool) -> dict[str
     return report
 
 
-def _frames(asked: Calibrating, board: Board, truth: CameraConfig | None) -> tuple[Any, int | None]:
-    """The images, and how many there are, if that is known."""
+def _frames(asked: CalibrateArguments, board: Board, truth: CameraConfig | None) -> tuple[Any, int | None]:
+    """The images, and their number where that is known."""
     from tral_env.calibration.image_sources import IMAGES, find_sources, read_images
 
     if truth is None:
@@ -168,9 +177,9 @@ def _frames(asked: Calibrating, board: Board, truth: CameraConfig | None) -> tup
 
 
 def _look(
-    images: Frames, collection: Collection, asked: Calibrating, out: Path, total: int | None, *, quiet: bool
+    images: Frames, collection: Collection, asked: CalibrateArguments, out: Path, total: int | None, *, quiet: bool
 ) -> None:
-    """Show every image to the collection, until there are enough or somebody says so."""
+    """Add images to the collection until it has enough views, or Ctrl-C ends a camera."""
     from tral_fsm.cli.calibrate_show import LiveCoverage
 
     live = any(source.startswith("/dev/") for source in asked.sources)
@@ -183,7 +192,7 @@ def _look(
                 if len(collection.views) >= asked.max_views:
                     break
         except KeyboardInterrupt:
-            # Ctrl-C is the natural end of a camera.
+            # Ctrl-C is the usual end of a camera.
             if not live:
                 raise
 
@@ -193,7 +202,7 @@ def _looked_at(collection: Collection) -> int:
 
 
 def _keep(folder: Path, number: int, name: str, image: NDArray[np.uint8]) -> None:
-    """Save an image under its number, since folders may hold images of one name."""
+    """Save an image under its number: two folders may hold images of the same name."""
     import cv2
 
     prepare_folder(folder)
@@ -204,7 +213,7 @@ def _keep(folder: Path, number: int, name: str, image: NDArray[np.uint8]) -> Non
 
 
 def _write(
-    result: Calibration, truth: CameraConfig | None, asked: Calibrating, board: Board, out: Path
+    result: Calibration, truth: CameraConfig | None, asked: CalibrateArguments, board: Board, out: Path
 ) -> dict[str, Any]:
     from tral_env.calibration.camera_info import write_camera_info
     from tral_env.calibration.record import calibration_record

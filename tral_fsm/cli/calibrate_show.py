@@ -1,4 +1,4 @@
-"""What the terminal shows of a calibration: the coverage while it grows, on stderr; the result, on stdout."""
+"""The terminal's view of a calibration: the growing coverage on stderr, the result on stdout."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from rich.text import Text
 from tral_env.calibration.record import difference_px, parameters
 from tral_env.calibration.solve import uncovered
 from tral_env.calibration.views import Collection, Rejected, View
-from tral_fsm.cli.console import print_figures
+from tral_fsm.evaluation.results import print_figures
 
 if TYPE_CHECKING:
     from tral_env.calibration.solve import Calibration
     from tral_env.config import CameraConfig
 
 _MAX_WORST = 5
-"""Views that are listed; calibration.json lists all."""
+"""Number of bad views that the terminal lists; calibration.json lists all."""
 _MAX_NAMED = 3
-"""Images that are named for each reason of rejection."""
+"""Number of images that are named for each reason of rejection."""
 
 
 class LiveCoverage:
-    """The coverage map of a collection, drawn anew with each image."""
+    """The coverage map of a collection; each image redraws it."""
 
     def __init__(self, collection: Collection, total: int | None, *, live: bool = False, quiet: bool = False) -> None:
-        """Not yet on the screen.
+        """Prepare the map; entering the context shows it.
 
         Args:
-            collection: what grows.
-            total: images to come, if that is known.
-            live: they come from a camera, until somebody stops it.
+            collection: the views so far.
+            total: number of images to come, if that is known.
+            live: whether the images come from a camera, which Ctrl-C stops.
             quiet: show nothing.
         """
         self._collection, self._total, self._live = collection, total, live
@@ -44,7 +44,7 @@ class LiveCoverage:
         self._last = ""
 
     def __call__(self, seen: View | Rejected) -> None:
-        """Show what became of an image."""
+        """Show the result of an image."""
         self._last = f"{seen.name}: "
         self._last += f"{len(seen.ids)} corners" if isinstance(seen, View) else f"{seen.reason}, {seen.detail}"
         self._screen.update(self._picture())
@@ -63,19 +63,19 @@ class LiveCoverage:
         )
 
     def __enter__(self) -> LiveCoverage:
-        """Put it on the screen."""
+        """Show the map."""
         self._screen.start()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, tb: TracebackType | None) -> None:
-        """Leave the last one there."""
+        """Stop; the last map stays on the screen."""
         self._screen.stop()
         if not self._screen.console.is_terminal:
             self._screen.console.line()  # in a file it would run into what follows
 
 
 def coverage_table(counts: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -> Table:
-    """Corners in each cell of the image, as the camera sees it."""
+    """Number of corners in each cell of the image."""
     table = Table(box=box.SQUARE, show_header=False, show_lines=True, padding=(0, 0), title_justify="left")
     for _ in range(counts.shape[1]):
         table.add_column(justify="center", width=5)
@@ -95,7 +95,7 @@ def print_calibration(result: Calibration, truth: CameraConfig | None = None) ->
 
     Args:
         result: the calibration.
-        truth: the lens that it should have found, if that is known.
+        truth: the true lens, where that is known.
     """
     print_figures(_parameter_table(result, truth))
     console = Console(highlight=False, soft_wrap=True)

@@ -1,4 +1,4 @@
-"""`tral courses`: the families of courses, drawn or as files."""
+"""`tral courses`: the families of courses, as a list, as pictures or as course files."""
 
 from __future__ import annotations
 
@@ -8,28 +8,28 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tral_env.errors import ConfigError
-from tral_fsm.cli.console import check_name
-from tral_fsm.cli.files import prepare_folder
+from tral_fsm.evaluation.choices import check_families
+from tral_fsm.evaluation.results import prepare_folder
 
 if TYPE_CHECKING:
     from tral_env.course.layout import Course
 
 
 def command(
-    scenario: Annotated[str | None, typer.Option(help="One family; without it, all.")] = None,
+    scenario: Annotated[str | None, typer.Option(help="Family of courses; default: all.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the course.")] = 0,
     out: Annotated[
-        Path | None, typer.Option(dir_okay=False, help="Draw into this .png, or write the course into this .json.")
+        Path | None, typer.Option(dir_okay=False, help="Draw the course into this .png, or write it into this .json.")
     ] = None,
 ) -> None:
-    """List the families of courses; draw a seeded one, or a sheet of all; write one as a course file.
+    """List the families of courses, draw courses, or write a course file.
 
-    The seed gives the same course as it gives to `tral drive`.
+    A seed gives the same course here as in `tral drive`.
     """
     from tral_env.course.generate import SCENARIOS
 
     if scenario is not None:
-        check_name("scenario", scenario, SCENARIOS)
+        check_families([scenario])
     if out is None:
         _list({scenario: SCENARIOS[scenario]} if scenario else dict(SCENARIOS))
         return
@@ -72,5 +72,5 @@ def seeded_course(scenario: str, seed: int) -> Course:
 
     from tral_env.course.generate import generate
 
-    # The env draws its course first from this very generator.
+    # The env draws its course from this generator before it draws anything else.
     return generate(scenario, seeding.np_random(seed)[0])

@@ -1,4 +1,4 @@
-"""`tral doctor`: what is installed, what works, and what to do about the rest."""
+"""`tral doctor`: which parts of this computer work, and the remedy for each that does not."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ EXTRAS = {"rl": ("torch", "stable-baselines3"), "car": ("smbus2",), "tune": ("op
 """Extra of the distribution -> packages that it brings."""
 _PROBE_TIMEOUT_S = 60.0
 _MAX_LENGTH = 100
-"""Characters of a message that are shown."""
+"""Number of characters of a message that are shown."""
 
 _NO_OPENGL = (
     "install OpenGL that needs no screen (Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri), "
@@ -62,21 +62,23 @@ with mujoco.Renderer(model, 480, 640) as renderer:
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One thing that was looked at."""
+    """The result of one check."""
 
     topic: str
     name: str
     ok: bool
     needed: bool
-    """Without it the core does not work."""
+    """Whether the core needs it."""
     detail: str
     remedy: str = ""
 
 
-def command(as_json: Annotated[bool, typer.Option("--json", help="Findings as JSON.")] = False) -> None:
-    """Check this machine: packages, OpenGL, encoder, extras, each with its remedy.
+def command(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON and nothing else.")] = False,
+) -> None:
+    """Check this computer: packages, OpenGL, video encoder and extras, each with its remedy.
 
-    The exit code is 0 if the core works (driving with projected markers), else 3.
+    The exit code is 0 if the core works, which is driving with projected markers, else 3.
     """
     findings = examine()
     core = all(finding.ok for finding in findings if finding.needed)
@@ -114,7 +116,7 @@ def _package(name: str, topic: str, remedy: str, needed: bool = True) -> Finding
 
 
 def _python(code: str, **environment: str) -> tuple[bool, str]:
-    """Run code in a Python of its own: whether it went well, and the last line it said."""
+    """Run code in a new Python: whether it succeeded, and the last line that it printed."""
     try:
         done = subprocess.run(
             [sys.executable, "-c", code],

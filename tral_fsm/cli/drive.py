@@ -1,4 +1,4 @@
-"""`tral drive`: a policy drives seeded courses, and the result in numbers and pictures."""
+"""`tral drive`: a policy drives seeded courses; the results are numbers and pictures."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tral_env.perception import opengl
-from tral_fsm.cli.console import FAILED, check_name, print_figures, versions
-from tral_fsm.cli.files import prepare_folder, write_json
-from tral_fsm.evaluation.choices import Camera, Randomization
+from tral_fsm.bench.host import versions
+from tral_fsm.cli.console import FAILED
+from tral_fsm.evaluation.choices import Camera, Randomization, check_families
+from tral_fsm.evaluation.results import prepare_folder, print_figures, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,7 +29,7 @@ _OWN_FILES = ("trajectory.png", "trace.csv", "drive.mp4", "drive.part.mp4")
 
 @dataclass(frozen=True, kw_only=True)
 class DriveArguments:
-    """What was asked for."""
+    """Options of `tral drive` but for the folder, as summary.json tells them."""
 
     scenario: str
     seed: int
@@ -43,45 +44,49 @@ class DriveArguments:
 
     @property
     def name(self) -> str:
-        """What is driven: the family, or the course file."""
+        """Name of the family, or of the course file."""
         return Path(self.course).stem if self.course else self.scenario
 
     @property
     def seeds(self) -> range:
-        """One seed an episode."""
+        """A seed for each episode."""
         return range(self.seed, self.seed + self.episodes)
 
 
 def command(
     scenario: Annotated[str, typer.Option(help="Family of courses; `tral courses` lists them.")] = "office",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the first episode; the next have the next.")] = 7,
-    episodes: Annotated[int, typer.Option(min=1, help="How many.")] = 1,
-    policy: Annotated[str, typer.Option(help="Name of a packaged machine, or a file.")] = "office",
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the first episode; each later episode has the next seed.")
+    ] = 7,
+    episodes: Annotated[int, typer.Option(min=1, help="Number of episodes.")] = 1,
+    policy: Annotated[str, typer.Option(help="Name of a packaged machine, or a machine file.")] = "office",
     camera: Annotated[
-        Camera, typer.Option(help="Render what the camera sees, or project the markers (faster, no OpenGL).")
+        Camera, typer.Option(help="Render the camera's image, or project the markers: faster, without OpenGL.")
     ] = "rendered",
-    randomization: Annotated[Randomization, typer.Option(help="How much cars and sensors differ.")] = "default",
+    randomization: Annotated[
+        Randomization, typer.Option(help="How much cars and sensors differ from seed to seed.")
+    ] = "default",
     out: Annotated[
-        Path, typer.Option(file_okay=False, help="Folder of the files; those of an earlier drive are replaced.")
+        Path, typer.Option(file_okay=False, help="Folder of the files; it replaces those of an earlier drive.")
     ] = Path("runs/drive"),
     course: Annotated[
         Path | None, typer.Option(exists=True, dir_okay=False, help="Drive this course file instead of a family.")
     ] = None,
     video: Annotated[bool, typer.Option(help="Write drive.mp4, which needs OpenGL.")] = True,
     lens: Annotated[
-        str, typer.Option(help="Of the camera: default, wide, or a camera_info file as `tral calibrate` writes it.")
+        str, typer.Option(help="Lens of the camera: default, wide, or a camera_info file of `tral calibrate`.")
     ] = "default",
     trace: Annotated[
-        bool, typer.Option("--trace", help="Write trace.csv: every tick, and why each transition fired.")
+        bool, typer.Option("--trace", help="Write trace.csv: each tick, and why each transition fired.")
     ] = False,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Write summary.json to stdout too, and nothing else.")
+        bool, typer.Option("--json", help="Print summary.json and nothing else; the files are written too.")
     ] = False,
 ) -> None:
     """Let a policy drive.
 
-    Writes summary.json, trajectory.png and drive.mp4 into the folder; with several episodes, a subfolder seed_N holds
-    the pictures of each. The exit code is 0 if every episode succeeded, else 1.
+    The command writes summary.json, trajectory.png and drive.mp4 into the folder; of several episodes each has its
+    pictures in a subfolder seed_N. The exit code is 0 if all episodes succeeded, else 1.
     """
     arguments = DriveArguments(
         scenario=scenario,
@@ -108,10 +113,10 @@ def command(
 
 
 def run(arguments: DriveArguments, out: Path) -> dict[str, Any]:
-    """Drive all episodes and write their files as they come.
+    """Drive all episodes, and write the files of each as it ends.
 
     Args:
-        arguments: what to drive.
+        arguments: the options.
         out: folder of the files.
 
     Returns:
@@ -119,7 +124,7 @@ def run(arguments: DriveArguments, out: Path) -> dict[str, Any]:
 
     Raises:
         ConfigError: unknown scenario, policy or option, or a folder that cannot be written.
-        RenderError: pictures are asked for, and this machine has no OpenGL or no encoder.
+        RenderError: this computer has no OpenGL or no encoder for the pictures.
     """
     from tral_fsm import load_policy
     from tral_fsm.evaluation.summary import summarize
@@ -135,7 +140,7 @@ def run(arguments: DriveArguments, out: Path) -> dict[str, Any]:
             "figures": summarize([]).record(),
             "episodes": [],
         }
-        # Already now, so that the next drive knows this folder for one of a drive, however this one ends.
+        # The next drive knows the folder of a drive by this file, however this drive ends.
         write_json(out / "summary.json", report)
         for seed in arguments.seeds:
             folder = out if arguments.episodes == 1 else out / f"seed_{seed}"
@@ -150,12 +155,10 @@ def run(arguments: DriveArguments, out: Path) -> dict[str, Any]:
 
 
 def make_env(arguments: DriveArguments) -> gym.Env[Any, Any]:
-    """The env that the arguments ask for."""
+    """The env of the arguments."""
     import gymnasium as gym
 
-    from tral_env.course.generate import SCENARIOS
-
-    check_name("scenario", arguments.scenario, SCENARIOS)
+    check_families([arguments.scenario])
     return gym.make(
         "tral_env:TralCorridor-v0",
         scenario=arguments.scenario,
@@ -168,7 +171,7 @@ def make_env(arguments: DriveArguments) -> gym.Env[Any, Any]:
 
 
 def _prepare(out: Path) -> None:
-    """Make the folder; take away what an earlier drive left there, so that runs do not mix."""
+    """Make the folder, and remove the files of an earlier drive, so that two drives do not mix."""
     prepare_folder(out)
     if (out / "summary.json").exists():
         for name in _OWN_FILES:

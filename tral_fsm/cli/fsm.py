@@ -1,4 +1,4 @@
-"""`tral fsm`: machine files checked, converted, drawn, begun; what they may consist of."""
+"""`tral fsm`: check, convert, draw and begin machine files; list the states and conditions."""
 
 from __future__ import annotations
 
@@ -11,27 +11,29 @@ import typer
 from tral_env.atomic import is_device, write_bytes
 from tral_env.errors import ConfigError, MachineError, nearest
 from tral_fsm.cli.console import BAD_USAGE, FAILED, Guarded
-from tral_fsm.cli.files import prepare_folder
 from tral_fsm.cli.fsm_states import command as states_command
+from tral_fsm.evaluation.results import prepare_folder
 
 app = typer.Typer(
     cls=Guarded,
     no_args_is_help=True,
-    help="Machine files: check, convert, draw, begin one; what they may consist of.",
-    epilog="Exit codes: 0 all is well, 1 a file is no machine that can run, 2 bad usage.",
+    help="Check, convert, draw and begin machine files; list the states and conditions.",
+    epilog="Exit codes: 0 success, 1 a file is no machine that can run, 2 bad usage.",
 )
 app.command("states")(states_command)
 
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on stdout and nothing else.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 _PICTURES = (".svg", ".png")
 
 
 @app.command("check")
 def check(
-    files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Files, or names of packaged machines.")],
+    files: Annotated[
+        list[str], typer.Argument(metavar="FILE...", help="Machine files, or names of packaged machines.")
+    ],
     as_json: AsJson = False,
 ) -> None:
-    """Check machines as before a drive, and tell all that is wrong with each, with its place."""
+    """Check machines as `tral drive` does, and tell every problem with its place in the file."""
     found = [_checked(file) for file in files]
     if as_json:
         report = {"ok": all(entry["ok"] for entry in found), "files": found}
@@ -49,7 +51,7 @@ def check(
 
 
 def _checked(file: str) -> dict[str, Any]:
-    """The findings about one file, as plain values."""
+    """Result for one file, as plain values."""
     from tral_fsm import FormatError, load_machine
 
     entry: dict[str, Any] = {"file": file, "ok": False, "readable": True, "problems": []}
@@ -76,13 +78,14 @@ def _count(entry: dict[str, Any], what: str) -> str:
 
 @app.command("convert")
 def convert(
-    source: Annotated[str, typer.Argument(metavar="IN", help="File, or name of a packaged machine.")],
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="File that is written, or replaced at once.")],
+    source: Annotated[str, typer.Argument(metavar="IN", help="Machine file, or name of a packaged machine.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="File that is written; an existing one is replaced.")],
     to: Annotated[
-        str | None, typer.Option("--to", help="Format: json, uxf, scxml, mermaid, plantuml; else by OUT's suffix.")
+        str | None,
+        typer.Option("--to", help="Format: json, uxf, scxml, mermaid, plantuml; default: that of OUT's suffix."),
     ] = None,
 ) -> None:
-    """Write a machine in another format. What is there stays as it is unless all goes well."""
+    """Write a machine in another format. If that fails, an existing file stays as it is."""
     from tral_fsm.formats import FORMATS, by_suffix, write
 
     if to is None:
@@ -101,13 +104,14 @@ def convert(
 
 @app.command("draw")
 def draw(
-    source: Annotated[str, typer.Argument(metavar="FILE", help="File, or name of a packaged machine.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="The picture: .svg or .png.")],
+    source: Annotated[str, typer.Argument(metavar="FILE", help="Machine file, or name of a packaged machine.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="File of the picture: .svg or .png.")],
     direction: Annotated[
-        Literal["right", "down"] | None, typer.Option(help="Where most arrows lead; else as the picture is smaller.")
+        Literal["right", "down"] | None,
+        typer.Option(help="Direction of most arrows; default: the one with the smaller picture."),
     ] = None,
 ) -> None:
-    """Draw a machine: its states, when it goes from one to another, and the machines inside it."""
+    """Draw a machine: its states, its transitions, and the machines inside it."""
     suffix = out.suffix.lower()
     if suffix not in _PICTURES:
         raise ConfigError(f"--out {out}: got suffix '{out.suffix}': {nearest(suffix, _PICTURES)}")
@@ -125,9 +129,9 @@ def draw(
 @app.command("new")
 def new(
     name: Annotated[Path, typer.Argument(metavar="NAME", help="File: .json (also without suffix), .uxf or .scxml.")],
-    force: Annotated[bool, typer.Option(help="Replace a file that is there.")] = False,
+    force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
-    """Begin a machine: one that drives corridors, with a word about each part."""
+    """Write a small machine that drives corridors, as a start for your own; its labels explain its parts."""
     from tral_fsm.cli.fsm_new import starting_point
     from tral_fsm.formats import FORMATS, by_suffix, write
 
@@ -144,7 +148,7 @@ def new(
 
 
 def _replace(out: Path, content: bytes, what: str = "") -> None:
-    """Write a file at once, and say so: on stderr where the content itself may go to stdout."""
+    """Replace a file at once, and say so: on stderr if the content may go to stdout."""
     if out.is_dir():
         raise ConfigError(f"{out}: is a folder: name a file in it")
     if not is_device(out):

@@ -1,4 +1,4 @@
-"""The machine with which one's own begins."""
+"""The machine that `tral fsm new` writes."""
 
 from __future__ import annotations
 
@@ -41,6 +41,6 @@ _DESCRIPTION = (
 
 
 def starting_point(name: str) -> MachineDefinition:
-    """A machine that drives, under a name; its labels and its description say what is what."""
+    """The machine under a name; its labels and its description explain its parts."""
     machine = tral_json.loads(_TEXT, "starting point")
     return machine.model_copy(update={"name": name, "description": " ".join(_DESCRIPTION)})

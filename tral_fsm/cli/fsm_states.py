@@ -1,4 +1,4 @@
-"""`tral fsm states`: what a machine may consist of."""
+"""`tral fsm states`: the states and conditions that a machine may have."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tral_fsm.cli.console import check_name
+from tral_env.errors import ConfigError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -22,10 +22,10 @@ _LIMITS = {"minimum": "≥ {:g}", "exclusiveMinimum": "> {:g}", "maximum": "≤ 
 
 
 def command(
-    name: Annotated[str | None, typer.Argument(help="One state or condition; without it, all.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout and nothing else.")] = False,
+    name: Annotated[str | None, typer.Argument(help="Name of a state or condition; default: all.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """List the states and conditions of machines: parameters, units, defaults, ranges."""
+    """List the states and conditions, with the unit, default and range of each parameter."""
     from tral_fsm.conditions import CONDITIONS
     from tral_fsm.definition.plugins import load_plugins
     from tral_fsm.states import STATES
@@ -35,7 +35,8 @@ def command(
     if name is not None:
         known = {entry.casefold(): entry for entry in (*STATES, *CONDITIONS)}
         name = known.get(name.casefold(), name)
-        check_name("state or condition", name, known.values())
+        if name not in known.values():
+            raise ConfigError(f"unknown state or condition '{name}': {nearest(name, known.values())}")
         found = {kind: {name: specs[name]} for kind, specs in found.items() if name in specs}
     entries = {kind: [_entry(label, spec) for label, spec in specs.items()] for kind, specs in found.items()}
     if as_json:
@@ -47,7 +48,7 @@ def command(
 
 
 def _entry(name: str, spec: type[StateSpec] | type[ConditionSpec]) -> dict[str, Any]:
-    """A type with its parameters, as plain values."""
+    """A type and its parameters as plain values."""
     from tral_fsm.definition.machine import StateSpec
 
     schema = spec.model_json_schema()
@@ -65,7 +66,7 @@ def _entry(name: str, spec: type[StateSpec] | type[ConditionSpec]) -> dict[str, 
 
 
 def _parameter(name: str, members: Mapping[str, Any], required: bool) -> dict[str, Any]:
-    """A parameter, from its part of the JSON Schema."""
+    """A parameter as plain values, from its part of the JSON Schema."""
     options = [option for option in members.get("anyOf", [members]) if option.get("type") != "null"]
     merged = {key: value for option in options for key, value in option.items()}
     entry = {"name": name, "description": members.get("description", ""), "unit": members.get("unit", "")}

@@ -10,7 +10,7 @@ import typer
 from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 from tral_fsm.cli.calibrate import BoardKind, make_board
-from tral_fsm.cli.files import prepare_folder
+from tral_fsm.evaluation.results import prepare_folder
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,25 +21,29 @@ Paper = Literal["A4", "A3"]
 
 app = typer.Typer(no_args_is_help=True, help="Print boards, markers and gates at true size, as PDF or SVG.")
 
-_Paper = Annotated[Paper, typer.Option(help="Its size.")]
+_Paper = Annotated[Paper, typer.Option(help="Size of the paper.")]
 _Out = Annotated[
     Path | None,
-    typer.Option(dir_okay=False, help="A .pdf, or a .svg a page; without it a .pdf here.", show_default=False),
+    typer.Option(
+        dir_okay=False, help="A .pdf, or a .svg for each page; default: a .pdf in this folder.", show_default=False
+    ),
 ]
-_Size = Annotated[float, typer.Option(help="Edge of the black square; the car's programs expect 180.")]
+_Size = Annotated[float, typer.Option(help="Edge of the black square, mm; the car expects 180.")]
 
 
 @app.command()
 def board(
-    board: Annotated[BoardKind, typer.Option(help="What is printed.")] = "charuco",
-    columns: Annotated[int | None, typer.Option(min=3, help="Squares in a row: 7, on a chessboard 10.")] = None,
-    rows: Annotated[int | None, typer.Option(min=3, help="Squares in a column: 5, on a chessboard 7.")] = None,
-    square_mm: Annotated[float | None, typer.Option(help="Edge of a square: 36, on a chessboard 25.")] = None,
-    marker_mm: Annotated[float | None, typer.Option(help="Edge of a charuco marker: 7/9 of a square.")] = None,
+    board: Annotated[BoardKind, typer.Option(help="Kind of the board.")] = "charuco",
+    columns: Annotated[int | None, typer.Option(min=3, help="Squares in a row; default: 7, chessboard: 10.")] = None,
+    rows: Annotated[int | None, typer.Option(min=3, help="Squares in a column; default: 5, chessboard: 7.")] = None,
+    square_mm: Annotated[float | None, typer.Option(help="Edge of a square, mm; default: 36, chessboard: 25.")] = None,
+    marker_mm: Annotated[
+        float | None, typer.Option(help="Edge of a charuco marker, mm; default: 7/9 of a square.")
+    ] = None,
     paper: _Paper = "A4",
     out: _Out = None,
 ) -> None:
-    """A calibration board for `tral calibrate`, which takes the same options."""
+    """Print a calibration board; `tral calibrate` takes the same options."""
     from tral_env.calibration.printables import board_sheet
 
     made = make_board(board, columns, rows, square_mm, marker_mm)
@@ -48,12 +52,12 @@ def board(
 
 @app.command()
 def marker(
-    ids: Annotated[list[int], typer.Argument(help="0 to 49; a page each.")],
+    ids: Annotated[list[int], typer.Argument(help="Ids of the markers, 0 to 49; each gets a page.")],
     size_mm: _Size = 180.0,
     paper: _Paper = "A4",
     out: _Out = None,
 ) -> None:
-    """Single markers: 40 turn left, 41 turn right, 42 straight on; 0 to 39 belong to gates."""
+    """Print single markers: 40 turn left, 41 turn right, 42 straight on; 0 to 39 belong to gates."""
     from tral_env.calibration.printables import marker_sheet
 
     names = "_".join(str(one) for one in ids)
@@ -62,12 +66,12 @@ def marker(
 
 @app.command()
 def gate(
-    number: Annotated[int, typer.Argument(help="0 to 19: gate k has the markers 2k and 2k + 1.")],
+    number: Annotated[int, typer.Argument(help="Number of the gate, 0 to 19; gate k has the markers 2k and 2k + 1.")],
     size_mm: _Size = 180.0,
     paper: _Paper = "A4",
     out: _Out = None,
 ) -> None:
-    """The two markers of a gate."""
+    """Print the two markers of a gate."""
     from tral_env.calibration.printables import gate_sheets
 
     _save(gate_sheets(number, size_mm, paper), out or Path(f"gate_{number}.pdf"))
@@ -76,7 +80,7 @@ def gate(
 def _save(sheets: Sequence[Sheet], out: Path) -> None:
     from tral_env.calibration.sheet import page_suffix, printed
 
-    page_suffix(out)  # before a folder is made for it
+    page_suffix(out)  # a bad suffix is an error before a folder is made
     prepare_folder(out.parent)
     pages = printed(sheets, out)
     try:

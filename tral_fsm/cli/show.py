@@ -1,4 +1,4 @@
-"""What the terminal shows: progress on stderr, tables on stdout."""
+"""The terminal's view of a drive: progress on stderr, tables on stdout."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from tral_fsm.evaluation.episode import Tick
 
 _EVERY = 16
-"""Ticks between two updates of the bar: five a second of driving."""
+"""Ticks between two updates of the bar: five updates for a second of driving."""
 
 
 class DriveProgress:
     """A bar that grows with the progress along the route: hand it to `drive` as `on_step`."""
 
     def __init__(self, name: str) -> None:
-        """A bar of this name, on stderr."""
+        """Make a bar with this name, on stderr."""
         self._bar = Progress(
             TextColumn("{task.description}", markup=False),
             BarColumn(),
@@ -50,7 +50,7 @@ class DriveProgress:
 
 
 def table_of_episodes(report: Mapping[str, Any]) -> Table:
-    """Table of a drive: a row an episode, and one over all of them if there are several."""
+    """Table of a drive: a row for each episode, and a last row over all if there are several."""
     arguments = report["arguments"]
     name = report["episodes"][0]["scenario"]
     table = Table(

@@ -1,4 +1,4 @@
-"""`tral tune`: numbers of a machine are searched on many drives, and checked on courses that are new to them."""
+"""`tral tune`: a search for parameters of a machine, with a check on courses that the search has not seen."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ import typer
 from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 from tral_env.perception import opengl
+from tral_fsm.bench.host import versions
 from tral_fsm.cli import tune_options as options
-from tral_fsm.cli.console import versions
-from tral_fsm.cli.files import prepare_folder, write_json
 from tral_fsm.cli.tune_show import Bar, print_result
+from tral_fsm.evaluation.results import prepare_folder, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -55,12 +55,12 @@ def command(
     classical: options.Classical = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Search numbers of a machine, and check them on courses that are new to them.
+    """Search parameters of a machine, and check the result on courses that the search has not seen.
 
-    Writes machine.json, tune.json, report.html and study.jsonl into the folder. Ctrl-C keeps what was found; --resume
-    goes on.
+    The command writes machine.json, tune.json, report.html and study.jsonl into the folder. Ctrl-C keeps the results
+    so far; --resume goes on.
     """
-    from tral_fsm.cli.classical import print_classical
+    from tral_fsm.cli.tune_classical import print_classical
     from tral_fsm.formats.library import load as load_machine
     from tral_fsm.tuning import Objective
 
@@ -93,14 +93,14 @@ def run(arguments: options.TuneArguments, machine: MachineDefinition) -> tuple[T
     """Search, check, and write all files.
 
     Args:
-        arguments: what was asked for.
-        machine: whose numbers are searched.
+        arguments: the options.
+        machine: the machine that is tuned.
 
     Returns:
-        What was found, and the content of tune.json.
+        The result, and the content of tune.json.
 
     Raises:
-        ConfigError: anything that cannot be used; said before anything is written.
+        ConfigError: an option cannot be used; nothing is written then.
     """
     from tral_fsm.tuning import save
 
@@ -124,7 +124,7 @@ def run(arguments: options.TuneArguments, machine: MachineDefinition) -> tuple[T
 
 @contextlib.contextmanager
 def _shown() -> Iterator[Bar]:
-    """A bar that Ctrl-C ends with a word on what is kept."""
+    """A bar; at Ctrl-C it says what is kept."""
     with Bar() as bar:
         try:
             yield bar
@@ -135,7 +135,7 @@ def _shown() -> Iterator[Bar]:
 
 
 def _check(arguments: options.TuneArguments, machine: MachineDefinition) -> None:
-    """What cannot be used is said before an hour of driving, and before anything is written."""
+    """Refuse options that cannot be used, before an hour of driving and before anything is written."""
     from tral_fsm.formats import by_suffix
     from tral_fsm.tuning import check_apart, find
 
@@ -150,7 +150,7 @@ def _check(arguments: options.TuneArguments, machine: MachineDefinition) -> None
 
 
 def _check_files(arguments: options.TuneArguments) -> None:
-    """Nothing stands in the way of the results, and they replace nothing that the search needs."""
+    """Refuse a folder where a result cannot be written, or would replace the machine that is tuned."""
     for name in _WRITTEN:
         if (arguments.out / name).is_dir():
             raise ConfigError(f"--out {arguments.out}: {name} in it is a folder: choose another folder")
@@ -197,7 +197,7 @@ def _write_page(arguments: options.TuneArguments, tuned: Tuned, report: dict[str
 
 
 def _origin() -> str:
-    """The command, as files tell it: without the password of a database."""
+    """The command line as files tell it, without the password of a database."""
     from tral_fsm.tuning.search.storage import masked
 
     arguments = sys.argv[1:]

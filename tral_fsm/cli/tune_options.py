@@ -1,4 +1,4 @@
-"""Options of `tral tune`, and what is asked for once they are read."""
+"""Options of `tral tune`, and the arguments that they give."""
 
 from __future__ import annotations
 
@@ -17,43 +17,59 @@ if TYPE_CHECKING:
 Sampler = Literal["cmaes", "tpe", "nsga2", "random"]
 Pooling = Literal["mean", "worst", "cvar"]
 
-Policy = Annotated[str, typer.Option(help="Packaged machine, or a file.")]
-Scenarios = Annotated[str, typer.Option(help="Families of courses, with commas.")]
+Policy = Annotated[str, typer.Option(help="Name of a packaged machine, or a machine file.")]
+Scenarios = Annotated[str, typer.Option(help="Families of courses, separated by commas.")]
 Params = Annotated[
-    str, typer.Option(help="Which parameters, with commas: state[3].p, follow.p, *.p; =LOW:HIGH gives a range.")
+    str, typer.Option(help="Parameters, separated by commas: state[3].p, follow.p, *.p; =LOW:HIGH gives a range.")
 ]
-Tie = Annotated[bool, typer.Option("--tie", help="All that one pattern names share one value.")]
-Budget = Annotated[int, typer.Option(min=1, help="Drives that the search may cost.")]
-Seeds = Annotated[str, typer.Option(help="FIRST:END of the courses of the search, each family has them.")]
-ReportSeeds = Annotated[str, typer.Option(help="FIRST:END of the courses of the held-out check; none: no check.")]
-Randomized = Annotated[Randomization, typer.Option(help="How much cars and sensors differ.")]
-Cameras = Annotated[Camera, typer.Option(help="Projected is faster.")]
-Pooled = Annotated[Pooling, typer.Option(help="How the costs of drives become one; cvar: worst quarter.")]
-Objectives = Annotated[str, typer.Option(help="For a Pareto front, with --sampler nsga2: clearance,time,steering.")]
-Samplers = Annotated[Sampler, typer.Option(help="cmaes; the others are Optuna's (extra `tune`).")]
-Population = Annotated[int | None, typer.Option(min=4, help="Candidates in a generation.")]
-SamplerSeed = Annotated[int, typer.Option(min=0, help="Of the sampler.")]
-Processes = Annotated[int | None, typer.Option(min=1, help="How many work at once; default: all cores.")]
+Tie = Annotated[bool, typer.Option("--tie", help="Give all parameters of one pattern the same value.")]
+Budget = Annotated[int, typer.Option(min=1, help="Number of drives of the search.")]
+Seeds = Annotated[str, typer.Option(help="Seeds FIRST:END of the search; each family is driven with each.")]
+ReportSeeds = Annotated[str, typer.Option(help="Seeds FIRST:END of the check on new courses; none: no check.")]
+Randomized = Annotated[Randomization, typer.Option(help="How much cars and sensors differ from seed to seed.")]
+Cameras = Annotated[
+    Camera, typer.Option(help="Render the camera's image, or project the markers: faster, without OpenGL.")
+]
+Pooled = Annotated[
+    Pooling,
+    typer.Option(help="Cost of a candidate: mean of its drives, worst drive, or cvar, the mean of the worst quarter."),
+]
+Objectives = Annotated[
+    str, typer.Option(help="Two or three of clearance,time,steering for a Pareto front; needs --sampler nsga2.")
+]
+Samplers = Annotated[Sampler, typer.Option(help="Method of the search; all but cmaes need the extra `tune`.")]
+Population = Annotated[
+    int | None, typer.Option(min=4, help="Candidates of a generation; default: 12, more beyond 20 parameters.")
+]
+SamplerSeed = Annotated[int, typer.Option(min=0, help="Seed of the sampler.")]
+Processes = Annotated[int | None, typer.Option(min=1, help="Number of processes; default: one for each core.")]
 Storage = Annotated[
-    str | None, typer.Option(help="Database URL or journal file: any number of processes on one study.")
+    str | None, typer.Option(help="Database URL or journal file through which several commands share one study.")
 ]
-Out = Annotated[Path, typer.Option(file_okay=False, help="Folder of the study, the machine, the report.")]
+Out = Annotated[Path, typer.Option(file_okay=False, help="Folder of the study, the machine and the report.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with the study in the folder.")]
 SaveAs = Annotated[
-    Path | None, typer.Option("--save", dir_okay=False, help="Write the machine here too, in the suffix's format.")
+    Path | None,
+    typer.Option("--save", dir_okay=False, help="Write the machine to this file too, in the format of its suffix."),
 ]
 Grid = Annotated[
-    int, typer.Option(min=0, max=40, help="Points along a side of the report's plane of cost; 0: no plane.")
+    int,
+    typer.Option(
+        min=0, max=40, help="Points along a side of the report's plot of cost over two parameters; 0: no plot."
+    ),
 ]
 Classical = Annotated[
-    bool, typer.Option("--classical", help="Print classical gains and the margins of the machine's; no search.")
+    bool,
+    typer.Option(
+        "--classical", help="Print gains of classical control and the margins of the machine's own; no search."
+    ),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Write tune.json to stdout too, and nothing else.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print tune.json and nothing else; the files are written too.")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class TuneArguments:
-    """What was asked for."""
+    """Options of `tral tune`, checked."""
 
     policy: str
     params: list[str]
@@ -70,15 +86,15 @@ class TuneArguments:
 
 
 def listed(text: str) -> list[str]:
-    """Names with commas between them."""
+    """Names that commas separate."""
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
 def task_of(scenario: str, seeds: str, randomization: Randomization, camera: Camera) -> Task:
-    """What each candidate drives.
+    """The drives of each candidate.
 
     Raises:
-        ConfigError: one of the options is none that can be driven.
+        ConfigError: an option cannot be driven.
     """
     from tral_fsm.tuning import Task
 
@@ -90,10 +106,10 @@ def task_of(scenario: str, seeds: str, randomization: Randomization, camera: Cam
 def settings_of(
     budget: int, sampler: Sampler, objectives: str, population: int | None, report_seeds: str, seed: int
 ) -> Settings:
-    """How to search.
+    """The settings of the search.
 
     Raises:
-        ConfigError: one of the options cannot be, or not beside another.
+        ConfigError: an option is out of its range, or does not go with another.
     """
     from tral_fsm.tuning import Settings
 

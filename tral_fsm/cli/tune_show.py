@@ -1,4 +1,4 @@
-"""What `tral tune` shows: a bar while it searches, tables when it has found."""
+"""The terminal's view of a search: a bar while it runs, tables at its end."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from tral_fsm.cli.console import print_figures
+from tral_fsm.evaluation.results import print_figures
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -27,11 +27,11 @@ STAGES = {
     "around": "report: cost around the result",
     "steps": "report: steps in clearance",
 }
-"""Name of a stage -> what the bar says."""
+"""Name of a stage -> text of the bar."""
 
 
 class Bar:
-    """Progress on stderr: a line for each stage, that of the search with the best so far."""
+    """Progress on stderr: a line for each stage; the line of the search shows the lowest cost so far."""
 
     def __init__(self) -> None:
         from rich.console import Console
@@ -56,28 +56,28 @@ class Bar:
         self.stop()
 
     def stop(self) -> None:
-        """Leave the terminal to others."""
+        """Stop the bar."""
         self._bar.stop()
 
     def best(self, progress: Progress) -> None:
-        """Show what the best costs."""
+        """Show the cost of the best candidate."""
         self._best = f": cost {progress.best.cost:.3f} (was {progress.old.cost:.3f})"
         self._update("search", progress.drives, progress.budget, "drives")
 
     def stage(self, stage: Stage) -> None:
-        """Show what is under way."""
+        """Show the progress of a stage."""
         self._update(stage.name, stage.done, stage.total, stage.unit)
 
     def _update(self, name: str, done: int, total: int, unit: str) -> None:
         said = STAGES[name] + (self._best if name == "search" else "")
         if name not in self._tasks:
             self._tasks[name] = self._bar.add_task(said, total=total, unit=unit)
-        # The last generation is finished, whatever the budget.
+        # The last generation is finished even beyond the budget.
         self._bar.update(self._tasks[name], completed=min(done, total), description=said)
 
 
 def print_result(tuned: Tuned, out: Path) -> None:
-    """Print what was found and how it did in the check."""
+    """Print the parameters that were found, and the result of the check."""
     if tuned.values is not None:
         print_figures(_parameters(tuned))
     if tuned.comparison is not None:

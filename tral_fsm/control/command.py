@@ -14,21 +14,18 @@ class Command(NamedTuple):
     """
 
     steering: float | None = None
-    """In [-1, 1], + = left, of a car without faults: trim and gain are added later. None: the servo's neutral."""
+    """In [-1, 1], + = left, of a car without faults: the driver adds trim and gain. None: the servo's neutral."""
     speed: float | None = None
     """m/s."""
     throttle: float | None = None
     """In [-1, 1], + = forward."""
     steering_trim: float | None = None
-    """Steering that the car needs to run straight, as far as its machine file says so. None: as before."""
+    """Steering that the car needs to run straight, as far as its machine file says so. None: as before, which the driver
+    fills in."""
     wanted_side: float = math.nan
     """Wall that the state keeps a clearance to: +1 left, -1 right, NaN none."""
     wanted_clearance: float = math.nan
     """That clearance, from side ultrasonic to wall, m."""
-    adopt_trim: bool = False
-    """Steer from now on by what the walls have told of the trim."""
-    trim_step: float = 0.0
-    """To be added to the trim."""
     target: Any = None
     """A gate that is the target from now on, a `Detection`; None: no change. The machine fills it in."""
 

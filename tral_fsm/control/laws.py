@@ -56,11 +56,25 @@ def pid_rate(p: float, i: float, d: float, error: float, error_sum: float, rate:
 
 
 def damping(p: float, speed: float) -> float:
-    """Gain d [s/m] that damps a gain p [1/m] by 0.707 at a speed [m/s]: ``sqrt(2 wheelbase p / lock) / v``.
+    """Gain d [s/m] of `lqr_damping` at a speed [m/s], below 0.2 m/s that of 0.2 m/s."""
+    return lqr_damping(p, max(speed, 0.2))
 
-    Source: LQR of the kinematic bicycle along a wall, kd = sqrt(2 L kp) / v. Below 0.2 m/s that of 0.2 m/s.
+
+def lqr_damping(p: float, speed: float, wheelbase: float = WHEELBASE_M, lock: float = FULL_LOCK) -> float:
+    """Gain d that damps a car along a wall by the ratio 0.707: ``d = sqrt(2 L p / lock) / v``.
+
+    Args:
+        p: gain of the deviation, 1/m.
+        speed: v, m/s, above 0.
+        wheelbase: L, m.
+        lock: steering angle at command 1, rad.
+
+    Returns:
+        d, s/m.
+
+    Source: LQR of the kinematic bicycle along a wall, y'' = (v^2 / L) delta, kd = sqrt(2 L kp) / v; p = kp / lock.
     """
-    return math.sqrt(2.0 * WHEELBASE_M * p / FULL_LOCK) / max(speed, 0.2)
+    return math.sqrt(2.0 * wheelbase * p / lock) / speed
 
 
 def ramp(start: float, target: float, distance: float, driven: float) -> float:
@@ -73,15 +87,6 @@ def ramp(start: float, target: float, distance: float, driven: float) -> float:
 def steering_for(path_curvature: float) -> float:
     """Steering command in [-1, 1] for a curvature [1/m], + = left."""
     return clip(geometry.steering_for(path_curvature))
-
-
-def steering_play(speed: float) -> float:
-    """How far the tyres' friction holds the wheels from where a weak servo wants them, in units of steering.
-
-    ``0.3 / sqrt(1 + (v / v0)^2)`` at a speed v [m/s], v0 = 0.06 m/s: scrub torque over the stiffness of the servo
-    saver, see docs/car.md.
-    """
-    return 0.3 / math.sqrt(1.0 + (speed / 0.06) ** 2)
 
 
 def pursuit(x: float, y: float) -> float:

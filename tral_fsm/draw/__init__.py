@@ -1,1 +1,1 @@
-"""Machines as pictures: where everything stands (`layout`), and what it looks like (`picture`, `svg`, `png`)."""
+"""Pictures of machines: the places of all parts (`layout`), and their look (`picture`, `svg`, `png`)."""

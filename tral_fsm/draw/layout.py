@@ -1,4 +1,4 @@
-"""The arrangement of a machine as its picture has it: with room for the picture's words."""
+"""Layout of a machine, with room for the words of its picture."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ def layout(
     state_size: StateSize = text.state_size,
     label_size: LabelSize = text.label_size,
 ) -> Arrangement:
-    """Lay out a machine; its inner machines are not looked at.
+    """Lay out a machine without its inner machines.
 
     Args:
-        machine: a definition whose ids and ends are right (`check`).
-        direction: where most arrows lead; None: as the picture comes out better.
-        bundled: one arrow for all transitions from one state to another; else one for each.
-        state_size: gives the least width and height of a state's box, px; else room for the picture's words.
-        label_size: gives width and height of an arrow's text, px; else room for the picture's words.
+        machine: a definition that `check` accepts.
+        direction: direction of most arrows; None: the one with the better picture.
+        bundled: one arrow for all transitions from one state to another; else an arrow for each.
+        state_size: function for the smallest width and height of a state's box, px; default: that of its words.
+        label_size: function for the width and height of an arrow's text, px; default: those of its words.
 
     Returns:
-        The arrangement: always the same for the same machine.
+        The arrangement, always the same for the same machine.
     """
     return arrange(machine, state_size=state_size, label_size=label_size, direction=direction, bundled=bundled)

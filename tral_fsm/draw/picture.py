@@ -1,4 +1,4 @@
-"""A laid-out machine as lines, boxes and words: what every kind of picture draws alike."""
+"""A machine as lines, boxes and words, the same for all kinds of pictures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tral_fsm.draw.layout import layout
 
 INK, PALE, INNER = "#22272e", "#f6f8fa", "#eef4ff"
 _TONES = ("#0b5cad", "#b3261e", "#1b7f3b", "#7a3db8", "#a85a00", "#00707a", "#a3195b", "#5a6472", "#5f6b00", "#3f3fbf")
-"""Of the arrows that leave a state, one state after the other; each readable on white."""
+"""Colours of the arrows that leave a state, one state after the other; each is readable on white."""
 _HEADING = 30
 _BETWEEN = 30
 
@@ -24,12 +24,12 @@ Resolve = Callable[[str], MachineDefinition]
 
 @dataclass(frozen=True)
 class Line:
-    """An arrow through points, right-angled, its head at the last."""
+    """A right-angled arrow through points, with its head at the last one."""
 
     points: tuple[Point, ...]
     colour: str
     title: str = ""
-    """What it is, in full; shown where a picture can be asked."""
+    """Full text, which viewers show on request."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Dot:
 
 @dataclass(frozen=True)
 class Words:
-    """A line of text; `at` is the left or the middle end of its base line."""
+    """A line of text; `at` is the left end or the middle of its base line."""
 
     at: Point
     text: str
@@ -70,7 +70,7 @@ Mark = Line | Outline | Dot | Words
 
 @dataclass(frozen=True)
 class Picture:
-    """Marks in the order in which they are drawn; px."""
+    """Marks in the order of their drawing; px."""
 
     width: int
     height: int
@@ -79,15 +79,15 @@ class Picture:
 
 
 def picture(machine: MachineDefinition, resolve: Resolve | None = None, direction: Direction | None = None) -> Picture:
-    """A machine, and below it the machines in it, each once.
+    """Picture of a machine, and of its inner machines below it, each once.
 
     Args:
         machine: a checked definition.
-        resolve: gives the packaged machine of a name, as `tral_fsm.load_machine`; None: the machine names none.
-        direction: where most arrows lead; None: as each picture comes out better.
+        resolve: function from a name to its packaged machine, such as `tral_fsm.load_machine`; None: no names.
+        direction: direction of most arrows; None: for each machine the one with the better picture.
 
     Raises:
-        MachineError: a machine is named, and nothing says which one that is.
+        MachineError: the machine names another one, and `resolve` is None.
     """
     marks: list[Mark] = []
     width, height = 0, 0
@@ -105,7 +105,7 @@ def picture(machine: MachineDefinition, resolve: Resolve | None = None, directio
 
 
 def _panels(machine: MachineDefinition, resolve: Resolve | None) -> Iterator[tuple[str, MachineDefinition]]:
-    """The machine and those in it, outer ones first; a packaged one once."""
+    """Headings and machines, outer ones first; a packaged machine comes once."""
     front: list[tuple[str, MachineDefinition]] = [(machine.name or "machine", machine)]
     seen: set[str] = set()
     while front:
@@ -154,7 +154,7 @@ def _boxes(machine: MachineDefinition, laid: Arrangement, tone: dict[int | str, 
         fill, colour = INNER if inner else PALE, tone[state.id]
         yield Outline(box.x, box.y, box.w, box.h, fill, colour, state.id == machine.root, title)
         if state.may_end and state.id not in left:
-            # A second outline, as around a final state.
+            # A final state has a second outline.
             yield Outline(box.x + 3, box.y + 3, box.w - 6, box.h - 6, "none", colour)
         lines = text.state_lines(state)
         y = box.y + (box.h - text.LINE * (1 + len(lines))) // 2 + text.LINE - 3

@@ -1,4 +1,4 @@
-"""A picture of a machine as PNG, through matplotlib."""
+"""A picture of a machine as PNG, drawn by matplotlib."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _MAX_DOTS = 12000.0
-"""An image has no more dots along a side: they fit into no screen, and soon into no memory. Source: choice."""
+"""Largest number of dots along a side, more than a screen has. Source: choice."""
 _COLOURS = 128
 _DPI = 72
-"""At which a px is a point."""
+"""Resolution at which a px is a point."""
 
 
 def scale_of(picture: Picture, scale: float = 1.5) -> float:
-    """Dots a px: as wanted, or fewer where the image would become larger than 12000 x 12000."""
+    """Dots for each px: `scale`, or fewer if the image would be larger than 12000 x 12000."""
     return min(scale, _MAX_DOTS / max(picture.width, picture.height))
 
 
@@ -30,8 +30,8 @@ def png(picture: Picture, scale: float = 1.5) -> bytes:
     """The picture as a PNG file.
 
     Args:
-        picture: what to draw.
-        scale: dots a px; fewer if the image would become larger than 12000 x 12000.
+        picture: the picture.
+        scale: dots for each px; fewer if the image would be larger than 12000 x 12000.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -47,11 +47,11 @@ def png(picture: Picture, scale: float = 1.5) -> bytes:
     for order, mark in enumerate(picture.marks):
         _draw(mark, ax, order)
     with warnings.catch_warnings():
-        # A letter that the font lacks is drawn as a box.
+        # matplotlib draws a letter that the font lacks as a box.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         canvas.draw()
     out = io.BytesIO()
-    # Few colours: a third of the size.
+    # Few colours make a third of the size.
     image = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
     image.quantize(_COLOURS, dither=Image.Dither.NONE).save(out, format="PNG", optimize=True)
     return out.getvalue()
@@ -88,14 +88,14 @@ def _line(mark: Line, ax: Axes, order: int) -> None:
     from matplotlib.patches import Polygon
 
     xs, ys = zip(*mark.points, strict=True)
-    # A white line below it, so that crossings can be told from turns.
+    # The white line below tells crossings from turns.
     ax.plot(xs, ys, color="white", linewidth=4.0, zorder=order, solid_capstyle="butt")
     ax.plot(xs, ys, color=mark.colour, linewidth=1.2, zorder=order, solid_joinstyle="round")
     ax.add_patch(Polygon(arrow_head(mark), fc=mark.colour, ec=mark.colour, lw=0.5, zorder=order))
 
 
 def _words(mark: Words, ax: Axes, order: int) -> None:
-    # No mathematics: a dollar sign is a dollar sign.
+    # Without mathematics a dollar sign stays a dollar sign.
     ax.text(
         *mark.at, mark.text, color=mark.colour, fontsize=SIZE, fontweight="bold" if mark.bold else "normal",
         ha="left" if mark.align == "left" else "center", va="baseline", zorder=order, parse_math=False,

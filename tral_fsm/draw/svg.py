@@ -1,4 +1,4 @@
-"""A picture of a machine as SVG: one text, nothing outside it is referred to."""
+"""A picture of a machine as SVG text, without references to anything outside."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _add(parent: ET.Element, tag: str, title: str = "", **attributes: object) ->
 def _draw(root: ET.Element, mark: Mark) -> None:
     if isinstance(mark, Line):
         points = _points(mark.points)
-        # A white line below it, so that crossings can be told from turns.
+        # The white line below tells crossings from turns.
         _add(root, "polyline", points=points, fill="none", stroke="white", stroke_width=4)
         _add(root, "polyline", mark.title, points=points, fill="none", stroke=mark.colour, stroke_width=1.2)
         _add(root, "polygon", points=_points(arrow_head(mark)), fill=mark.colour)

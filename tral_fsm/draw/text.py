@@ -1,4 +1,4 @@
-"""What a picture of a machine says about its parts, in few words, and how wide words are."""
+"""Words of a picture for the parts of a machine, and the width of words."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from tral_fsm.definition.validated import SonarName
 SIZE = 11
 """Height of the letters, px."""
 LINE = 14
-"""From one line of text to the next, px."""
+"""Distance of two lines of text, px."""
 _WRAP = 26
-"""Characters of a line."""
+"""Largest number of characters of a line."""
 _MAX_CHARACTERS = 40
-"""A longer name or value is cut. Source: choice."""
+"""Largest number of characters of a name or value; a longer one is cut. Source: choice."""
 _GLUE = "\N{NO-BREAK SPACE}"
-"""Holds together what stays in one line: a parameter with its value and its unit."""
+"""Joins words of one line: a parameter, its value and its unit."""
 SONARS = get_args(SonarName)
 
-# Widths of the letters of DejaVu Sans in units of their size: the widest of the common sans-serif fonts.
+# Widths of letters in units of their size, for DejaVu Sans, the widest of the common sans-serif fonts.
 _WIDTHS = {
     **dict.fromkeys("ijl'", 0.28), **dict.fromkeys("IJ|", 0.34), **dict.fromkeys(" .,:;/\\-f!()[]", 0.4),
     **dict.fromkeys("rt", 0.42), **dict.fromkeys("mW%@", 1.01), **dict.fromkeys("wMQ<>=+~", 0.87),
@@ -34,7 +34,7 @@ _WIDTHS = {
 
 
 def width(text: str, bold: bool = False) -> int:
-    """An upper bound of the width of a line of text, px."""
+    """Upper bound of the width of a line of text, px."""
     return math.ceil((1.13 if bold else 1.0) * SIZE * sum(_WIDTHS.get(letter, 1.05) for letter in text))
 
 
@@ -44,12 +44,12 @@ def size(lines: list[str]) -> tuple[int, int]:
 
 
 def state_name(state: StateSpec) -> str:
-    """Id of a state, and its label."""
+    """Id and label of a state."""
     return _cut(f"{state.id}: {state.label}" if state.label else str(state.id))
 
 
 def state_lines(state: StateSpec) -> list[str]:
-    """Type of a state and the parameters that differ from their defaults."""
+    """Lines with the type of a state and the parameters that differ from their defaults."""
     inner = state.inner
     held = (inner.name or "inline") if isinstance(inner, MachineDefinition) else inner
     lines = [_cut(state.type if held is None else f"{state.type}: {held}")]
@@ -57,41 +57,41 @@ def state_lines(state: StateSpec) -> list[str]:
 
 
 def state_size(state: StateSpec) -> tuple[int, int]:
-    """Room that the text of a state takes with its margins, px."""
+    """Width and height of a state's text with its margins, px."""
     lines = state_lines(state)
     wide, high = size(lines)
     return max(wide, width(state_name(state), bold=True)) + 20, high + LINE + 16
 
 
 def label_size(transitions: Sequence[TransitionSpec], ordinals: Sequence[str]) -> tuple[int, int]:
-    """Room that the text of bundled transitions takes, px."""
+    """Width and height of the text of bundled transitions, px."""
     return size([line for t, place in zip(transitions, ordinals, strict=True) for line in transition_lines(t, place)])
 
 
 def transition_lines(transition: TransitionSpec, place: str = "") -> list[str]:
-    """When a transition fires.
+    """Lines with the condition of a transition.
 
     Args:
-        transition: it.
-        place: of the transition among those that leave its state, in front of the first line.
+        transition: the transition.
+        place: its ordinal among those that leave its state, for the start of the first line.
     """
     return _wrapped(place.replace(" ", _GLUE) + condition(transition.when))
 
 
 def condition(spec: ConditionSpec) -> str:
-    """A condition in a line: type and the values that say something."""
+    """A condition as one line: its type and its values."""
     return combined(spec, _simple)
 
 
 def _simple(spec: ConditionSpec) -> str:
     words = _glued(parameters(spec, always=True))
-    # "SensorLevel front > 1.2 m, readings 2": a word says what the next one is about.
+    # "SensorLevel front > 1.2 m, readings 2": the sonar stays with its limit.
     first = 2 if len(words) > 1 and words[0] in SONARS else 1
     return " ".join([spec.type, ", ".join([_GLUE.join(words[:first]), *words[first:]])]).strip()
 
 
 def printable(words: str) -> str:
-    """In one line, without what no picture can show."""
+    """Words as one line, without characters that no picture can show."""
     flat = " ".join(words.split())
     return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in flat)
 

@@ -61,9 +61,9 @@ class CarEstimate(NamedTuple):
     marker: Detection = NOTHING
     """The nearest marker of the last image that showed one."""
     steering_offset: float = 0.0
-    """Steering at which the car drives straight, as far as it has been learnt."""
+    """Steering at which the car drives straight, beside what its machine file gives, as far as it has been learnt."""
     steering_gain: float = 1.0
-    """Curvature that the car drives over the one that its steering should give, as far as gates have taught it."""
+    """Curvature that the car drives over the one that its steering should give, as far as it has been learnt."""
 
     @property
     def pose(self) -> Pose:

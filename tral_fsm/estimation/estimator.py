@@ -47,15 +47,9 @@ class Estimator:
         self.walls = WallFilter()
         self.gates = GateMemory()
         self.steering_offset = 0.0
-        """Steering at which the car drives straight: what gates and states have taught."""
+        """Steering at which the car drives straight, beside what its machine file gives: learnt from walls and gates."""
         self.steering_gain = 1.0
-        """Curvature that the car drives over the one that its steering should give: what gates have taught."""
-        self.offset_error = 0.0
-        """By how much the walls say that the offset is wrong: dead reckoning allows for it."""
-        self._gain_error = 0.0
-        """By how much the walls say that the gain is wrong: dead reckoning allows for it."""
-        self._given_trim = 0.0
-        """Steering at which the car drives straight, as far as the machine's file says so."""
+        """Curvature that the car drives over the one that its steering should give: learnt from walls and gates."""
         self._corridor_yaw = 0.0
         """Direction of the corridor in dead reckoning, rad, but for quarter turns; learnt from the side ranges."""
         self._left, self._front, self._right = Sonar(), Sonar(), Sonar()
@@ -80,8 +74,7 @@ class Estimator:
         time = self.tick * CONTROL_PERIOD_S
         if command.target is not None:
             self.gates.target = command.target
-        offset = self.steering_offset, self.offset_error, self._given_trim
-        self.odometry.update(readings, offset, self.steering_gain + self._gain_error)
+        self.odometry.update(readings, self.steering_offset + (command.steering_trim or 0.0), self.steering_gain)
         left = self._left.update(readings.ultrasonic_left, readings.ultrasonic_left_age, time)
         front = self._front.update(readings.ultrasonic_front, readings.ultrasonic_front_age, time)
         right = self._right.update(readings.ultrasonic_right, readings.ultrasonic_right_age, time)
@@ -143,9 +136,12 @@ class Estimator:
             odometry.yaw += turn
         else:
             self._corridor_yaw -= turn
-        gain_off, offset = self.steering_gain - 1.0, self.steering_offset
-        self._gain_error = clip(gain_off + self._gain_error + gain, _MAX_GAIN_ERROR) - gain_off
-        self.offset_error = clip(offset + self.offset_error + trim, _MAX_TRIM) - offset
+        self._correct_steering(trim, gain)
+
+    def _correct_steering(self, trim: float, gain: float) -> None:
+        """Add what a filter has found to the steering's offset and gain."""
+        self.steering_offset = clip(self.steering_offset + trim, _MAX_TRIM)
+        self.steering_gain = 1.0 + clip(self.steering_gain + gain - 1.0, _MAX_GAIN_ERROR)
 
     def _see(self, readings: Readings, time: float) -> None:
         """Bring what the camera has seen into the frame of dead reckoning; images that disagree change nothing."""
@@ -197,9 +193,7 @@ class Estimator:
         number = seen.id
         sample = self.odometry.sample(self.odometry.pose_before(seen.age))
         known = self.gates.was_seen(number)
-        trim, gain = self.gates.correct(seen, sample, self.walls.trim_sigma)
-        self.steering_offset = clip(self.steering_offset + trim, _MAX_TRIM)
-        self.steering_gain = 1.0 + clip(self.steering_gain + gain - 1.0, _MAX_GAIN_ERROR)
+        self._correct_steering(*self.gates.correct(seen, sample, self.walls.trim_sigma))
         if known:  # one detection alone may be wrong
             self._follow_axis(self.gates.nearest)
 
@@ -211,19 +205,3 @@ class Estimator:
             self.walls.forget()
             self.walls.doubt_direction()
             self._walls_now = self.walls.left.estimate, self.walls.right.estimate, self.walls.sure
-
-    def learn(self, command: Command) -> None:
-        """Take over what the state has learnt of the trim."""
-        if command.steering_trim is not None:
-            self._given_trim = command.steering_trim
-        if command.adopt_trim:
-            self.steering_offset += self.offset_error
-            self.offset_error = 0.0
-        if command.trim_step:
-            self.steering_offset = clip(self.steering_offset + command.trim_step, _MAX_TRIM)
-
-    def actuate(self, command: Command) -> float:
-        """Steering in [-1, 1] that the real car needs for a command."""
-        if command.steering is None:
-            return 0.0
-        return clip(command.steering / self.steering_gain + self._given_trim + self.steering_offset)

@@ -1,184 +1,141 @@
-"""A gate kept in the frame of dead reckoning, and what its sightings say about the car's own steering.
+"""A gate kept in the frame of dead reckoning, and what its detections say about the car's own steering.
 
-An extended Kalman filter (Welch and Bishop, 2006) with five unknowns: the gate's place (x, y), the heading of its axis,
-and by how much the trim and the lock are wrong. A car whose wheels stand a degree off turns by 4 degrees a metre
-without knowing; then in the frame of dead reckoning the gate seems to turn about the car. The camera tells a bearing to
-a tenth of a degree, so half a metre of approach is enough to learn the trim, and a gate that has left the image is
-still known well.
+A car whose wheels stand a degree off turns by 4 degrees a metre without knowing; then in the frame of dead reckoning
+the gate seems to turn about the car. The camera tells a bearing to a tenth of a degree, so half a metre of approach is
+enough to learn the trim, and a gate that has left the image is still known well.
 """
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from tral_env.se2 import wrap
+from tral_fsm.estimation import kalman
 from tral_fsm.estimation.odometry import CURVATURE_PER_STEERING, GAIN_SIGMA, TRIM_SIGMA, OdometrySample
-from tral_fsm.estimation.wall_filter import learn
 
 _PLACE_WALK = 0.02
 """How far dead reckoning's place wanders in a metre, m."""
 _ALONG = (0.01, 0.015)
 _ACROSS = (0.006, 0.003)
 _HEADING = (0.01, 0.002)
-"""Deviation of a sighting: at no distance, and what each metre (for the heading: its square) adds. Source: the tables
-of docs/perception.md, with room for what the image's faults add."""
-_GATE_SIGMA = 4.0
-"""A sighting farther off than so many deviations is not believed,"""
+"""Standard deviation of a detection, m and rad: at no distance, and what each metre (for the heading: its square) adds.
+Source: the tables of docs/perception.md, with room for what the image's faults add."""
+_GATE_SIGMAS = 4.0
+"""A detection that is off by more standard deviations is not believed."""
 _ANEW = 3
-"""unless so many do not fit, one after the other: then the gate is there."""
+"""So many detections that are not believed, one after the other, begin the gate anew."""
 
 _POSTS, _POSTS_ASIDE = (0.8, 0.4), 1.5
 """Posts are heard from so far before the gate to so far behind it, on a way that leads so near to its middle, m."""
 
-Row = list[float]
-
 
 class GateTracker:
-    """One gate, and the covariance of its pose, the trim and the lock."""
+    """One gate, kept by an extended Kalman filter.
 
-    __slots__ = ("_covariance", "_misfits", "_sample", "_trim", "heading", "opening", "x", "y")
+    Its unknowns x are errors: of the gate's place (x, y), of the heading of its axis, of the trim and of the steering
+    gain. The gate is at (dx, dy) from the car. Over a way s on which the wheels turned the car by q, with c the
+    curvature of a unit of steering, a wrong trim and a wrong gain turn the gate about the car by c s trim - q gain. So
+    does a heading that wanders, by a variance w, while dead reckoning's place wanders by p:
+
+            | 1  0  0  -c s dy   q dy |          | w dy dy + p   -w dx dy      -w dy   0      0 |
+            | 0  1  0   c s dx  -q dx |          | -w dx dy      w dx dx + p    w dx   0      0 |
+        F = | 0  0  1   c s     -q    |      Q = | -w dy         w dx           w      0      0 |
+            | 0  0  0   1        0    |          | 0             0              0      trim   0 |
+            | 0  0  0   0        1    |          | 0             0              0      0      0 |
+
+    A detection measures place and heading along and across the line of sight, whose direction is (cos, sin), each with a
+    doubt that grows with the distance:
+
+            |  cos  sin  0  0  0 |
+        H = | -sin  cos  0  0  0 |           R = diag(along, across, heading)
+            |  0    0    1  0  0 |
+    """
+
+    __slots__ = ("P", "_F", "_H", "_Q", "_R", "_misfits", "_sample", "_trim", "heading", "opening", "x", "y")
 
     def __init__(self, x: float, y: float, heading: float, sample: OdometrySample, trim: float = TRIM_SIGMA) -> None:
-        """Begin with a sighting.
+        """Begin with a detection.
 
         Args:
             x: of the gate's middle in dead reckoning, m.
             y: likewise.
             heading: of its axis, rad.
             sample: where it was seen from.
-            trim: deviation of the trim.
+            trim: standard deviation of the trim.
         """
         self.opening = math.nan
         """Between its boards, m; NaN: not known yet."""
         self._trim = trim
+        self._F, self._Q, self._H, self._R = np.eye(5), np.zeros((5, 5)), np.eye(3, 5), np.zeros((3, 3))
         self.begin(x, y, heading, sample)
 
     def begin(self, x: float, y: float, heading: float, sample: OdometrySample) -> None:
-        """Forget all but this sighting."""
+        """Forget all but this detection."""
         self.x, self.y, self.heading = x, y, heading
         self._sample = sample
-        range_ = max(math.hypot(x - sample.x, y - sample.y), 1e-3)
-        cos, sin = (x - sample.x) / range_, (y - sample.y) / range_
-        along, across, turned = _deviations(range_)
-        a, b = along * along, across * across
-        shared = (a - b) * sin * cos
-        self._covariance: list[Row] = [
-            [a * cos * cos + b * sin * sin, shared, 0.0, 0.0, 0.0],
-            [shared, a * sin * sin + b * cos * cos, 0.0, 0.0, 0.0],
-            [0.0, 0.0, turned * turned, 0.0, 0.0],
-            [0.0, 0.0, 0.0, self._trim * self._trim, 0.0],
-            [0.0, 0.0, 0.0, 0.0, GAIN_SIGMA * GAIN_SIGMA],
-        ]
         self._misfits = 0
+        self._look(x - sample.x, y - sample.y)
+        self.P = self._H.T.dot(self._R).dot(self._H) + np.diag(
+            (0.0, 0.0, 0.0, self._trim * self._trim, GAIN_SIGMA * GAIN_SIGMA)
+        )
+        """Covariance of x [m], y [m], heading [rad], trim and steering gain at the last detection, (5, 5)."""
 
     def update(self, x: float, y: float, heading: float, sample: OdometrySample) -> tuple[float, float]:
-        """Correct by a new sighting, with the arguments of the first.
+        """Correct by a new detection, with the arguments of the first.
 
         Returns:
-            What to add to the trim and to the scale of the lock.
+            What to add to the trim and to the steering gain.
         """
         dx, dy = self.x - sample.x, self.y - sample.y
-        self._drift(sample, dx, dy)
-        self._sample = sample
-        range_ = max(math.hypot(dx, dy), 1e-3)
-        cos, sin = dx / range_, dy / range_
-        along, across, deviation = _deviations(range_)
-        ex, ey, eh = x - self.x, y - self.y, wrap(heading - self.heading)
-        seen = (
-            ((cos, sin, 0.0), cos * ex + sin * ey, along),
-            ((-sin, cos, 0.0), cos * ey - sin * ex, across),
-            ((0.0, 0.0, 1.0), eh, deviation),
-        )
-        if not self._fits(seen):
+        self._predict(sample, dx, dy)
+        cos, sin = self._look(dx, dy)
+        ex, ey = x - self.x, y - self.y
+        innovation = (cos * ex + sin * ey, cos * ey - sin * ex, wrap(heading - self.heading))
+        PH, S = kalman.innovation(self.P, self._H, self._R)
+        if not kalman.gate_accepts(innovation, S, _GATE_SIGMAS):
             self._misfits += 1
             if self._misfits >= _ANEW:
                 self.begin(x, y, heading, sample)
             return 0.0, 0.0
         self._misfits = 0
-        state = [0.0] * 5
-        for direction, error, sigma in seen:
-            self._correct(state, direction, error, sigma * sigma)
-        self.x += state[0]
-        self.y += state[1]
-        self.heading += state[2]
-        return state[3], state[4]
+        errors, self.P = kalman.update(self.P, innovation, PH, S)
+        x_error, y_error, heading_error, trim, gain = errors.tolist()
+        self.x += x_error
+        self.y += y_error
+        self.heading += heading_error
+        return trim, gain
 
-    def _drift(self, now: OdometrySample, dx: float, dy: float) -> None:
-        """A wrong trim and a wrong lock turn the gate about the car; the rest of dead reckoning's faults wander."""
-        before = self._sample
-        driven, turned = now.arc_length - before.arc_length, now.heading_change - before.heading_change
-        p = self._covariance
-        for fault, turn in ((3, CURVATURE_PER_STEERING * driven), (4, -turned)):
-            fx, fy = -turn * dy, turn * dx
-            for row in p:  # P F'
-                row[0] += fx * row[fault]
-                row[1] += fy * row[fault]
-                row[2] += turn * row[fault]
-            last = p[fault]
-            for row, f in zip(p, (fx, fy, turn), strict=False):  # F P
-                for column in range(5):
-                    row[column] += f * last[column]
-        # A wandering heading turns the gate about the car, too.
-        wander = now.heading_noise(before)
-        place = _PLACE_WALK**2 * abs(driven)
-        p[0][0] += wander * dy * dy + place
-        p[0][1] -= wander * dx * dy
-        p[1][0] -= wander * dx * dy
-        p[1][1] += wander * dx * dx + place
-        p[0][2] -= wander * dy
-        p[2][0] -= wander * dy
-        p[1][2] += wander * dx
-        p[2][1] += wander * dx
-        p[2][2] += wander
-        p[3][3] += now.trim_noise(before)
+    def _predict(self, sample: OdometrySample, dx: float, dy: float) -> None:
+        """Let the doubt grow with the way to a sample, from which the gate is at (dx, dy) [m]."""
+        before, self._sample = self._sample, sample
+        s, q = sample.arc_length - before.arc_length, sample.heading_change - before.heading_change
+        cs, w, p = CURVATURE_PER_STEERING * s, sample.heading_noise(before), _PLACE_WALK**2 * abs(s)
+        F, Q = self._F, self._Q
+        F[0, 3], F[1, 3], F[2, 3] = -cs * dy, cs * dx, cs
+        F[0, 4], F[1, 4], F[2, 4] = q * dy, -q * dx, -q
+        Q[0, 0], Q[1, 1], Q[2, 2] = w * dy * dy + p, w * dx * dx + p, w
+        Q[0, 1] = Q[1, 0] = -w * dx * dy
+        Q[0, 2] = Q[2, 0] = -w * dy
+        Q[1, 2] = Q[2, 1] = w * dx
+        Q[3, 3] = sample.trim_noise(before)
+        self.P = kalman.predict(self.P, F, Q)
 
-    def _fits(self, seen: tuple[tuple[tuple[float, float, float], float, float], ...]) -> bool:
-        """Whether no part of a sighting is farther off than chance has it."""
-        p = self._covariance
-        for (a, b, c), error, sigma in seen:
-            spread = (
-                a * a * p[0][0] + b * b * p[1][1] + c * c * p[2][2]
-                + 2.0 * (a * b * p[0][1] + a * c * p[0][2] + b * c * p[1][2])
-            )  # fmt: skip
-            if error * error > _GATE_SIGMA**2 * (spread + sigma * sigma):
-                return False
-        return True
-
-    def _correct(
-        self, state: list[float], direction: tuple[float, float, float], error: float, variance: float
-    ) -> None:
-        """Kalman's step for one number that was measured along a direction."""
-        a, b, c = direction
-        p = self._covariance
-        ph = [a * row[0] + b * row[1] + c * row[2] for row in p]
-        innovation = error - (a * state[0] + b * state[1] + c * state[2])
-        spread = a * ph[0] + b * ph[1] + c * ph[2] + variance
-        for i, with_it in enumerate(ph):
-            state[i] += with_it / spread * innovation
-        learn(p, ph, spread)
+    def _look(self, dx: float, dy: float) -> tuple[float, float]:
+        """Set H and R for a gate at (dx, dy) [m] from the car; gives the line of sight (cos, sin)."""
+        range_ = max(math.hypot(dx, dy), 1e-3)
+        cos, sin = dx / range_, dy / range_
+        H, R = self._H, self._R
+        H[0, 0], H[0, 1] = cos, sin
+        H[1, 0], H[1, 1] = -sin, cos
+        R[0, 0] = (_ALONG[0] + _ALONG[1] * range_) ** 2
+        R[1, 1] = (_ACROSS[0] + _ACROSS[1] * range_) ** 2
+        R[2, 2] = (_HEADING[0] + _HEADING[1] * range_ * range_) ** 2
+        return cos, sin
 
     def beside(self, x: float, y: float) -> bool:
         """Whether a car at x, y [m] of dead reckoning is so near that its side ultrasonics may hear the posts."""
         dx, dy = self.x - x, self.y - y
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         return -_POSTS[1] < cos * dx + sin * dy < _POSTS[0] and abs(cos * dy - sin * dx) < _POSTS_ASIDE
-
-    @property
-    def covariance(self) -> tuple[tuple[float, ...], ...]:
-        """Covariance of x [m], y [m], heading [rad], trim and steering gain at the last sighting."""
-        return tuple(tuple(row) for row in self._covariance)
-
-    @property
-    def deviation(self) -> tuple[float, float, float]:
-        """Standard deviations of x [m], y [m], heading [rad] at the last sighting."""
-        p = self._covariance
-        return math.sqrt(p[0][0]), math.sqrt(p[1][1]), math.sqrt(p[2][2])
-
-
-def _deviations(range_: float) -> tuple[float, float, float]:
-    """Of a sighting: along and across the line of sight [m], and of the heading [rad]."""
-    return (
-        _ALONG[0] + _ALONG[1] * range_,
-        _ACROSS[0] + _ACROSS[1] * range_,
-        _HEADING[0] + _HEADING[1] * range_ * range_,
-    )

@@ -13,10 +13,10 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from tral_env.geometry import FULL_LOCK, TRACK_M, WHEELBASE_M, curvature
+from tral_env.geometry import FULL_LOCK, TRACK_M, WHEELBASE_M, curvature, steering_play
 from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.se2 import Pose
-from tral_fsm.control.laws import clip, steering_play
+from tral_fsm.control.laws import clip
 from tral_fsm.control.speed import STANDING_MPS
 from tral_fsm.estimation.readings import Readings
 
@@ -113,7 +113,7 @@ class Odometry:
         self._distance = math.nan
         self._history: deque[Pose] = deque(maxlen=_HISTORY_TICKS)
 
-    def update(self, readings: Readings, offset: tuple[float, float, float], gain: float) -> None:
+    def update(self, readings: Readings, offset: float, gain: float) -> None:
         """Move the pose by the way of a tick.
 
         Args:
@@ -131,7 +131,7 @@ class Odometry:
         if readings.speed < STANDING_MPS and readings.throttle != 0.0:
             self.direction = -1.0 if readings.throttle < 0.0 else 1.0
         if step > 0.0:  # also false for NaN, at the first tick
-            self._advance(step, lag, gain * curvature(self.wheel - offset[0] - offset[1] - offset[2]))
+            self._advance(step, lag, gain * curvature(self.wheel - offset))
         self._history.append((self.x, self.y, self.yaw))
 
     def _advance(self, step: float, lag: float, path_curvature: float) -> None:

@@ -11,7 +11,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from tral_env.geometry import SIDE_SONAR_X_M
+from tral_fsm.estimation import kalman
+from tral_fsm.estimation.kalman import Array
 from tral_fsm.estimation.odometry import CURVATURE_PER_STEERING, GAIN_SIGMA, TRIM_SIGMA, OdometrySample
 
 MAX_WALL_RANGE_M = 2.2
@@ -46,6 +50,13 @@ _MAX_SLIP_M = 0.2
 """Slips that add up to this on one side or both: the corridor's direction is wrong, m."""
 _OPENING_M = 0.45
 """A range that is so much larger than the wall's is an opening, no recess, m."""
+
+_HEADING, _TRIM, _GAIN, _LEFT, _RIGHT = range(5)
+"""Places of the unknowns in x."""
+_H_LEFT, _H_RIGHT = np.eye(5)[[_LEFT]], np.eye(5)[[_RIGHT]]
+"""Each ultrasonic measures the error of its own range, (1, 5)."""
+_R = np.array([[_RANGE_SIGMA * _RANGE_SIGMA]])
+"""Variance of a reading, m^2, (1, 1)."""
 
 
 class Correction(NamedTuple):
@@ -133,15 +144,15 @@ class Wall:
         self._candidate -= nearer
         self._x, self._y = x, y
 
-    def accept(self, reading: float, deviation: float) -> bool:
-        """Take a reading [m] whose innovation has a standard deviation [m].
+    def accept(self, reading: float, S: Array) -> bool:
+        """Take a reading [m] whose innovation has a variance S [m^2], (1, 1).
 
         Returns:
             Whether the reading is of this wall. If not, it may begin or end one.
         """
         error = reading - self.range
         self.slip = 0.0
-        if abs(error) <= max(_JUMP_M, _GATE_SIGMAS * deviation):
+        if abs(error) <= _JUMP_M or kalman.gate_accepts((error,), S, _GATE_SIGMAS):
             self.lost = self._support = 0
             self._candidate = math.nan
             self._readings += 1
@@ -182,19 +193,31 @@ class Wall:
 class WallFilter:
     """Both walls and the direction of the corridor between them: an extended Kalman filter.
 
-    Its five unknowns: by how much the heading, the trim, the steering gain and the two ranges are wrong.
+    Its unknowns x are errors: of the heading, of the trim, of the steering gain, of the left and of the right range.
+    Over a way s on which the wheels turned the car by q, with c the curvature of a unit of steering, b the place of the
+    side ultrasonics before the rear axle and m = b + s / 2 the lever from there to the middle of the way,
+
+            |  1     -c s     q    0  0 |
+            |  0       1      0    0  0 |
+        F = |  0       0      1    0  0 |      Q = diag(heading noise, trim noise, 0, w, w)
+            | -s    m c s   -m q   1  0 |
+            |  s   -m c s    m q   0  1 |
+
+    A wrong trim and a wrong gain turn the car, a wrong heading moves it. w is how the walls wander, and what the hall
+    sensor adds where the car drives at a slant. Each reading measures one range: H = (0, 0, 0, 1, 0) on the left,
+    (0, 0, 0, 0, 1) on the right.
     """
 
-    __slots__ = ("_covariance", "_sample", "_slip", "left", "right")
+    __slots__ = ("P", "_F", "_Q", "_sample", "_slip", "left", "right")
 
     def __init__(self) -> None:
         self.left = Wall(1.0)
         self.right = Wall(-1.0)
         self._slip = 0.0
         self._sample = OdometrySample(0.0, 0.0, 0.0)
-        self._covariance = [[0.0] * 5 for _ in range(5)]
-        for i, sigma in enumerate((_HEADING_SIGMA, TRIM_SIGMA, GAIN_SIGMA, _WALL_SIGMA, _WALL_SIGMA)):
-            self._covariance[i][i] = sigma * sigma
+        self.P = np.diag(np.square((_HEADING_SIGMA, TRIM_SIGMA, GAIN_SIGMA, _WALL_SIGMA, _WALL_SIGMA)))
+        """Covariance of heading [rad], trim, steering gain, left and right range [m], (5, 5)."""
+        self._F, self._Q = np.eye(5), np.zeros((5, 5))
 
     def forget(self) -> None:
         """The car has turned out of the corridor: none of its walls is beside it any more."""
@@ -204,23 +227,18 @@ class WallFilter:
 
     def doubt_direction(self) -> None:
         """The corridor's direction was found to be wrong."""
-        self._renew(0, _HEADING_SIGMA)
+        self.P = kalman.renew(self.P, _HEADING, _HEADING_SIGMA)
         self._slip = 0.0
 
     @property
     def direction_known(self) -> bool:
         """The corridor's direction is known."""
-        return self._covariance[0][0] < _KNOWN_HEADING * _KNOWN_HEADING
-
-    @property
-    def covariance(self) -> tuple[tuple[float, ...], ...]:
-        """Covariance of heading [rad], trim, steering gain, left and right range [m]."""
-        return tuple(tuple(row) for row in self._covariance)
+        return kalman.sigma(self.P, _HEADING) < _KNOWN_HEADING
 
     @property
     def trim_sigma(self) -> float:
         """Standard deviation of the trim, in units of steering."""
-        return math.sqrt(self._covariance[1][1])
+        return kalman.sigma(self.P, _TRIM)
 
     @property
     def sure(self) -> bool:
@@ -248,67 +266,38 @@ class WallFilter:
         x = sample.x + SIDE_SONAR_X_M * math.cos(sample.yaw)
         y = sample.y + SIDE_SONAR_X_M * math.sin(sample.yaw)
         wall.predict(x, y, along)
-        side = 3 if wall is self.left else 4
-        variance = self._covariance[side][side] + _RANGE_SIGMA * _RANGE_SIGMA
+        side, H = (_LEFT, _H_LEFT) if wall is self.left else (_RIGHT, _H_RIGHT)
         moved = wall.moved
-        if wall.accept(reading, math.sqrt(variance)):
+        PH, S = kalman.innovation(self.P, H, _R)
+        if wall.accept(reading, S):
             if wall.steady:
                 self._slip = 0.0
-            return self._correct(side, reading - wall.range, variance)
+            return self._correct(reading - wall.range, PH, S)
         if wall.moved != moved:
-            self._renew(side, _WALL_SIGMA)
+            self.P = kalman.renew(self.P, side, _WALL_SIGMA)
         self._slip = 0.0 if wall.steady else self._slip + wall.slip
         if abs(self._slip) > _MAX_SLIP_M:
             self.doubt_direction()
         return NO_CORRECTION
 
     def _predict(self, sample: OdometrySample, slant: float) -> None:
-        """A wrong trim and a wrong gain turn the car, a wrong heading moves it; the rest of its errors is noise."""
+        """Let the doubt grow with the way to a sample, driven at a slant (sine) to the corridor."""
         before, self._sample = self._sample, sample
-        driven, turned = sample.arc_length - before.arc_length, sample.heading_change - before.heading_change
-        p = self._covariance
-        trim = -CURVATURE_PER_STEERING * driven
-        lever = SIDE_SONAR_X_M + driven / 2.0
-        for row in p:
-            turn = trim * row[1] + turned * row[2]
-            shift = driven * row[0] + lever * turn
-            row[0] += turn
-            row[3] -= shift
-            row[4] += shift
-        heading, left, right = p[0], p[3], p[4]
-        for i, (t, k, h) in enumerate(zip(p[1], p[2], heading, strict=True)):
-            turn = trim * t + turned * k
-            shift = driven * h + lever * turn
-            heading[i] += turn
-            left[i] -= shift
-            right[i] += shift
-        heading[0] += sample.heading_noise(before)
-        p[1][1] += sample.trim_noise(before)
-        noise = _WALL_WALK * _WALL_WALK * abs(driven) + (_HALL_ERROR * slant * driven) ** 2
-        left[3] += noise
-        right[4] += noise
+        s, q = sample.arc_length - before.arc_length, sample.heading_change - before.heading_change
+        cs, m = CURVATURE_PER_STEERING * s, SIDE_SONAR_X_M + s / 2.0
+        w = _WALL_WALK * _WALL_WALK * abs(s) + (_HALL_ERROR * slant * s) ** 2
+        F, Q = self._F, self._Q
+        F[_HEADING, _TRIM], F[_HEADING, _GAIN] = -cs, q
+        F[_LEFT, _HEADING], F[_LEFT, _TRIM], F[_LEFT, _GAIN] = -s, m * cs, -m * q
+        F[_RIGHT, _HEADING], F[_RIGHT, _TRIM], F[_RIGHT, _GAIN] = s, -m * cs, m * q
+        Q[_HEADING, _HEADING], Q[_TRIM, _TRIM] = sample.heading_noise(before), sample.trim_noise(before)
+        Q[_LEFT, _LEFT] = Q[_RIGHT, _RIGHT] = w
+        self.P = kalman.predict(self.P, F, Q)
 
-    def _correct(self, side: int, error: float, variance: float) -> Correction:
-        """Kalman's step for one range."""
-        ph = [row[side] for row in self._covariance]
-        heading, trim, gain, left, right = (error / variance * x for x in ph)
-        learn(self._covariance, ph, variance)
+    def _correct(self, y: float, PH: Array, S: Array) -> Correction:
+        """Put the ranges right by the innovation y [m] of one, and give what is wrong elsewhere."""
+        x, self.P = kalman.update(self.P, (y,), PH, S)
+        heading, trim, gain, left, right = x.tolist()
         self.left.range += left
         self.right.range += right
         return Correction(heading, trim, gain)
-
-    def _renew(self, index: int, sigma: float) -> None:
-        """Know one unknown by this standard deviation only."""
-        p = self._covariance
-        for row in p:
-            row[index] = 0.0
-        p[index] = [0.0] * 5
-        p[index][index] = sigma * sigma
-
-
-def learn(covariance: list[list[float]], with_measured: list[float], spread: float) -> None:
-    """Kalman's step for the covariance."""
-    for row, with_it in zip(covariance, with_measured, strict=True):
-        gain = with_it / spread
-        for j, other in enumerate(with_measured):
-            row[j] -= gain * other

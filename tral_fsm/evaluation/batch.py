@@ -1,6 +1,6 @@
-"""Many drives in one batch: each row has a machine of its own, and takes the next drive as soon as one ends.
+"""Many drives in one batch: each row has its own machine, and begins the next drive as soon as one ends.
 
-A drive is the one of `rollout.drive` with the same scenario and seed, whatever the other rows do.
+A drive equals that of `rollout.drive` with the same scenario and seed bit for bit, whatever the other rows do.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from tral_fsm.runtime.machine import Trace
 Array = NDArray[np.float64]
 
 ROWS = 128
-"""Drives at once. Source: measured; from here on a row costs little less, and the last drives end later."""
+"""Number of drives at once. Source: measured; with more rows a row costs little less, and the last drives end later."""
 STUCK_M = 0.25
-"""A car that gains less along the route than this, in the time a stuck car is given, is stuck. Source: choice."""
+"""A car is stuck if it gains less along the route than this in `stuck_s`. Source: choice."""
 
 
 class BatchRunner:
-    """Rows of cars that drive whatever machine on whatever course comes next."""
+    """Rows of cars; each drives any machine on any course, one drive after the other."""
 
     def __init__(
         self,
@@ -47,15 +47,15 @@ class BatchRunner:
         """Build the simulation.
 
         Args:
-            scenarios: families of courses that will be driven.
-            randomization: how much cars and sensors differ.
+            scenarios: families of the courses.
+            randomization: how much cars and sensors differ: "none", "default" or "hard".
             camera: "projected" or "rendered".
-            rows: drives at once.
-            nthread: threads that step the cars.
-            stuck_s: a car that gains less than `STUCK_M` in this time has timed out, s; None: only at the time limit.
+            rows: number of drives at once.
+            nthread: number of threads that step the cars.
+            stuck_s: a car that gains less than `STUCK_M` in this time ends in a timeout, s; None: no car is stuck.
 
         Raises:
-            ConfigError: unknown scenario, camera or randomization.
+            ConfigError: a scenario, the camera or the randomization is unknown.
         """
         configs = [CorridorConfig(scenario=name, randomization=randomization, camera=camera) for name in scenarios]
         pool = Pool(0)
@@ -65,7 +65,7 @@ class BatchRunner:
         self.world = World(rows, configs[0], nthread=nthread, pool=pool)
         self._randomization, self._hard = level(randomization), randomization == "hard"
         self.patience_s = math.inf if stuck_s is None else stuck_s
-        """Time without progress after which a car is given up, s."""
+        """Time without progress after which the drive of a car ends, s."""
         self._drawn: dict[tuple[str, int], tuple[Drawn, np.random.Generator]] = {}
         self._rngs = [np.random.default_rng(0)] * rows
         self._started = False
@@ -80,13 +80,13 @@ class BatchRunner:
         """Drive all requests.
 
         Args:
-            machines: what the requests choose from.
+            machines: machines to which the requests refer.
             requests: the drives, in the order in which they begin.
-            on_tick: called each tick with the number of drives that have ended; may raise to break off.
-            observers: by number of the request, called with each tick of its drive.
+            on_tick: called each tick with the number of drives that have ended; it may raise to break off.
+            observers: number of a request -> functions that are called with each tick of its drive.
 
         Returns:
-            How each drive went, in the order of the requests.
+            The results, in the order of the requests.
 
         Raises:
             FormatError: a machine cannot run.
@@ -103,7 +103,7 @@ class BatchRunner:
         return [result for result in run.results if result is not None]
 
     def draw(self, request: EpisodeRequest) -> tuple[Drawn, np.random.Generator]:
-        """Course and car of a drive, and the generator of its noise; drawn once, since many machines drive the same."""
+        """Course and car of a drive, and the generator of its noise; drawn once, as many machines drive the same."""
         key = request.scenario, request.seed
         if key not in self._drawn:
             rng = seeding.np_random(request.seed)[0]
@@ -118,19 +118,19 @@ class BatchRunner:
         for row, (_, rng) in zip(rows, fresh, strict=True):
             self._rngs[row] = rng
         drawn = [each for each, _ in fresh]
-        if not self._started:  # the first time all rows need a course; those without a drive never move
+        if not self._started:  # all rows need a course once; a row without a drive does not move
             spare = self.rows - len(rows)
             rows, drawn = np.append(rows, np.arange(self.rows - spare, self.rows)), drawn + drawn[:1] * spare
             self._started = True
         self.world.begin(rows, drawn, self._rngs)
 
     def close(self) -> None:
-        """Free what OpenGL holds."""
+        """Free the OpenGL context, if there is one."""
         self.world.close()
 
 
 class _Drivers:
-    """A crew of machines, any machine in any row; one that has driven is used again."""
+    """A crew of machines, any machine in any row; a driver is used again after its drive."""
 
     def __init__(self, definitions: Sequence[MachineDefinition], n: int) -> None:
         self._definitions = definitions
@@ -139,14 +139,14 @@ class _Drivers:
         self._idle: list[list[Driver]] = [[] for _ in definitions]
 
     def seat(self, row: int, machine: int) -> None:
-        """Let a machine drive a row from now on, from its root."""
+        """Let a machine drive a row, from its root on."""
         idle = self._idle[machine]
         driver = idle.pop() if idle else Driver(self._definitions[machine])
         driver.reset()
         self._drivers[row], self._machine[row] = driver, machine
 
     def leave(self, row: int) -> None:
-        """The machine of a row is free for other rows."""
+        """Free the driver of a row for other rows."""
         self._idle[self._machine[row]].append(self._driver(row))
         self._drivers[row] = None
 
@@ -224,7 +224,7 @@ class _Run:
             self.fill(done)
 
     def _is_stuck(self, step: Step) -> NDArray[np.bool_]:
-        """Rows that have waited too long for progress, (n,)."""
+        """Whether each row has been without progress for too long, (n,)."""
         gained = step.info["progress"] * self.runner.world.track.length
         ahead = gained > self._best + STUCK_M
         self._best = np.where(ahead, gained, self._best)
@@ -233,7 +233,7 @@ class _Run:
         return stuck
 
     def _finish(self, row: int, step: Step) -> None:
-        """Write down how the drive of a row went."""
+        """Keep the result of the drive of a row."""
         number = int(self._number[row])
         request = self.requests[number]
         self.results[number] = EpisodeResult(

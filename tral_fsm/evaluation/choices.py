@@ -1,4 +1,4 @@
-"""What a drive can be asked for by name."""
+"""Names that the options of a drive accept."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ Randomization = Literal["none", "default", "hard"]
 
 
 def check_families(names: Iterable[str]) -> list[str]:
-    """Families of courses that must be known.
+    """Names of families, as a list.
 
     Raises:
-        ConfigError: one is not; the message names the nearest.
+        ConfigError: a family is unknown; the message names the nearest.
     """
     chosen = list(names)
     for name in chosen:
@@ -26,9 +26,9 @@ def check_families(names: Iterable[str]) -> list[str]:
 
 
 def families(text: str) -> list[str]:
-    """Families with commas between them; "all" for all.
+    """Families of a text: names, separated by commas, or "all".
 
     Raises:
-        ConfigError: one of them is unknown.
+        ConfigError: a family is unknown.
     """
     return list(SCENARIOS) if text == "all" else check_families(text.split(","))

@@ -1,4 +1,4 @@
-"""An episode: what is asked for, what happens in a tick, and how it went."""
+"""An episode: the request, its ticks, and its result."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from tral_fsm.runtime.machine import Transit
 
 Array = NDArray[np.float64]
 NO_WISH = (math.nan, math.nan)
-"""Side and clearance of a policy that keeps no clearance."""
+"""Wanted side and clearance of a policy that keeps no clearance."""
 Outcome = Literal["success", "collision", "missed_gate", "timeout"]
 
 
 @dataclass(frozen=True)
 class EpisodeRequest:
-    """One drive that is wanted."""
+    """Request for one drive."""
 
     machine: int
-    """Index of the machine that drives."""
+    """Index of the machine."""
     scenario: str
     seed: int
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tick:
-    """One tick of a drive: what the policy saw and answered, and where that led."""
+    """One tick of a drive: the observation, the action, and the truth after it."""
 
     index: int
     """0 for the first."""
     observation: NDArray[np.floating]
-    """(d,) what the policy saw."""
+    """(d,) observation of the policy."""
     state: str
-    """The state that answered; empty for policies without states."""
+    """Name of the state that acted; empty for a policy without states."""
     action: NDArray[np.float32]
     """(2,) steering, throttle."""
     info: Mapping[str, Any]
@@ -45,17 +45,17 @@ class Tick:
     transits: tuple[Transit, ...] = ()
     """Transitions that fired, those of inner machines first."""
     wanted: tuple[float, float] = NO_WISH
-    """Wall that a clearance is kept to, +1 left, -1 right, and that clearance [m]; NaN: none."""
+    """Side of the followed wall, +1 left, -1 right, and the wanted clearance [m]; NaN: none."""
     clearance_error: float = math.nan
     """True clearance minus the wanted one after the tick, m; NaN where none is wanted or measured."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trace:
-    """An episode tick by tick: row k is tick k; time, pose, speed and clearance error are those at its end."""
+class EpisodeTrace:
+    """An episode tick by tick: row k holds tick k, with time, pose, speed and clearance error at its end."""
 
     time: Array
-    """(T,) s since reset."""
+    """(T,) time since reset, s."""
     pose: Array
     """(T, 3) true x, y [m] and yaw [rad] in the course frame."""
     speed: Array
@@ -63,21 +63,21 @@ class Trace:
     clearance_error: Array
     """(T,) m; NaN where no clearance is wanted or measured."""
     lateral_offset: Array
-    """(T,) from the route, + = left of it, m."""
+    """(T,) distance from the route, + = left of it, m."""
     gates_passed: NDArray[np.int64]
-    """(T,)"""
+    """(T,) number of gates passed so far."""
     readings: Array
-    """(T, d) what the policy saw, the columns of the env's `Layout`."""
+    """(T, d) observations, in the columns of the env's `Layout`."""
     action: Array
     """(T, 2) steering, throttle."""
     states: tuple[str, ...]
-    """(T,) name of the state that answered."""
+    """(T,) name of the state that acted."""
     transits: tuple[tuple[int, Transit], ...]
-    """Each transition that fired, with its tick."""
+    """Tick and record of each transition that fired."""
 
 
-class Recorder:
-    """An observer that keeps every tick."""
+class TickRecorder:
+    """An observer that keeps all ticks."""
 
     def __init__(self) -> None:
         self.ticks: list[Tick] = []
@@ -86,14 +86,14 @@ class Recorder:
         """Keep a tick."""
         self.ticks.append(tick)
 
-    def trace(self) -> Trace:
+    def trace(self) -> EpisodeTrace:
         """The ticks, column by column."""
         ticks = self.ticks
 
         def column(name: str) -> Array:
             return np.array([tick.info[name] for tick in ticks], float)
 
-        return Trace(
+        return EpisodeTrace(
             time=column("time_s"),
             pose=column("pose"),
             speed=column("speed_mps"),
@@ -109,45 +109,45 @@ class Recorder:
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeResult:
-    """How one drive went, in figures."""
+    """Result of one drive, in figures."""
 
     seed: int
     scenario: str
     outcome: Outcome
     crash: bool
-    """A collision at a closing speed that counts as a crash, not as a touch."""
+    """Whether the closing speed of the collision makes it a crash, not a touch."""
     progress: float
     """Share of the route, in [0, 1]."""
     time_s: float
     mean_speed: float
     """Mean of the true speed, m/s."""
     clearance_rmse: float
-    """Root of the mean square of the clearance error, m; NaN if there was none to measure."""
+    """Root of the mean square of the clearance error, m; NaN without a measured tick."""
     clearance_samples: int
-    """Ticks at which there was one."""
+    """Number of ticks at which the clearance error was measured."""
     settled_rmse: float
-    """The same over the ticks at which the car had arrived at the clearance, see `evaluation.settling`, m; or NaN."""
+    """`clearance_rmse` over the settled ticks alone (see `evaluation.settling`), m; NaN without one."""
     settled_samples: int
     lateral_rms: float
     """Root of the mean square of the distance from the route, m."""
     gates_passed: int
     gates_total: int
     steering_travel: float
-    """Sum of the changes of the steering command, either way: from full right to full left is 2."""
+    """Sum of the absolute changes of the steering command; from full right to full left is 2."""
     errors: NDArray[np.int64] = field(repr=False, compare=False)
     """(100,) ticks by clearance error, in the bins of `metrics.ERROR_BINS`."""
     route_m: float = math.nan
-    """Length of the route, m; NaN for an env that does not tell it."""
+    """Length of the route, m; NaN if the env does not tell it."""
 
     @property
     def success(self) -> bool:
-        """The goal was reached, all gates passed, nothing touched."""
+        """Whether the car reached the goal, passed all gates and touched nothing."""
         return self.outcome == "success"
 
     def record(self) -> dict[str, Any]:
-        """The numbers fit for JSON and for `evaluation.summary.summarize`.
+        """The result for JSON and for `evaluation.summary.summarize`.
 
-        What could not be measured is None; steering travel stands beside the length of the route, where that is known.
+        A figure that was not measured is None. Steering travel and route length are left out if the length is unknown.
         """
         record = {
             "scenario": self.scenario,
@@ -177,13 +177,13 @@ def _measured(metres: float) -> float | None:
 
 @dataclass(frozen=True, kw_only=True)
 class Episode(EpisodeResult):
-    """How one drive went, tick by tick."""
+    """Result of one drive, with its ticks."""
 
-    trace: Trace = field(repr=False)
+    trace: EpisodeTrace = field(repr=False)
 
 
 def outcome(info: Mapping[str, Any]) -> Outcome:
-    """How an episode ended, from its last info."""
+    """Outcome of an episode, from its last info."""
     if info["success"]:
         return "success"
     if info["collision"]:

@@ -1,4 +1,4 @@
-"""The one loop in which policies drive: rows of cars, each with an episode of its own; a single env is one row."""
+"""The one loop in which policies drive: rows of cars, each with its own episode; a single env is one row."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ Observer = Callable[[Tick], None]
 
 
 class Cars(Protocol):
-    """What is driven: n cars on their courses."""
+    """n cars on their courses."""
 
     def observation(self) -> NDArray[np.floating]:
-        """What the policies are told now, (n, d)."""
+        """Observations of the policies, (n, d)."""
         ...
 
     def step(self, command: NDArray[np.floating], rows: Index | None = None) -> Step:
-        """Drive all cars, or those of the rows, for one tick. `command` is (n, 2)."""
+        """Drive all cars, or those of the rows, for one tick; `command` is (n, 2)."""
         ...
 
 
 class Crew(Protocol):
-    """The policies that drive, one a row."""
+    """The policies, one for each row."""
 
     def act(self, rows: Index, observation: NDArray[np.floating]) -> tuple[Sequence[Any], Sequence[Pair]]:
-        """Commands and wanted clearances of the k rows, given what all n see."""
+        """Commands and wanted clearances of the k rows, from the observations of all n rows."""
         ...
 
     def state(self, row: int) -> str:
@@ -49,7 +49,7 @@ class Crew(Protocol):
 
 
 class _Watched:
-    """An episode that is observed."""
+    """An episode with observers."""
 
     def __init__(self, observers: Sequence[Observer]) -> None:
         self.observers, self.index = observers, 0
@@ -59,18 +59,18 @@ class _Watched:
 
 
 class DriveLoop:
-    """Rows that drive, each until its owner ends it."""
+    """Rows that drive until `end` is called for them."""
 
     def __init__(
         self, n: int, cars: Cars, crew: Crew, info_of: Callable[[Step, int], Mapping[str, Any]] | None = None
     ) -> None:
-        """Nothing drives before `begin`.
+        """Make the loop; no row drives before `begin`.
 
         Args:
-            n: rows.
-            cars: what is driven.
+            n: number of rows.
+            cars: the cars.
             crew: the policies.
-            info_of: what observers are told of a row; None: its part of the step's info.
+            info_of: gives observers the info of a row; None: the row's part of the step's info.
         """
         self.cars, self.crew, self.n = cars, crew, n
         self._info_of = info_of or row_info
@@ -85,8 +85,8 @@ class DriveLoop:
         """Start episodes in rows whose cars and policies stand at the start.
 
         Args:
-            rows: (k,) which.
-            observers: of the rows whose ticks someone wants to see.
+            rows: (k,) the rows.
+            observers: row -> functions that are called with each of its ticks.
         """
         self.metrics.begin(rows)
         for row, wanted in (observers or {}).items():
@@ -126,7 +126,7 @@ class DriveLoop:
         return clearance_error(left[self.active], right[self.active], wanted)
 
     def _show(self, step: Step, wanted: Array, error: Array) -> None:
-        """Tell the observers of their rows."""
+        """Show observers the tick of their rows."""
         for place, row in enumerate(self.active.tolist()):
             watched = self._watched.get(row)
             if watched is None:

@@ -1,4 +1,4 @@
-"""What is measured of a drive, tick by tick, from the truth that the info tells and the wish that the policy tells."""
+"""Metrics of a drive, tick by tick: from the true values in info, and the clearance that the policy wants."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 ERROR_BINS = np.linspace(-0.5, 0.5, 101)
-"""Edges of the histogram of clearance errors, m; what is beyond is counted in the outermost bins."""
+"""Edges of the histogram of clearance errors, m; the outermost bins count what lies beyond."""
 _SUMS = ("squares", "samples", "settled_squares", "settled_samples", "lateral", "speed", "steering", "ticks")
 
 
@@ -24,17 +24,17 @@ def true_clearances(info: Mapping[str, Any]) -> tuple[Array, Array]:
     """True distances from the side ultrasonics to the walls.
 
     Args:
-        info: of n cars after a tick; a single environment leaves out what cannot be told.
+        info: info of n cars after a tick; that of a single environment may lack the clearances.
 
     Returns:
-        (n,) left and (n,) right, m; NaN near doors and corners, and where they are not told.
+        (n,) left and (n,) right, m; NaN near doors and corners, and where info lacks them.
     """
     unknown = np.full(1, math.nan)
     return info.get("clearance_left_m", unknown), info.get("clearance_right_m", unknown)
 
 
 def clearance_error(left: Array, right: Array, wanted: Array) -> Array:
-    """Clearance to the followed wall minus the one that is wanted.
+    """Clearance to the followed wall minus the wanted clearance.
 
     Args:
         left: (n,) true distance to the left wall, m or NaN.
@@ -42,7 +42,7 @@ def clearance_error(left: Array, right: Array, wanted: Array) -> Array:
         wanted: (n, 2) side (+1 left, -1 right, NaN none) and clearance, m.
 
     Returns:
-        (n,) m; NaN where there is no wall or no wish.
+        (n,) m; NaN without a wall, or without a wanted clearance.
     """
     side, metres = wanted[:, 0], wanted[:, 1]
     wall = np.where(side > 0, left, np.where(side < 0, right, np.nan))
@@ -51,7 +51,7 @@ def clearance_error(left: Array, right: Array, wanted: Array) -> Array:
 
 
 class Metrics:
-    """Sums over the ticks of n drives, one a row."""
+    """Sums over the ticks of n drives, one drive for each row."""
 
     def __init__(self, n: int) -> None:
         self._sums = {name: np.zeros(n) for name in _SUMS}
@@ -60,7 +60,7 @@ class Metrics:
         self._settling = Settling(n)
 
     def begin(self, rows: Index) -> None:
-        """Begin anew in the rows."""
+        """Set the sums of the rows to 0."""
         for values in (*self._sums.values(), self._steering):
             values[rows] = 0.0
         self._errors[rows] = 0
@@ -70,10 +70,10 @@ class Metrics:
         """Add a tick.
 
         Args:
-            rows: (k,) that drove.
-            info: of all n rows after the tick.
+            rows: (k,) rows that drove.
+            info: info of all n rows after the tick.
             wanted: (k, 2) side and clearance that the policies want.
-            error: (k,) `clearance_error`.
+            error: (k,) `clearance_error`, m.
             steering: (k,) command, in [-1, 1].
         """
         sums, speed = self._sums, np.asarray(info["speed_mps"][rows], np.float64)
@@ -94,8 +94,8 @@ class Metrics:
         """The figures of a row's drive, by the names of `EpisodeResult`.
 
         Args:
-            row: whose drive has ended.
-            info: its own, after the last tick.
+            row: row whose drive has ended.
+            info: info of this row after the last tick.
         """
         sums = {name: float(values[row]) for name, values in self._sums.items()}
         ticks = sums["ticks"]

@@ -1,4 +1,4 @@
-"""Processes that drive: spawned, since threads and OpenGL contexts do not survive a fork; they never hear Ctrl-C."""
+"""Processes that drive: spawned, because threads and OpenGL contexts do not survive a fork, and deaf to Ctrl-C."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ from types import TracebackType
 from typing import Any, Self, TypeVar
 
 T = TypeVar("T")
-_CALLS_BETWEEN_LOOKS = 32
+_CHECK_EVERY = 32
 
 
 class StoppedError(Exception):
-    """A worker was told to give up its drives."""
+    """The pool told a worker to give up its drives."""
 
 
 class ProcessPool:
-    """Workers; a context manager that gives up what they drive when an error leaves it."""
+    """Worker processes; at an error the context manager makes them give up their drives."""
 
     def __init__(self, processes: int, begin: Callable[..., None] | None = None, *shared: Any) -> None:
-        """No process starts before the first call.
+        """Make the pool; no process starts before the first call.
 
         Args:
-            processes: how many work.
-            begin: called once in each of them.
-            shared: its arguments, which may be what processes share: values, events, barriers of `spawned`.
+            processes: number of workers.
+            begin: called once in each worker.
+            shared: arguments of `begin`; also values, events and barriers of `spawned`, which workers share.
         """
         self._stop = spawned.Event()
         self._executor = ProcessPoolExecutor(processes, spawned, _begin, (self._stop, begin, shared))
 
     def submit(self, work: Callable[..., T], *arguments: Any) -> Future[T]:
-        """Let a worker do something."""
+        """Let a worker call a function."""
         with interrupts_ignored():
             return self._executor.submit(work, *arguments)
 
@@ -41,7 +41,7 @@ class ProcessPool:
         """End the workers.
 
         Args:
-            stop: give up what they do; else wait for it.
+            stop: whether they give up their calls; else wait for these.
         """
         if stop:
             self._stop.set()
@@ -55,12 +55,12 @@ class ProcessPool:
 
 
 spawned = multiprocessing.get_context("spawn")
-"""Where values, events and barriers that workers share come from."""
+"""Context that makes values, events and barriers for workers to share."""
 
 
 @contextlib.contextmanager
 def interrupts_ignored() -> Iterator[None]:
-    """Processes that start within never hear Ctrl-C, not even while they import; this one hears it right after."""
+    """Processes that start within ignore Ctrl-C, even while they import; this process gets it at the end."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -72,13 +72,13 @@ def interrupts_ignored() -> Iterator[None]:
 
 
 class _Worker:
-    """What a process of its own keeps from call to call."""
+    """State that a worker keeps from call to call."""
 
     stop: Any = None
 
 
 def _begin(stop: Any, begin: Callable[..., None] | None, shared: tuple[Any, ...]) -> None:
-    """Prepare a process. Ctrl-C is for the one that started it."""
+    """Prepare a worker; Ctrl-C is for the process that started it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _Worker.stop = stop
     if begin is not None:
@@ -86,16 +86,16 @@ def _begin(stop: Any, begin: Callable[..., None] | None, shared: tuple[Any, ...]
 
 
 def stop_check() -> Callable[[object], None]:
-    """A function to be called each tick of a drive: it raises `StoppedError` soon after the pool has been closed.
+    """A function to call in each tick of a drive: it raises `StoppedError` soon after the pool was stopped.
 
-    In a process that is no worker it does nothing.
+    It does nothing in a process that is no worker.
     """
     calls = 0
 
     def check(_: object) -> None:
         nonlocal calls
         calls += 1
-        if calls % _CALLS_BETWEEN_LOOKS == 0 and _Worker.stop is not None and _Worker.stop.is_set():
+        if calls % _CHECK_EVERY == 0 and _Worker.stop is not None and _Worker.stop.is_set():
             raise StoppedError
 
     return check

@@ -1,4 +1,4 @@
-"""Files of results: lines that are appended as drives end, JSON that is whole or not there, tables on the screen."""
+"""Files of results: lines that are appended as drives end, JSON that is written at once, tables on the screen."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 
     from tral_fsm.definition.machine import MachineDefinition
 
-Line = dict[str, Any]
+Record = dict[str, Any]
 
 
 def prepare_folder(folder: Path, got: str | None = None) -> None:
-    """Make a folder if it is missing, and try whether it can be written.
+    """Make a folder if it is missing, and check that it can be written.
 
     Args:
-        folder: it.
-        got: what the command was given, for the message; else the option --out.
+        folder: the folder.
+        got: argument of the command, for the message; None: the option --out.
 
     Raises:
-        ConfigError: it cannot.
+        ConfigError: the folder cannot be written.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -44,12 +44,12 @@ def prepare_folder(folder: Path, got: str | None = None) -> None:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Replace a file by a JSON text at once."""
+    """Write a JSON file at once, in place of an old one."""
     write_bytes(path, (json.dumps(content, indent=2, allow_nan=False) + "\n").encode("utf-8"))
 
 
 def print_figures(table: Table) -> None:
-    """Print a table of figures at its full width: a figure that is cut off says nothing."""
+    """Print a table of figures at its full width, even if the terminal is narrower."""
     from rich.console import Console
 
     console = Console()
@@ -58,22 +58,22 @@ def print_figures(table: Table) -> None:
 
 
 def digest(machine: MachineDefinition) -> str:
-    """Tells machines apart, whatever they are called."""
+    """Digest of a machine's content, 16 hexadecimal digits."""
     from tral_fsm.formats import write
 
     return hashlib.sha256(write(machine, "json").encode()).hexdigest()[:16]
 
 
-def lines(path: Path) -> Iterator[Line]:
-    """Lines of a result file; one that was cut off in writing is left out."""
+def lines(path: Path) -> Iterator[Record]:
+    """Lines of a result file but for lines that were cut off while they were written."""
     if path.exists():
         for line in path.read_text(encoding="utf-8").splitlines():
             with contextlib.suppress(json.JSONDecodeError):
                 yield json.loads(line)
 
 
-def append(path: Path, line: Line) -> None:
-    """Write a line at once, below whatever was cut off there."""
+def append(path: Path, line: Record) -> None:
+    """Append a line; a last line that was cut off stays apart from it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a+", encoding="utf-8") as file:
         file.seek(0)
@@ -82,23 +82,23 @@ def append(path: Path, line: Line) -> None:
 
 
 def begin_run(path: Path, settings: Any, machines: Mapping[str, str] | None = None) -> None:
-    """Write the line of a run: settings (a dataclass), digests of the machines by name, and the computer."""
+    """Append the line of a run: settings (a dataclass), digests of the machines by name, and the computer."""
     from tral_fsm.bench.host import host
 
     named = {} if machines is None else {"machines": dict(machines)}
     append(path, {"kind": "run", "settings": asdict(settings), **named, "host": host()})
 
 
-def made_with(path: Path, settings: Any, machines: Mapping[str, str] | None = None) -> list[Line]:
-    """Lines of a result file, which may not be there yet.
+def made_with(path: Path, settings: Any, machines: Mapping[str, str] | None = None) -> list[Record]:
+    """Lines of a result file; none if it does not exist.
 
     Args:
         path: the file.
-        settings: those of the run that goes on with it.
-        machines: digests of the machines that drive, by name.
+        settings: settings of the run that goes on with it.
+        machines: digests of the machines, by name.
 
     Raises:
-        ConfigError: it was made with other settings or other machines.
+        ConfigError: the file was made with other settings or other machines.
     """
     found = list(lines(path))
     for line in found:
@@ -111,15 +111,15 @@ def made_with(path: Path, settings: Any, machines: Mapping[str, str] | None = No
 
 
 def collect(
-    drive: Callable[..., list[Line]], calls: Sequence[tuple[Any, ...]], total: int, processes: int, out: Path
+    drive: Callable[..., list[Record]], calls: Sequence[tuple[Any, ...]], total: int, processes: int, out: Path
 ) -> None:
-    """Let processes drive, and append the lines that each call gives as they come.
+    """Let processes drive, and append the lines of each call as it ends.
 
     Args:
-        drive: gives the lines of some drives.
-        calls: its arguments, call by call.
-        total: how many lines there will be.
-        processes: how many work at once.
+        drive: function that returns the lines of some drives.
+        calls: arguments of each call.
+        total: number of lines of all calls.
+        processes: number of workers.
         out: the file.
     """
     from rich.console import Console
@@ -129,7 +129,7 @@ def collect(
 
     with Progress(console=Console(stderr=True)) as bar, ProcessPool(processes) as pool:
         task = bar.add_task("drives", total=total)
-        futures: list[Future[list[Line]]] = [pool.submit(drive, *call) for call in calls]
+        futures: list[Future[list[Record]]] = [pool.submit(drive, *call) for call in calls]
         for future in as_completed(futures):
             for line in future.result():
                 append(out, line)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tral_env.interface import Policy
 from tral_env.world import Step
-from tral_fsm.evaluation.episode import NO_WISH, Episode, Recorder, Tick
+from tral_fsm.evaluation.episode import NO_WISH, Episode, Tick, TickRecorder
 from tral_fsm.evaluation.loop import DriveLoop, Pair
 from tral_fsm.runtime.machine import Trace, Transit
 from tral_fsm.runtime.policy import MachinePolicy
@@ -28,20 +28,20 @@ def drive(
     *,
     scenario: str = "",
 ) -> Episode:
-    """Let a policy drive one episode. Same env, policy and seed give the same episode, bit for bit.
+    """Let a policy drive one episode; the same env, policy and seed give the same episode, bit for bit.
 
     Args:
         env: `TralCorridor-v0`, or anything with its info.
-        policy: `active_states` and `wanted_clearance` are recorded, if it has them.
+        policy: the policy; its `active_states` and `wanted_clearance` are recorded, if it has them.
         seed: seed of the course, the car and the noise.
-        options: passed to the env's reset.
+        options: options of the env's reset.
         on_step: called after each tick.
-        scenario: name of what is driven, for the records.
+        scenario: name of the course or family in the records.
 
     Returns:
         The episode with its trace.
     """
-    car, recorder = _GymCar(env, seed, options), Recorder()
+    car, recorder = _GymCar(env, seed, options), TickRecorder()
     policy.reset(1)
     loop = DriveLoop(1, car, _PolicyCrew(policy), lambda step, row: car.info)
     loop.begin(np.zeros(1, np.int64), {0: [recorder, *([on_step] if on_step is not None else [])]})
@@ -57,7 +57,7 @@ def drive(
 
 
 _MEASURED = ("speed_mps", "lateral_offset_m", "clearance_left_m", "clearance_right_m")
-"""Entries of the info that are summed up in each tick."""
+"""Entries of info that the metrics read in each tick."""
 
 
 class _GymCar:
@@ -67,11 +67,11 @@ class _GymCar:
         self._env = env
         self.world = getattr(env.unwrapped, "world", None)
         self.info: dict[str, Any] = {}
-        """Of the last tick, as the env tells it."""
+        """Info of the last tick."""
         self._observation, _ = env.reset(seed=seed, options=options)
 
     def observation(self) -> NDArray[np.floating]:
-        """What the policy is told now, (1, d)."""
+        """Observation of the policy, (1, d)."""
         row: NDArray[np.floating] = np.asarray(self._observation)[None]
         return row
 
@@ -105,7 +105,7 @@ class _PolicyCrew:
         return str(states[0]) if states else ""
 
     def watch(self, row: int, trace: Trace | None) -> None:
-        """Hear of the transitions of a machine, beside whatever hears of them already."""
+        """Report the transitions of a machine to `trace` too, beside the callback that it already has."""
         if not isinstance(self._policy, MachinePolicy):
             return
         if trace is None:

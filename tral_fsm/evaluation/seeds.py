@@ -1,4 +1,4 @@
-"""Seeds as the command line spells them."""
+"""Seeds on the command line."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from tral_env.errors import ConfigError
 
 
 def parse_seeds(text: str, option: str = "--seeds") -> range:
-    """Seeds FIRST:END: from the first one to the one before the end.
+    """Seeds of a text FIRST:END; END itself is not one of them.
 
     Args:
-        text: what was given.
-        option: its name, for the message.
+        text: the text.
+        option: name of the option, for the message.
 
     Raises:
-        ConfigError: it is something else, or no seed.
+        ConfigError: the text is not FIRST:END, names no seed, or a seed below 0.
     """
     first, _, end = text.partition(":")
     try:
@@ -28,7 +28,7 @@ def parse_seeds(text: str, option: str = "--seeds") -> range:
 
 
 def stretches(seeds: Iterable[int]) -> str:
-    """Seeds in words: "0 to 9, 1000 to 1049"."""
+    """Seeds as a text such as "0 to 9, 1000 to 1049"."""
     ends: list[list[int]] = []
     for seed in sorted(seeds):
         if ends and seed == ends[-1][1] + 1:

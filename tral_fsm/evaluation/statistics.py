@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 RESAMPLES = 2000
-"""Of the bootstrap. Source: choice; enough for two digits of a 95 % interval."""
+"""Number of resamples of the bootstrap. Source: choice; enough for two digits of a 95 % interval."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,8 +27,8 @@ def wilson(successes: int, trials: int, z: float = 1.959964) -> tuple[float, flo
     """Wilson's score interval of a success rate.
 
     Args:
-        successes: how often it went well.
-        trials: how often it was tried.
+        successes: number of successes.
+        trials: number of trials.
         z: quantile of the normal distribution; the default gives 95 %.
 
     Returns:
@@ -42,7 +42,7 @@ def wilson(successes: int, trials: int, z: float = 1.959964) -> tuple[float, flo
     scale = 1.0 + z * z / trials
     middle = (rate + z * z / (2 * trials)) / scale
     half = z / scale * math.sqrt(rate * (1.0 - rate) / trials + z * z / (4 * trials * trials))
-    # Rounding must not put the rate itself outside.
+    # Rounding must not put the rate outside.
     return max(0.0, min(rate, middle - half)), min(1.0, max(rate, middle + half))
 
 
@@ -50,9 +50,9 @@ def bootstrap(statistic: Callable[[NDArray[np.int64]], Array], n: int, seed: int
     """Percentile interval of a figure over n drives.
 
     Args:
-        statistic: (b, n) indices of drives -> (b,) the figure of each resample.
-        n: how many drives.
-        seed: of the resampling.
+        statistic: function from indices of drives (b, n) to the figure of each resample (b,).
+        n: number of drives.
+        seed: seed of the resampling.
 
     Source: Efron 1979, Bootstrap methods: another look at the jackknife.
     """
@@ -73,7 +73,7 @@ def mean_of(values: Sequence[float]) -> Estimate:
 
 
 def sign_test(a: int, b: int) -> float:
-    """Chance that a fair coin splits a + b throws as unevenly as a to b, or more so; both sides."""
+    """Two-sided probability that a fair coin splits a + b throws at least as unevenly as a to b."""
     n, few = a + b, min(a, b)
     tail: float = sum(math.comb(n, k) for k in range(few + 1)) / 2**n
     return min(1.0, 2.0 * tail)

@@ -20,21 +20,22 @@ class Summary:
     success_low: float
     """Lower end of the 95 % interval."""
     success_high: float
+    """Upper end of the 95 % interval."""
     collisions: int
     crashes: int
-    """Those of the collisions that were no mere touch."""
+    """Number of collisions that were crashes, not touches."""
     missed_gates: int
     timeouts: int
     progress: float
-    """Mean."""
+    """Mean over the episodes, in [0, 1]."""
     time_s: float | None
-    """Mean over the successes; None without one."""
+    """Mean over the successful episodes, s; None without one."""
     mean_speed_mps: float
-    """Mean over the episodes, each counting alike, however long it took."""
+    """Mean over the episodes with equal weights, m/s."""
     clearance_rmse_m: float | None
-    """Over all ticks of all episodes; None where no clearance was measured."""
+    """RMSE over all ticks of all episodes, m; None if no clearance was measured."""
     lateral_rms_m: float | None
-    """Mean over the episodes."""
+    """Mean over the episodes, m."""
     gates_passed: int
     gates_total: int
 
@@ -44,7 +45,7 @@ class Summary:
 
 
 def summarize(records: Iterable[Mapping[str, Any]]) -> Summary:
-    """Bring the records of episodes (`EpisodeResult.record`) into one row of figures."""
+    """Summarize records of episodes (`EpisodeResult.record`)."""
     rows = list(records)
     outcomes = [row["outcome"] for row in rows]
     successes = outcomes.count("success")
@@ -74,14 +75,14 @@ def _mean(values: Sequence[float]) -> float | None:
 
 
 def pooled_rmse(records: Iterable[Mapping[str, Any]], kind: str) -> float | None:
-    """Root of the mean square over all ticks of all episodes.
+    """Root of the mean square of the clearance error over all ticks of all episodes.
 
     Args:
-        records: of episodes (`EpisodeResult.record`).
-        kind: "clearance", or "settled".
+        records: records of episodes (`EpisodeResult.record`).
+        kind: "clearance", or "settled" for settled ticks alone.
 
     Returns:
-        m; None where none was measured.
+        RMSE, m; None without a measured tick.
     """
     measured = [(row[f"{kind}_samples"], row[f"{kind}_rmse_m"]) for row in records if row[f"{kind}_samples"]]
     samples = sum(count for count, _ in measured)

@@ -1,7 +1,7 @@
-"""Text to definition and back, one module a format.
+"""Text to definition and back, with a module for each format.
 
-Every format becomes the same plain values and a map of places, and one reader validates those. So all formats report
-alike, and all give the same definition.
+Each format becomes the same plain values and a map of places, which one reader validates. So all formats report
+problems alike and give the same definition.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from tral_fsm.formats.scxml import writer as scxml_writer
 from tral_fsm.formats.umlet import uxf, xml2json
 
 MAX_BYTES = 2 * 1024 * 1024
-"""A larger file is not read. Source: choice; the largest reference machine has 13,000 bytes."""
+"""Largest size of a file. Source: choice; the largest reference machine has 13,000 bytes."""
 
 
 @dataclass(frozen=True)
 class Format:
-    """A way to write a machine down."""
+    """A file format of machines."""
 
     name: str
     suffixes: tuple[str, ...]
-    """Of its files; the first is the usual one."""
+    """Suffixes of its files, the usual one first."""
     description: str
     reads: bool = True
     writes: Callable[[MachineDefinition], str] | None = None
-    """Definition -> text; None: it is read alone."""
+    """Function from a definition to its text; None: the format can only be read."""
 
 
 FORMATS = {
@@ -55,22 +55,22 @@ FORMATS = {
 _ENCODING = re.compile(rb"<\?xml[^>]{0,200}?encoding\s*=\s*[\"']([A-Za-z0-9._-]{1,40})[\"']")
 _BYTE_ORDER_MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 _ENCODINGS = ("utf-8", "us-ascii", "iso-8859-1", "iso-8859-15", "windows-1252", "utf-16")
-"""What an XML file may say that it is written in."""
+"""Encodings that an XML file may declare."""
 
 
 def read(content: str | bytes, source: str, suffix: str = "") -> MachineDefinition:
-    """Read a machine in any format that can be read.
+    """Read a machine in any readable format.
 
     Args:
         content: the whole file; bytes are UTF-8, unless a byte order mark or an XML declaration says otherwise.
         source: name of the file, for messages.
-        suffix: of the file; tells what was meant where the content does not.
+        suffix: suffix of the file; it decides where the content does not.
 
     Returns:
         The definition.
 
     Raises:
-        FormatError: the content is no machine that can run; all its problems.
+        FormatError: the content is no machine that can run; the error lists all problems.
     """
     problems = Problems()
     plain = Plain()
@@ -91,10 +91,10 @@ def write(machine: MachineDefinition, name: str) -> str:
 
     Args:
         machine: the definition.
-        name: a format that is written, of `FORMATS`.
+        name: a format of `FORMATS` that can be written.
 
     Raises:
-        MachineError: there is no such format, or it is read alone.
+        MachineError: there is no such format, or it can only be read.
     """
     entry = FORMATS.get(name)
     if entry is None or entry.writes is None:
@@ -104,10 +104,10 @@ def write(machine: MachineDefinition, name: str) -> str:
 
 
 def by_suffix(suffix: str) -> str:
-    """Name of the format that is written to files of a suffix such as ".uxf".
+    """Name of the format for writing files with a suffix such as ".uxf".
 
     Raises:
-        MachineError: no format is.
+        MachineError: no format that can be written has this suffix.
     """
     known = {suffix: entry.name for entry in FORMATS.values() if entry.writes for suffix in entry.suffixes}
     if suffix.lower() not in known:
@@ -129,7 +129,7 @@ def _decoded(content: bytes) -> str:
 
 
 def _plain(text: str, suffix: str, problems: Problems) -> Plain:
-    """By what the text begins with; where that tells nothing, by suffix."""
+    """Plain values of a text; its beginning tells the format, else the suffix does."""
     start = text.lstrip("\ufeff \t\r\n")
     is_json = start[:1] in ("{", "[") or (start[:1] != "<" and suffix.lower() not in (".uxf", ".scxml", ".xml"))
     if start.startswith(("stateDiagram", "@startuml", "---\ntitle")):
@@ -147,28 +147,28 @@ def _plain(text: str, suffix: str, problems: Problems) -> Plain:
 
 
 def places(path: Path) -> Mapping[str, str]:
-    """JSON pointer -> where that stands in a file that can be read, in words; empty for TRAL JSON.
+    """Places in a readable file as words, by JSON pointer; empty for TRAL JSON.
 
     Raises:
-        MachineError: it cannot be opened.
+        MachineError: the file cannot be opened.
     """
     return _plain(_decoded(_content(path)), path.suffix, Problems()).places
 
 
 def read_file(path: Path) -> MachineDefinition:
-    """Read a file in any format that can be read.
+    """Read a file in any readable format.
 
     Raises:
-        MachineError: it cannot be opened.
-        FormatError: it is no machine that can run.
+        MachineError: the file cannot be opened.
+        FormatError: the file is no machine that can run.
     """
     return read(_content(path), str(path), path.suffix)
 
 
 def _content(path: Path) -> bytes:
-    """No more of a file than is needed to see that it is too large."""
+    """Content of a file, cut off one byte behind `MAX_BYTES`."""
     try:
         with path.open("rb") as file:
             return file.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:  # a ValueError: a null in its name
+    except (OSError, ValueError) as error:  # a name with a null is a ValueError
         raise MachineError(f"{str(path)[:200]}: cannot be read: {getattr(error, 'strerror', error)}") from error

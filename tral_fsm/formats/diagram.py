@@ -1,4 +1,4 @@
-"""Mermaid and PlantUML: pictures of a machine for pages that draw them. Written, not read: parameters are prose."""
+"""Mermaid and PlantUML: pictures of a machine for pages that draw them; they can only be written."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def plantuml(machine: MachineDefinition) -> str:
 
 
 def _lines(machine: MachineDefinition, prefix: str, text: Callable[[str], str]) -> Iterator[str]:
-    """What both languages share: states under names of our own, arrows between them."""
+    """Lines that both languages share: states under new names, and arrows between them."""
     names = {state.id: f"{prefix}{index}" for index, state in enumerate(machine.states)}
     for state in machine.states:
         yield from _state(state, names[state.id], text)
@@ -52,12 +52,12 @@ def _label(transition: TransitionSpec) -> str:
 
 
 def _mermaid_text(text: str) -> str:
-    """Letters as they are, all that Mermaid could take for its own as character codes."""
+    """Text in which signs that mean something in Mermaid are character codes."""
     return re.sub(r"[^\w .,()\[\]/+*=-]", lambda found: f"#{ord(found[0])};", _one_line(text)) or "#32;"
 
 
 def _plantuml_text(text: str) -> str:
-    """Letters as they are, all that PlantUML could take for its own as character codes."""
+    """Text in which signs that mean something in PlantUML are character codes."""
     return re.sub(r"[^\w .,()\[\]+=:-]", lambda found: f"&#{ord(found[0])};", _one_line(text)) or "&#32;"
 
 

@@ -1,4 +1,4 @@
-"""Where machines come from: packaged ones by name, others by path."""
+"""Machines by name, if they are packaged, else by path."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tral_fsm.formats import FORMATS, read_file, tral_json
 from tral_fsm.formats.plain import located
 
 SUFFIXES = tuple(dict.fromkeys(suffix for entry in FORMATS.values() if entry.reads for suffix in entry.suffixes))
-"""Files that can be read."""
+"""Suffixes of files that can be read."""
 
 
 def names() -> list[str]:
@@ -26,15 +26,15 @@ def load(name_or_path: str | Path) -> MachineDefinition:
     """Read a machine.
 
     Args:
-        name_or_path: name of a packaged machine, or path of a file in any format that is read: TRAL JSON, a UMLet
-            diagram (.uxf) or its xml2json form, SCXML. Its content decides, its suffix where that does not.
+        name_or_path: name of a packaged machine, or path of a file in any readable format: TRAL JSON, a UMLet
+            diagram (.uxf) or its xml2json form, SCXML. The content decides, else the suffix.
 
     Returns:
         The checked definition.
 
     Raises:
-        MachineError: no such machine, or a file that cannot be opened.
-        FormatError: the file is not a machine that can run; all its problems.
+        MachineError: there is no such machine, or the file cannot be opened.
+        FormatError: the file is no machine that can run; the error lists all problems.
     """
     name = str(name_or_path)
     if name in packaged.names():
@@ -57,10 +57,10 @@ def load(name_or_path: str | Path) -> MachineDefinition:
 
 @cache
 def by_name(name: str) -> MachineDefinition:
-    """A packaged machine, read once however many cars drive it.
+    """A packaged machine, which is read once even if many cars drive it.
 
     Raises:
-        MachineError: there is none of that name. What stands in a folder is none.
+        MachineError: there is no packaged machine of that name.
     """
     if name not in packaged.names():
         raise MachineError(f"{name[:80]!r} is no packaged machine: {nearest(name, names())}")
@@ -68,17 +68,17 @@ def by_name(name: str) -> MachineDefinition:
 
 
 def check_inner(machine: MachineDefinition, around: tuple[str, ...] = ()) -> list[Problem]:
-    """All faults of the packaged machines that are named inside a machine, and of what leads to and from them.
+    """Problems of the packaged machines inside a machine, and of the transitions to and from them.
 
     Args:
-        machine: the outer one.
-        around: names of the machines around, the outermost first.
+        machine: the outer machine.
+        around: names of the machines around it, the outermost first.
     """
     return checks.check_inner(machine, names(), by_name, around)
 
 
 def _may_be_read(path: Path) -> bool:
-    """Something is there that is no folder: a file, or a pipe."""
+    """Whether the path is a file or a pipe."""
     try:
         return path.exists() and not path.is_dir()
     except (OSError, ValueError):  # too long a name, or one with a null

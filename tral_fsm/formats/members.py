@@ -1,4 +1,4 @@
-"""Parameters as they stand in a diagram: JSON members, `"p": 12,`, or the same bare, `p: 12`, `side: left`."""
+"""Parameters in a diagram: JSON members such as `"p": 12,`, or bare ones such as `p: 12` and `side: left`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 MAX_CHARACTERS = 65_536
-"""An element with a longer text is not read. Source: choice; the machine office inline has a third of it."""
+"""Longest text of an element. Source: choice; the machine office inline has a third of it."""
 
 _BETWEEN = re.compile(r"[\s,]*")
 _BLANK = re.compile(r"\s*")
@@ -23,10 +23,10 @@ def parse(text: str, complain: Callable[[str], None]) -> dict[str, Any]:
 
     Args:
         text: lines of members; commas between them may be missing at the end of a line.
-        complain: is told what cannot be read, and in which line of the text.
+        complain: called with each fault and its line in the text.
 
     Returns:
-        The members that could be read. A value that is no JSON is a word: the rest of its line.
+        The readable members. A value that is no JSON is a word, the rest of its line.
     """
     if len(text) > MAX_CHARACTERS:
         complain(f"got {len(text)} characters, at most {MAX_CHARACTERS} are read")
@@ -60,7 +60,7 @@ def word(text: str) -> Any:
 def _member(
     text: str, key: re.Match[str], decoder: json.JSONDecoder, complain: Callable[[str], None]
 ) -> tuple[str, Any, int]:
-    """Name, value, and where it ends. After a name in quotes the value may stand in the next line, as in JSON."""
+    """Name, value, and end of a member; after a name in quotes the value may stand in the next line, as in JSON."""
     name = str(word(key[1])) if key[1] else key[2]
     at = _past(_BLANK, text, key.end()) if key[1] else key.end()
     fault = ""
@@ -82,7 +82,7 @@ def _member(
 
 
 def _decoder(complain: Callable[[str], None]) -> json.JSONDecoder:
-    """JSON, but NaN and Infinity are words, and a name twice is told."""
+    """A JSON decoder for which NaN and Infinity are words, and a repeated name is a fault."""
 
     def members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         found = dict(pairs)

@@ -1,4 +1,4 @@
-"""A machine as plain JSON values, and where in its file each of them stands: what every format is read into."""
+"""The form that each format is read into: a machine as plain JSON values, and the place of each in its file."""
 
 from __future__ import annotations
 
@@ -10,31 +10,31 @@ from typing import Any
 from tral_fsm.definition.checks import Problem
 
 MAX_PROBLEMS = 100
-"""No more problems of a file are told. Source: choice; nobody reads more."""
+"""Largest number of problems that are reported for a file. Source: choice."""
 
 _POINTER = re.compile(r"/(?:states|transitions)/\d+")
 
 
 class EnoughProblemsError(Exception):
-    """There are so many problems that it is not worth looking for more."""
+    """A file has `MAX_PROBLEMS` problems, and the search for more ends."""
 
 
 @dataclass
 class Problems:
-    """What is wrong with a file, up to `MAX_PROBLEMS`."""
+    """Problems of a file, up to `MAX_PROBLEMS`."""
 
     found: list[Problem] = field(default_factory=list)
 
     def complain(self, pointer: str, message: str, place: str = "") -> None:
-        """Add one.
+        """Add a problem.
 
         Args:
-            pointer: JSON pointer to the place; empty: the whole file.
-            message: what was got and what is allowed.
-            place: where that is in words, if it is known already.
+            pointer: JSON pointer to the place; empty for the whole file.
+            message: the value that was found, and the allowed ones.
+            place: place in words, if it is known already.
 
         Raises:
-            EnoughProblemsError: that was the last one.
+            EnoughProblemsError: there are now `MAX_PROBLEMS` problems.
         """
         self.found.append(Problem(pointer, message, place))
         if len(self.found) >= MAX_PROBLEMS:
@@ -43,12 +43,12 @@ class Problems:
 
 @dataclass
 class Plain:
-    """What a format makes of a file, before anything is checked."""
+    """Content of a file before it is checked."""
 
     value: Any = None
-    """As in TRAL JSON."""
+    """Values as in TRAL JSON."""
     places: dict[str, str] = field(default_factory=dict)
-    """JSON pointer into `value` -> where that stands in the file, in words. Places hold for all that is below them."""
+    """JSON pointer into `value` -> place in the file, in words; it holds for all values below it."""
 
 
 def located(problem: Problem, places: Mapping[str, str]) -> Problem:

@@ -1,4 +1,4 @@
-"""Plain JSON values -> a checked definition. The one place that validates, whatever file the values come from."""
+"""From plain JSON values to a checked definition: the one place that validates the files of all formats."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ M = TypeVar("M", bound=Spec)
 _ENDS = ("id", "from", "to")
 _MAX_DEPTH = 32
 _MAX_PARTS = 500
-"""A machine has no more states or transitions, and a condition combines no more. Source: choice; office has 40."""
+"""Largest number of states, transitions, or parts of a condition. Source: choice; office has 40 states."""
 _MAX_PARTS_OF_FILE = 2000
-"""A file has no more states, transitions and parts of conditions in all. Source: choice."""
+"""Largest number of states, transitions and parts of conditions in a file. Source: choice."""
 
 
 def definition(plain: Plain, source: str, problems: Problems | None = None) -> MachineDefinition:
-    """Validate what a format has read.
+    """Validate the values of a file.
 
     Args:
         plain: the values and their places.
         source: name of the file, for messages.
-        problems: those that the format has found already; what could be read is still looked at.
+        problems: problems that the format has found; the rest is still checked.
 
     Returns:
         The definition.
 
     Raises:
-        FormatError: with all problems that were found.
+        FormatError: the file has problems; the error lists all of them.
         MachineError: a plugin with states of its own cannot be loaded.
     """
     load_plugins()
@@ -56,7 +56,7 @@ def definition(plain: Plain, source: str, problems: Problems | None = None) -> M
 
 
 def told(problems: Iterable[Problem], places: Mapping[str, str]) -> list[Problem]:
-    """Problems with their places, none twice, no more than can be read."""
+    """Problems with their places, each once, and at most `MAX_PROBLEMS`."""
     found = list(dict.fromkeys(located(problem, places) for problem in problems))
     if len(found) < MAX_PROBLEMS:
         return found
@@ -64,13 +64,13 @@ def told(problems: Iterable[Problem], places: Mapping[str, str]) -> list[Problem
 
 
 class Reader:
-    """Turns plain JSON values into a definition and collects what is wrong with them."""
+    """Turns plain JSON values into a definition, and collects their problems."""
 
     def __init__(self, problems: Problems) -> None:
         self.problems = problems
         self.complain = problems.complain
         self.parts = 0
-        """So many items of arrays were read."""
+        """Number of items of arrays so far."""
 
     def machine(self, raw: Any, pointer: str, depth: int) -> MachineDefinition | None:
         """A whole machine."""
@@ -108,7 +108,7 @@ class Reader:
             inner = members.get("machine")
             if isinstance(inner, Mapping):
                 members["machine"] = self.machine(inner, f"{pointer}/machine", depth + 1)
-                members["machine"] = members["machine"] or ""  # what is wrong in it has been told
+                members["machine"] = members["machine"] or ""  # its problems are reported already
             elif isinstance(inner, str) and inner not in packaged.names():
                 self.complain(f"{pointer}/machine", unknown_machine(inner, packaged.names()))
         built = self._build(spec, members, pointer)
@@ -158,7 +158,7 @@ class Reader:
     def _spec(
         self, raw: Any, known: Mapping[str, type[M]], what: str, pointer: str, depth: int, also: tuple[str, ...] = ()
     ) -> type[M] | None:
-        """The class that a "type" names; keys that do not fit are told."""
+        """The class that a "type" names; unknown keys are problems."""
         if not self._object(raw, pointer, depth):
             return None
         name = raw.get("type")
@@ -177,7 +177,7 @@ class Reader:
         required: Iterable[str] = (),
         also: tuple[str, ...] = (),
     ) -> None:
-        """Every key is one of the class, and none of the required is missing."""
+        """Report keys that the class does not know, and required keys that are missing."""
         allowed = [*also, *(field.alias or name for name, field in spec.model_fields.items())]
         for key in raw:
             if key not in allowed:
@@ -187,7 +187,7 @@ class Reader:
                 self.complain(pointer, f"the key {key!r} is missing")
 
     def _build(self, spec: type[M], members: dict[str, Any], pointer: str) -> M | None:
-        """An object of a class, or None and the problems why not. Keys that it does not know have been told."""
+        """An object of a class, or None and its problems; unknown keys were reported before."""
         names = {name for key, field in spec.model_fields.items() for name in (key, field.alias)}
         known = {key: value for key, value in members.items() if key in names}
         whole = len(known) == len(members)
@@ -228,18 +228,18 @@ def _id(value: Any) -> Id | None:
 
 
 def _with_id(raw: Any) -> StateSpec | None:
-    """A state of which the id alone could be read; None: not even that."""
+    """A state with only its id, for one that cannot be read; None without a readable id."""
     got = _id(raw.get("id")) if isinstance(raw, dict) else None
     return None if got is None else StateSpec.model_validate({"type": "", "id": got})
 
 
 _ID: TypeAdapter[Id] = TypeAdapter(Id)
 _UNIONS = ("int", "str", "constrained-str", "MachineDefinition")
-"""What pydantic adds to a place to say which member of a union it tried."""
+"""Parts that pydantic adds to a place for the member of a union that it tried."""
 
 
 def _of_validator(fault: Mapping[str, Any]) -> str:
-    """What a validator of a class said; empty: the fault is of another kind."""
+    """Message of a validator of a class; empty for other faults."""
     return str(fault["ctx"]["error"]) if fault["type"] == "value_error" else ""
 
 
@@ -257,11 +257,11 @@ _EXPECTED = {
     "string_type": "expected a text",
     "tuple_type": "expected an array",
 }
-"""Kind of a fault -> what is allowed."""
+"""Kind of a fault -> text of what is allowed."""
 
 
 def _expected(fault: Mapping[str, Any]) -> str:
-    """What would be allowed instead."""
+    """Text of what is allowed instead."""
     if fault["loc"][:1] == ("machine",):
         return "expected a machine or a name"
     if any(part in _UNIONS for part in fault["loc"]):
@@ -271,7 +271,7 @@ def _expected(fault: Mapping[str, Any]) -> str:
 
 
 def _hint_2016(got: Any) -> str:
-    """Where a number stands in quotes: how a file of 2016 says that it is one."""
+    """Hint for a number in quotes, as in files of 2016."""
     try:
         float(got if isinstance(got, str) else "x")
     except ValueError:

@@ -28,19 +28,19 @@ def loads(text: str, source: str = "machine") -> MachineDefinition:
         The definition.
 
     Raises:
-        FormatError: with all problems that were found.
+        FormatError: the text is no machine that can run; the error lists all problems.
     """
     problems = Problems()
     return definition(plain(parse(text, problems), problems), source, problems)
 
 
 def dumps(machine: MachineDefinition) -> str:
-    """Write a machine: parameters that have their default are left out."""
+    """Write a machine without the parameters that have their default."""
     return json.dumps(as_json(machine), indent=2, ensure_ascii=False) + "\n"
 
 
 def parse(text: str, problems: Problems) -> Any:
-    """JSON text, refusing what JSON readers differ about: a key twice, NaN, endless nesting. None: it is none."""
+    """Value of a JSON text; a repeated key, NaN and endless nesting are problems, and other text gives None."""
 
     def members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         found = dict(pairs)
@@ -68,12 +68,12 @@ def parse(text: str, problems: Problems) -> Any:
 
 
 def plain(value: Any, problems: Problems) -> Plain:
-    """The values of a TRAL JSON file, those of 2016 in today's units."""
+    """Values of a TRAL JSON file; those of 2016 are converted to today's units."""
     return Plain(units2016.modern(value, problems))
 
 
 def as_json(machine: MachineDefinition) -> dict[str, Any]:
-    """A machine as plain JSON values, as it stands in a file."""
+    """A machine as plain JSON values, as in a file."""
     whole: dict[str, Any] = {name: getattr(machine, name) for name in ("name", "description") if getattr(machine, name)}
     whole["root"] = machine.root
     whole["states"] = [state_json(state) for state in machine.states]
@@ -85,13 +85,13 @@ def as_json(machine: MachineDefinition) -> dict[str, Any]:
 
 
 def state_json(state: StateSpec) -> dict[str, Any]:
-    """A state as it stands in a file."""
+    """A state as plain JSON values, as in a file."""
     own = members(state)
     return {"id": own.pop("id"), "type": state.type, **own}
 
 
 def members(spec: Spec) -> dict[str, Any]:
-    """The members of a part that differ from their defaults, as plain JSON values, without its type."""
+    """Members of a part that differ from their defaults, as plain JSON values, without the type."""
     found = {}
     for name, field in type(spec).model_fields.items():
         value = getattr(spec, name)

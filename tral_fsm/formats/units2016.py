@@ -1,7 +1,7 @@
 """Files of 2016: numbers in quotes, distances in hall units, transitions without ids.
 
-Nothing in such a file tells metres from hall units, so nothing is guessed: `"units": "2016"` says it. From there on the
-program knows metres alone.
+Nothing in such a file tells metres from hall units, so `"units": "2016"` must say it. After the conversion the program
+knows metres alone.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from tral_fsm.formats.plain import Problems
 from tral_fsm.states import STATES
 
 HALL_UNITS = 1500.0 / 1.60
-"""Hall units of 2016 in a metre: 1500 were measured on 1.60 m."""
+"""Hall units of 2016 for a metre: 1500 were measured on 1.60 m."""
 UNITS = ("SI", "2016")
-"""What "units" may say; without it: SI."""
+"""Values of "units"; SI without it."""
 IN_HALL_UNITS = {"FollowWallRamp": "distance", "Motor": "distance", "Distance": "distance"}
 """Type -> its parameter that was in hall units."""
 NAMES = {"WandFolgen": "BasicFollowWall"}
-"""Name of a type then -> name now."""
+"""Name of a type in 2016 -> its name now."""
 
 _INTEGER = re.compile(r"-?\d{1,18}", re.ASCII)
 _MAX_DEPTH = 40
-"""Parts nested deeper are left as they are: the reader refuses them."""
+"""Deepest nesting that is converted; the reader refuses deeper parts."""
 
 
 def modern(value: Any, problems: Problems) -> Any:
@@ -37,10 +37,10 @@ def modern(value: Any, problems: Problems) -> Any:
 
     Args:
         value: plain JSON values of a whole machine.
-        problems: takes what is wrong with "units".
+        problems: takes the problems of "units".
 
     Returns:
-        A copy, changed if it says that it is of 2016.
+        A copy; it is converted if "units" is 2016.
     """
     if not isinstance(value, dict) or "units" not in value:
         return value
@@ -66,7 +66,7 @@ def _machine(value: dict[str, Any], depth: int) -> dict[str, Any]:
 
 
 def _part(item: Any, known: Mapping[str, type[Spec]], depth: int) -> Any:
-    """A state or transition: numbers out of their quotes, hall units to metres."""
+    """A state or transition with numbers without quotes, and metres in place of hall units."""
     if not isinstance(item, dict) or depth > _MAX_DEPTH:
         return item
     found = {key: _whole(value) if key in ("id", "from", "to") else value for key, value in item.items()}
@@ -84,7 +84,7 @@ def _part(item: Any, known: Mapping[str, type[Spec]], depth: int) -> Any:
 
 
 def _number(spec: type[Spec], key: str, value: Any) -> Any:
-    """A value of a parameter: a number in quotes as a number, in metres if it was in hall units."""
+    """Value of a parameter: a number without quotes, and metres in place of hall units."""
     field = spec.model_fields.get(key)
     if field is None or key in ("id", "label"):
         return value
@@ -100,12 +100,12 @@ def _holds_number(annotation: Any) -> bool:
 
 
 def _whole(value: Any) -> Any:
-    """An id: a number, if it is one."""
+    """An id, as a number if it is one."""
     return int(value) if isinstance(value, str) and _INTEGER.fullmatch(value) else value
 
 
 def with_ids(transitions: list[Any]) -> list[Any]:
-    """Those without an id get the lowest numbers that are free."""
+    """Transitions in which those without an id have the lowest free numbers."""
     taken = {str(item.get("id")) for item in transitions if isinstance(item, dict)}
     free = (number for number in itertools.count() if str(number) not in taken)
     return [{"id": next(free), **item} if isinstance(item, dict) and "id" not in item else item for item in transitions]

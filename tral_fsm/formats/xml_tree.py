@@ -1,7 +1,7 @@
-"""XML text -> a small tree that knows its lines, by the expat that comes with Python.
+"""From XML text to a small tree that knows its lines, with the expat of Python.
 
-Entities are what XML files attack with; they are declared in a document type, and a machine needs none. So a document
-type is refused before anything is read, and nothing is ever fetched.
+Attacks by XML files use entities, which a document type declares. A machine needs none, so a document type is refused
+before anything is read, and nothing is ever fetched.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from xml.parsers import expat
 from tral_env.errors import MachineError
 
 MAX_ELEMENTS = 50_000
-"""A text with more elements is not read. Source: choice; a machine of a hundred states has some thousand."""
+"""Largest number of elements. Source: choice; a machine of a hundred states has some thousand."""
 MAX_DEPTH = 100
-"""Elements nested deeper are not read. Source: choice."""
+"""Deepest nesting of elements. Source: choice."""
 
 _BEFORE_ROOT = re.compile(r"\s*(?:(?:<\?.*?\?>|<!--.*?-->)\s*)*", re.DOTALL)
-"""What may stand before a document type or the root: declaration, comments, processing instructions."""
+"""Declaration, comments and processing instructions before a document type or the root."""
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _NOT_PLAIN = re.compile("[^\t\n\r\x20-\x7e\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 class XMLError(MachineError):
-    """A text is no XML, or XML that is not read here."""
+    """A text is no XML, or XML that is refused."""
 
 
 @dataclass
@@ -36,22 +36,22 @@ class Node:
     """Name; with a namespace: `{namespace}name`."""
     attributes: dict[str, str]
     line: int
-    """Line of the file in which it begins."""
+    """Line of the file in which the element begins."""
     text: str = ""
-    """All text directly in it."""
+    """Text directly in the element."""
     children: list[Node] = field(default_factory=list)
 
     def all(self, tag: str) -> Iterator[Node]:
-        """Its children of a name."""
+        """Children with a tag."""
         return (child for child in self.children if child.tag == tag)
 
     def child_text(self, tag: str) -> str:
-        """Text of its first child of a name; empty if there is none."""
+        """Text of the first child with a tag; empty without one."""
         return next((child.text for child in self.all(tag)), "")
 
 
 class _Builder:
-    """Takes what expat finds."""
+    """Builds the tree from the events of expat."""
 
     def __init__(self) -> None:
         self.parser = expat.ParserCreate("utf-8", namespace_separator="}")
@@ -101,7 +101,7 @@ def parse(text: str) -> Node:
         Its root.
 
     Raises:
-        XMLError: no XML, a document type, too deep or too much.
+        XMLError: the text is no XML, has a document type, is too deep or too large.
     """
     before = _BEFORE_ROOT.match(text)
     if text.startswith("<!DOCTYPE", before.end() if before else 0):
@@ -124,12 +124,12 @@ def legal(text: str, instead: str = "") -> str:
 
 
 def is_legal(text: str) -> bool:
-    """XML can hold each of its characters."""
+    """Whether XML can hold each character of a text."""
     return _NOT_XML.search(text) is None
 
 
 def json_text(text: str) -> str:
-    """A JSON text in which control characters and what XML cannot hold are written as JSON escapes."""
+    """A JSON text with JSON escapes for control characters, and for characters that XML cannot hold."""
     return _NOT_PLAIN.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 

@@ -1,1 +1,1 @@
-"""Pictures, videos and pages, drawn from data that others have driven."""
+"""Pictures, videos and pages; the rooms below drive, this one draws their data."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def calibration_figure(result: Calibration) -> Figure:
-    """Where in the image corners were seen, and the error of each view."""
+    """Places of the corners in the image, and the error of each view."""
     from matplotlib.figure import Figure
 
     width, height = result.camera.width, result.camera.height

@@ -11,10 +11,10 @@ from tral_env.course.plan import Plan
 
 
 def course_sheet(plans: Mapping[str, Plan]) -> Figure:
-    """One large course, or a sheet of three columns.
+    """Figure of one large course, or of many in three columns.
 
     Args:
-        plans: title -> plan; the length of the route is added to the title.
+        plans: title -> plan; the figure adds the length of the route to the title.
     """
     columns = min(3, len(plans))
     rows = -(-len(plans) // columns)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from tral_fsm.control.command import IDLE
+from tral_fsm.control.command import IDLE, Command
+from tral_fsm.control.laws import clip
 from tral_fsm.control.speed import SpeedController
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.estimation.estimate import CarEstimate
@@ -50,9 +51,18 @@ class Driver:
             Steering and throttle.
         """
         self.estimate = estimate = self.estimator.update(row, self.command)
-        self.command = command = self.machine.tick(estimate)
-        self.estimator.learn(command)
-        return self.estimator.actuate(command), self.speed_controller.throttle(command, estimate.speed)
+        command = self.machine.tick(estimate)
+        if command.steering_trim is None:
+            command = command._replace(steering_trim=self.command.steering_trim)
+        self.command = command
+        return self._steering(command), self.speed_controller.throttle(command, estimate.speed)
+
+    def _steering(self, command: Command) -> float:
+        """Steering in [-1, 1] that the real car needs for a command: command / gain + given trim + learnt offset."""
+        if command.steering is None:
+            return 0.0
+        offset = self.estimator.steering_offset + (command.steering_trim or 0.0)
+        return clip(command.steering / self.estimator.steering_gain + offset)
 
     @property
     def active_path(self) -> str:

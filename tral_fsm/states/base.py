@@ -91,8 +91,6 @@ class DrivingState(State[D]):
         speed: float | None = None,
         *,
         wanted: tuple[float, float] = NO_CLEARANCE,
-        adopt_trim: bool = False,
-        trim_step: float = 0.0,
     ) -> Command:
         """Make a command with the throttle of the spec or, if it has none, with a speed.
 
@@ -100,8 +98,6 @@ class DrivingState(State[D]):
             steering: in [-1, 1], + = left.
             speed: m/s; None: that of the spec.
             wanted: wall that a clearance is kept to, +1 left, -1 right, and that clearance, m.
-            adopt_trim: see `Command`.
-            trim_step: see `Command`.
         """
         spec = self.spec
         throttle = spec.throttle
@@ -109,4 +105,4 @@ class DrivingState(State[D]):
             speed = None
         elif speed is None:
             speed = spec.speed
-        return Command(steering, speed, throttle, spec.steering_trim, *wanted, adopt_trim, trim_step)
+        return Command(steering, speed, throttle, spec.steering_trim, *wanted)

@@ -44,7 +44,7 @@ class FollowCorridorSpec(DrivingSpec):
     slope: float = quantity(0.15, "", "the line shifts sideways by at most this per metre driven", gt=0.0, le=1.0)
     shift: float = quantity(5.0, "m", "the line shifts towards `side` by at most this in all", gt=0.0, le=5.0)
     max_angle_deg: float = quantity(18.0, "deg", "largest angle at which the car approaches the line", gt=0.0, le=60.0)
-    learn_trim: bool = Field(True, description="learn at which steering the car drives straight")
+    learn_trim: bool = Field(True, description="kept for old files: the estimator learns the trim itself")
     unsure_speed: float | None = quantity(
         None,
         "m/s",
@@ -90,7 +90,7 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
         path_curvature = 2.0 / spec.length * (approach - math.sin(estimate.heading))
         wanted = (self.reference, self.clearance) if self.reference else NO_CLEARANCE
         steering, speed = clip(steering_for(path_curvature), _SURE_LOCK), self.speed_now(estimate)
-        return self.drive(steering, speed, wanted=wanted, adopt_trim=spec.learn_trim)
+        return self.drive(steering, speed, wanted=wanted)
 
     def shift(self, estimate: CarEstimate) -> float:
         """Find the line again; gives the slope with which it moves to the left."""

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal, TypeVar
 
 from pydantic import Field
 
-from tral_env.interface import CONTROL_PERIOD_S, NO_ECHO_M
+from tral_env.interface import NO_ECHO_M
 from tral_env.se2 import Pose
 from tral_fsm.control.command import Command
 from tral_fsm.control.laws import clip, damping, pid, pid_rate, ramp, slowed, steering_for
@@ -20,8 +20,6 @@ from tral_fsm.states.base import NO_GATE, DrivingState
 
 _HOLD_LENGTH = 0.4
 """Length in which the car turns back to the corridor's direction when its wall is lost, m. Source: choice."""
-_TRIM_ERROR, _TRIM_HEADING = 0.12, math.radians(6.0)
-"""The trim is learnt within this deviation [m] and heading [rad] alone: elsewhere e is not the car's fault."""
 
 
 class WallSpec(DrivingSpec):
@@ -59,11 +57,7 @@ class WallSpec(DrivingSpec):
     )
     at_most_half: bool = Field(False, description="the wanted clearance is at most half of the sum of both side ranges")
     learn_trim: float = quantity(
-        0.0,
-        "1/(m s)",
-        "steering that the car's own fault needs, learnt from what remains of a small e",
-        ge=0.0,
-        le=10.0,
+        0.0, "1/(m s)", "kept for old files: the estimator learns the trim itself", ge=0.0, le=10.0
     )
     slow_front: float | None = quantity(None, "m", "front range below which the car slows down", gt=0.0, le=5.0)
     slow_speed: float = quantity(0.3, "m/s", "speed at half of slow_front and below", ge=0.0, le=5.0)
@@ -104,7 +98,7 @@ class WallState(DrivingState[W]):
 
     def tick(self, estimate: CarEstimate) -> Command:
         """Compute one tick of the control law."""
-        spec, trim_step = self.spec, 0.0
+        spec = self.spec
         sonar = estimate.left if self.is_left else estimate.right
         if sonar.new:
             self.take(sonar)
@@ -123,9 +117,7 @@ class WallState(DrivingState[W]):
             else:
                 y = pid_rate(spec.p, spec.i, d, error, self.error_sum, self.rate)
             self.error_old = error
-            if spec.learn_trim and abs(error) < _TRIM_ERROR and abs(estimate.heading) < _TRIM_HEADING:
-                trim_step = spec.learn_trim * (self.sign * error) * CONTROL_PERIOD_S
-        return self.drive(self.sign * y, self.speed_now(estimate), wanted=(self.sign, wanted), trim_step=trim_step)
+        return self.drive(self.sign * y, self.speed_now(estimate), wanted=(self.sign, wanted))
 
     def largest(self, d: float, speed: float) -> float:
         """Limit of e, m."""

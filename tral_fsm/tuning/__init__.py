@@ -1,4 +1,4 @@
-"""Tuning: numbers of a machine are searched, on thousands of drives, and checked on courses that are new to them."""
+"""Tuning: a search for parameters of a machine over thousands of drives, and a check on courses new to the search."""
 
 from tral_fsm.tuning.evaluator import Evaluator, Racing, Stage, Task
 from tral_fsm.tuning.found import Tuned, save

@@ -1,4 +1,4 @@
-"""Machines on courses, in as many processes as are wanted, and a race in which the weak drop out early."""
+"""Drives of many machines on many courses, in several processes, and races in which weak candidates drop out early."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
 from tral_fsm.evaluation.pool import ProcessPool, spawned, stop_check
 from tral_fsm.tuning.objective import Objective
 
-Course = tuple[str, int]
+SeededCourse = tuple[str, int]
 """Scenario and seed."""
 _LOOK_S = 0.2
-"""So often the drives of other processes are counted."""
+"""Time between two counts of the drives of other processes, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """On what machines are tried."""
+    """Courses, cars and sensors of the drives."""
 
     scenarios: tuple[str, ...]
     seeds: tuple[int, ...]
-    """Each scenario is driven with each of them; the same for every machine, so that luck does not decide."""
+    """Seeds of each scenario; all machines drive the same, so that luck does not decide."""
     randomization: str = "default"
     camera: str = "projected"
     stuck_s: float | None = 10.0
-    """A car that gains less than 0.25 m in this time is given up, s; None: the time limit of the course holds."""
+    """Time in which a car must gain 0.25 m, or its drive ends, s; None: only the time limit of the course ends it."""
 
     def __post_init__(self) -> None:
         check_families(self.scenarios)
@@ -44,8 +44,8 @@ class Task:
             raise ConfigError("expected at least one scenario and one seed")
 
     @property
-    def courses(self) -> list[Course]:
-        """Every course, the scenarios in turn, so that a few of them have something of each."""
+    def courses(self) -> list[SeededCourse]:
+        """All courses, the scenarios in turn, so that the first few hold each scenario."""
         return [(scenario, seed) for seed in self.seeds for scenario in self.scenarios]
 
     def record(self) -> dict[str, Any]:
@@ -55,14 +55,14 @@ class Task:
 
 @dataclass(frozen=True, kw_only=True)
 class Racing:
-    """All candidates drive a few courses; the better ones drive the rest."""
+    """A race: all candidates drive a few courses, the better ones drive the rest."""
 
     share: float = 0.25
-    """Of the courses, in the first round."""
+    """Share of the courses in the first round, in (0, 1]."""
     keep: float = 0.5
-    """Of the candidates, after it; 1: no race."""
+    """Share of the candidates that go on after it, in (0, 1]; 1: no race."""
 
-    def rounds(self, courses: Sequence[Course], scenarios: int) -> list[Sequence[Course]]:
+    def rounds(self, courses: Sequence[SeededCourse], scenarios: int) -> list[Sequence[SeededCourse]]:
         """The courses of each round."""
         first = max(math.ceil(self.share * len(courses)), min(scenarios, len(courses)))
         if self.keep >= 1.0 or first >= len(courses):
@@ -72,18 +72,18 @@ class Racing:
 
 @dataclass(frozen=True)
 class Scored:
-    """A machine's drives and what they cost together."""
+    """The drives of a machine, and their cost."""
 
     drives: tuple[EpisodeResult, ...]
     cost: float
-    """Of a machine that dropped out of a race: at least that of the weakest that did not."""
+    """Cost; that of a machine that dropped out is at least that of the weakest that did not."""
     full: bool
-    """It has driven all courses."""
+    """Whether the machine has driven all courses."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stage:
-    """What is under way, and how far."""
+    """A stage of a search, and its progress."""
 
     name: str
     done: int
@@ -95,16 +95,16 @@ OnStage = Callable[[Stage], None]
 
 
 class Evaluator:
-    """Drives machines on courses; a context manager. The results do not depend on `processes` or `rows`."""
+    """Lets machines drive on courses; a context manager. The results depend on neither `processes` nor `rows`."""
 
     def __init__(self, task: Task, *, processes: int = 1, rows: int = ROWS, on_stage: OnStage | None = None) -> None:
-        """Nothing is built before the first drive.
+        """Make an evaluator; the simulation is built at the first drive.
 
         Args:
-            task: families, randomization and camera; the seeds are named by each call.
-            processes: how many work.
-            rows: drives at once in each.
-            on_stage: called when a stage begins, and in it whenever drives have ended.
+            task: families, randomization and camera; the seeds come with each call.
+            processes: number of processes.
+            rows: number of drives at once in each process.
+            on_stage: called when a stage begins, and whenever drives of it have ended.
         """
         self.task, self.processes, self.rows = task, processes, rows
         self._on_stage = on_stage
@@ -120,7 +120,7 @@ class Evaluator:
         self.close()
 
     def close(self) -> None:
-        """End the processes; what they drive is given up."""
+        """End the processes; they give up their drives."""
         if self._pool is not None:
             self._pool.close()
             self._pool = None
@@ -129,18 +129,18 @@ class Evaluator:
             self._runner = None
 
     def stage(self, name: str, total: int, done: int = 0) -> None:
-        """Name what is driven from now on, for `on_stage`."""
+        """Begin a stage, for `on_stage`."""
         self._stage = Stage(name=name, done=done, total=total)
         self._count(0)
 
     def _count(self, ended: int) -> None:
-        """So many more drives have ended."""
+        """Count drives that have ended."""
         self._stage = replace(self._stage, done=self._stage.done + ended)
         if self._on_stage is not None:
             self._on_stage(self._stage)
 
     def drive(self, machines: Sequence[MachineDefinition], requests: Sequence[EpisodeRequest]) -> list[EpisodeResult]:
-        """Drive all requests; how each went, in their order."""
+        """Results of all requests, in their order."""
         if self.processes == 1 or len(requests) == 1:
             if self._runner is None:
                 self._runner = _runner(self.task, self.rows)
@@ -161,7 +161,7 @@ class Evaluator:
         self._pool = ProcessPool(self.processes, _begin, self.task, self.rows, self._ended)
 
     def _watch(self, futures: Sequence[Future[list[EpisodeResult]]]) -> None:
-        """Count the drives of the processes until all have ended, or one has failed."""
+        """Count the drives of the processes until all processes have ended, or one has failed."""
         counted = self._ended.value
         done, left = wait(futures, _LOOK_S, FIRST_EXCEPTION)
         while True:
@@ -173,10 +173,12 @@ class Evaluator:
                 return
             done, left = wait(futures, _LOOK_S, FIRST_EXCEPTION)
 
-    def on_courses(self, machines: Sequence[MachineDefinition], courses: Iterable[Course]) -> list[list[EpisodeResult]]:
-        """Every machine on every course; per machine its drives in the order of the courses."""
+    def on_courses(
+        self, machines: Sequence[MachineDefinition], courses: Iterable[SeededCourse]
+    ) -> list[list[EpisodeResult]]:
+        """Results of each machine, in the order of the courses."""
         courses = list(courses)
-        # Courses outside, so that no machine's drives all come last.
+        # Courses are the outer loop, so that no machine's drives all come last.
         requests = [EpisodeRequest(k, *course) for course in courses for k in range(len(machines))]
         drives = self.drive(machines, requests)
         return [drives[k :: len(machines)] for k in range(len(machines))]
@@ -184,17 +186,17 @@ class Evaluator:
     def race(
         self,
         machines: Sequence[MachineDefinition],
-        courses: Sequence[Course],
+        courses: Sequence[SeededCourse],
         objective: Objective,
         racing: Racing,
     ) -> list[Scored]:
-        """Score machines; those among the weaker ones after the first round drive no more.
+        """Score machines; after the first round the weaker ones drop out.
 
         Args:
             machines: the candidates.
-            courses: all rounds together.
-            objective: what is low for a good machine.
-            racing: how the rounds are laid out.
+            courses: courses of all rounds.
+            objective: the cost.
+            racing: the layout of the rounds.
         """
         first, *more = racing.rounds(courses, len(self.task.scenarios))
         drives = self.on_courses(machines, first)
@@ -220,7 +222,7 @@ def _runner(task: Task, rows: int) -> BatchRunner:
 
 
 def _changes(count: Callable[[int], None]) -> Callable[[int], None]:
-    """Of a number that is told each tick, pass on by how much it has grown."""
+    """A function of a growing number that passes on by how much it has grown."""
     before = 0
 
     def changed(now: int) -> None:
@@ -233,14 +235,14 @@ def _changes(count: Callable[[int], None]) -> Callable[[int], None]:
 
 
 class _Worker:
-    """What a process of its own keeps from call to call."""
+    """State that a worker keeps from call to call."""
 
     runner: BatchRunner
     ended: Any
 
 
 def _begin(task: Task, rows: int, ended: Any) -> None:
-    """Prepare a process."""
+    """Prepare a worker."""
     _Worker.runner, _Worker.ended = _runner(task, rows), ended
 
 

@@ -1,4 +1,4 @@
-"""Drives for the report of a search: the cost around what was found, and steps in the wanted clearance."""
+"""Drives for the report of a search: the cost around its result, and steps in the wanted clearance."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from dataclasses import replace
 
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.tuning.classical.design import Gains, lqr
-from tral_fsm.tuning.classical.experiments import relay, step, wall_states
+from tral_fsm.tuning.classical.experiments import relay, step, wall_gains
 from tral_fsm.tuning.classical.loops import Response
 from tral_fsm.tuning.evaluator import Evaluator, OnStage, Stage, Task
 from tral_fsm.tuning.found import Tuned
-from tral_fsm.tuning.landscape import Plane
+from tral_fsm.tuning.landscape import CostPlane
 from tral_fsm.tuning.objective import Objective
 from tral_fsm.tuning.page_data import PageData, Surroundings, WallLoops
 from tral_fsm.tuning.parameters import Parameter
 from tral_fsm.tuning.sensitivity import sensitivity
 
 MAX_LINES = 12
-"""Parameters that get a line of their own. Source: choice; four rows of three plots."""
+"""Number of parameters with a plot of their own. Source: choice; four rows of three plots."""
 MIN_COURSES = 4
-"""Courses that each point drives, or one a scenario where there are more scenarios. Source: choice."""
+"""Number of courses for each point; with more scenarios one course of each. Source: choice."""
 
 
 def examples(
@@ -34,17 +34,17 @@ def examples(
     size: int = 9,
     on_stage: OnStage | None = None,
 ) -> PageData:
-    """EpisodeResult what the report shows beside the search itself.
+    """Drive all that the report shows beside the search itself.
 
     Args:
-        tuned: what the search has found.
-        task: on what it searched.
-        objective: of the cost.
+        tuned: result of the search.
+        task: task of the search.
+        objective: the cost.
         command: command line of the search.
-        version: of tral-env.
-        processes: how many drive the grids.
-        size: points along a side of the plane and along a line; 0 or 1: neither is driven.
-        on_stage: called with what is under way: "around", drives around what was found, then "steps", the responses.
+        version: version of tral-env.
+        processes: number of processes.
+        size: number of points along a side of the plane and along a line; 0 or 1: neither is driven.
+        on_stage: called with the progress of the stages "around", drives around the result, and "steps", responses.
     """
     return PageData(
         tuned=tuned,
@@ -81,7 +81,7 @@ def _surroundings(
 
 
 def real_parameters(parameters: Sequence[Parameter]) -> list[int]:
-    """Indices of the real parameters; p and d of one state come first, if there are such."""
+    """Indices of the real parameters; p and d of one state come first, if a state has both."""
     real = [k for k, each in enumerate(parameters) if each.kind == "float"]
     places = {(each.sites[0].name, each.sites[0].place[:-1]): k for k, each in enumerate(parameters)}
     for k in real:
@@ -92,10 +92,10 @@ def real_parameters(parameters: Sequence[Parameter]) -> list[int]:
     return real
 
 
-def _landmarks(machine: MachineDefinition, plane: Plane) -> dict[str, tuple[float, float]]:
-    """Gains of classical theory, if the plane is one of p and d of a state that follows a wall."""
+def _landmarks(machine: MachineDefinition, plane: CostPlane) -> dict[str, tuple[float, float]]:
+    """Classical gains, if the plane is that of p and d of a state that follows a wall."""
     first, second = plane.x.sites[0], plane.y.sites[0]
-    state = next((each for each in wall_states(machine) if each.place == first.place[:-1]), None)
+    state = next((each for each in wall_gains(machine) if each.place == first.place[:-1]), None)
     if (first.name, second.name) != ("p", "d") or state is None:
         return {}
     gains = lqr(state.speed)
@@ -108,8 +108,8 @@ def _landmarks(machine: MachineDefinition, plane: Plane) -> dict[str, tuple[floa
 
 
 def _wall_loops(tuned: Tuned, on_stage: OnStage | None) -> WallLoops | None:
-    """The first wall following state whose numbers have changed, else the first."""
-    pairs = list(zip(wall_states(tuned.old), wall_states(tuned.new), strict=False))
+    """Responses of the first wall following state whose parameters have changed, else of the first one."""
+    pairs = list(zip(wall_gains(tuned.old), wall_gains(tuned.new), strict=False))
     if not pairs:
         return None
     old, new = next((pair for pair in pairs if pair[0] != pair[1]), pairs[0])

@@ -1,4 +1,4 @@
-"""What a search has found, and the machine file that it leaves."""
+"""The result of a search, and its machine file."""
 
 from __future__ import annotations
 
@@ -20,32 +20,33 @@ from tral_fsm.tuning.search.space import Trial, Values
 
 @dataclass(kw_only=True)
 class Tuned:
-    """What a search has found."""
+    """Result of a search."""
 
     old: MachineDefinition
     new: MachineDefinition
     parameters: list[Parameter]
     values: Values | None
-    """Of the parameters in `new`; None: the old machine was not beaten."""
+    """Values of the parameters in `new`; None: no candidate beat the old machine."""
     old_trial: Trial
     trials: list[Trial]
     generations: list[int]
-    """Trials in each generation."""
+    """Number of trials of each generation."""
     front: list[Trial] = field(default_factory=list)
     objectives: tuple[str, ...] = ()
-    """Of the front."""
+    """Objectives of the front."""
     finals: list[tuple[Values | None, float]] = field(default_factory=list)
-    """Who drove in the finals and their cost there; None: the old machine."""
+    """Values and cost of each finalist; None for the values of the old machine."""
     old_drives: list[EpisodeResult] = field(default_factory=list)
+    """Drives of the old machine on the held-out courses."""
     new_drives: list[EpisodeResult] = field(default_factory=list)
-    """On the held-out courses."""
+    """Drives of the new machine on the held-out courses."""
     comparison: Comparison | None = None
     complete: bool = False
     seconds: float = 0.0
 
     @property
     def verdict(self) -> str:
-        """In words."""
+        """Verdict as a sentence."""
         nothing = ["Nothing better than the machine as it was has been found."] if self.values is None else []
         if self.comparison is None:
             return " ".join([*nothing, "There was no held-out check."])
@@ -70,12 +71,12 @@ class Tuned:
 
 
 def best_of(trials: Sequence[Trial]) -> Trial:
-    """The cheapest of those that drove all courses."""
+    """The trial with the lowest cost of those that drove all courses."""
     return min((each for each in trials if each.full), key=lambda each: each.cost)
 
 
 def described(tuned: Tuned, origin: str) -> MachineDefinition:
-    """The new machine; its description says where its numbers come from."""
+    """The new machine; its description tells the source of its values."""
     if tuned.values is None:
         return tuned.new
     pairs = zip(tuned.parameters, tuned.values, strict=True)
@@ -86,7 +87,7 @@ def described(tuned: Tuned, origin: str) -> MachineDefinition:
 
 
 def save(tuned: Tuned, path: Path, origin: str) -> None:
-    """Write the new machine at once, in the format of the suffix; a link stays one.
+    """Write the new machine at once, in the format of the suffix; a link stays a link.
 
     Raises:
         MachineError: no format has this suffix.

@@ -1,4 +1,4 @@
-"""Old against new on courses that nothing was tuned on, course by course, with intervals and a plain verdict."""
+"""The old against the new machine on held-out courses, course by course, with intervals and a verdict."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from tral_fsm.evaluation.statistics import Estimate, bootstrap, mean_of, sign_te
 from tral_fsm.tuning.objective import Objective
 
 MIN_COURSES = 6
-"""Courses for a verdict: 2 / 2^5 is more than 5 %, 2 / 2^6 is less."""
+"""Number of courses for a verdict: the sign test gives 2 / 2^5 > 5 % on five, and 2 / 2^6 < 5 % on six."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Figures:
-    """How a machine did."""
+    """Figures of a machine over its drives."""
 
     drives: int
     successes: int
     success: Estimate
-    """Wilson's interval."""
+    """Success rate with Wilson's interval."""
     collisions: int
     clearance_rmse_m: Estimate
-    """Over all ticks of all drives; bootstrap over drives."""
+    """RMSE over all ticks of all drives, m; bootstrap over drives."""
     settled_rmse_m: Estimate
-    """The same once the cars had arrived at their clearance, see `tral_fsm.evaluation.settling`."""
+    """RMSE over the settled ticks, see `tral_fsm.evaluation.settling`, m."""
     time_per_m: Estimate
-    """Of those that arrived, s/m; bootstrap over drives."""
+    """Mean over the drives that arrived, s/m; bootstrap over drives."""
     steering_per_m: Estimate
     cost: Estimate
 
@@ -46,24 +46,25 @@ class Comparison:
     old: Figures
     new: Figures
     only_old: int
-    """Courses on which only the old machine arrived."""
+    """Number of courses on which only the old machine arrived."""
     only_new: int
+    """Number of courses on which only the new machine arrived."""
     sign_p: float
-    """Chance that as uneven a split of those comes from luck alone (exact sign test, McNemar 1947)."""
+    """Probability that luck alone splits these courses as unevenly (exact sign test, McNemar 1947)."""
     cost: Estimate
     """Mean difference; below 0 is better."""
     clearance_m: Estimate
-    """Mean difference of the RMSE of drives where both arrived."""
+    """Mean difference of the RMSE of drives where both arrived, m."""
     settled_m: Estimate
-    """The same of the settled RMSE."""
+    """Mean difference of the settled RMSE of drives where both arrived, m."""
     time_per_m: Estimate
     """Mean difference of drives where both arrived, s/m."""
 
     @property
     def within_noise(self) -> bool:
-        """The interval of the cost difference holds 0: nobody can say that the new machine is better.
+        """Whether luck may explain the difference: the interval of the cost difference holds 0, or courses are too few.
 
-        Nor on fewer courses than `MIN_COURSES`: all of them get better by luck alone more often than one time in 20.
+        On fewer courses than `MIN_COURSES` luck alone improves all of them more than one time in 20.
         """
         return (
             self.old.drives < MIN_COURSES
@@ -74,7 +75,7 @@ class Comparison:
 
     @property
     def verdict(self) -> str:
-        """In words."""
+        """Verdict as a sentence."""
         if self.within_noise:
             return "The gain is within noise: on other courses the old machine may well be the better one."
         if (self.cost.value or 0.0) > 0.0:
@@ -87,7 +88,7 @@ class Comparison:
 
 
 def figures(drives: Sequence[EpisodeResult], objective: Objective) -> Figures:
-    """How a machine did."""
+    """Figures over drives of a machine."""
     successes = sum(drive.success for drive in drives)
     low, high = wilson(successes, len(drives))
     return Figures(
@@ -104,7 +105,7 @@ def figures(drives: Sequence[EpisodeResult], objective: Objective) -> Figures:
 
 
 def _pooled(drives: Sequence[tuple[float, int]]) -> Estimate:
-    """RMSE over all samples of drives, from the RMSE and number of samples of each."""
+    """RMSE over all samples of drives, from the RMSE and the number of samples of each."""
     measured = [each for each in drives if each[1]]
     samples = np.array([count for _, count in measured], float)
     squares = samples * np.array([rmse for rmse, _ in measured]) ** 2
@@ -112,12 +113,12 @@ def _pooled(drives: Sequence[tuple[float, int]]) -> Estimate:
 
 
 def compare(old: Sequence[EpisodeResult], new: Sequence[EpisodeResult], objective: Objective) -> Comparison:
-    """Old against new.
+    """Compare the new machine with the old one.
 
     Args:
         old: drives of the old machine.
-        new: those of the new one on the same courses, in the same order.
-        objective: its weights are used; drives are pooled by their mean, whatever it says.
+        new: drives of the new machine on the same courses, in the same order.
+        objective: the cost, of which the weights alone count: drives are pooled by their mean.
     """
     pairs = list(zip(old, new, strict=True))
     only_old = sum(a.success and not b.success for a, b in pairs)

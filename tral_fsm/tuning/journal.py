@@ -1,4 +1,4 @@
-"""The file of a study: a line for what was asked, then one for each generation. Half a last line is no harm."""
+"""The file of a study: a line for the search, then one for each generation. A last line may be cut off."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from tral_fsm.tuning.search.space import Trial, trial
 
 NAME = "study.jsonl"
 BEFORE = "study.before.jsonl"
-"""Generations that were there are kept under this name when a study begins anew."""
+"""Name under which an old study is kept when another one begins."""
 _MAX_SHOWN = 300
 """Characters of a value in a message."""
 
 
 def refuse_another(what: str, there: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
-    """A process that goes on with a study must ask for the same.
+    """Refuse to go on with the study of another search.
 
     Raises:
-        ConfigError: something else is asked for.
+        ConfigError: an entry of the two headers differs.
     """
     for name, value in asked.items():
         was = there.get(name)
@@ -42,18 +42,18 @@ def _short(value: Any) -> str:
 
 
 class Journal:
-    """Generations on disk, each written as it ends."""
+    """Generations in a file, each written as it ends."""
 
     def __init__(self, folder: Path | None, header: dict[str, Any], *, resume: bool) -> None:
         """Begin a study, or go on with the one that is there.
 
         Args:
-            folder: where the file is; None: nothing is written.
-            header: what was asked for, plain values.
-            resume: go on; else an old file is replaced.
+            folder: folder of the file; None: nothing is written.
+            header: the search as plain values.
+            resume: go on with the file; else replace it.
 
         Raises:
-            ConfigError: there is nothing to resume, or it was asked for something else.
+            ConfigError: there is nothing to resume, or the file is that of another search.
         """
         self.path = None if folder is None else folder / NAME
         self.generations: list[list[Trial]] = []
@@ -79,7 +79,7 @@ class Journal:
         self._write([{"header": header}, *lines[1:]])
 
     def _read(self) -> list[dict[str, Any]]:
-        """Whole lines; half a last one is left out.
+        """All lines but for a last one that was cut off.
 
         Raises:
             ConfigError: there is no file, or a line before the last one is damaged.
@@ -112,7 +112,7 @@ class Journal:
         write_bytes(self.path, "".join(json.dumps(line) + "\n" for line in lines).encode("utf-8"))
 
     def add(self, trials: Sequence[Trial]) -> None:
-        """Write a generation down, so that it is there whatever comes next."""
+        """Append a generation, and flush it to the disk."""
         self.generations.append(list(trials))
         if self.path is None:
             return

@@ -1,4 +1,4 @@
-"""Cost around a machine, as data: over a plane of two parameters, and along each one alone."""
+"""Cost around a machine as data: over a plane of two parameters, and along each parameter alone."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plane:
-    """Cost over two parameters, the others as found."""
+class CostPlane:
+    """Cost over two parameters; the others have the values of the result."""
 
     x: Parameter
     y: Parameter
@@ -23,7 +23,7 @@ class Plane:
     ys: Array
     """(ny,) values of y."""
     cost: Array
-    """(ny, nx); NaN where the definition allows no such machine, here and in the two fields below."""
+    """(ny, nx) cost; it and the two fields below are NaN where the definition allows no such machine."""
     failed: Array
     """(ny, nx) share of drives that did not arrive."""
     collided: Array
@@ -31,8 +31,8 @@ class Plane:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Line:
-    """Cost along one parameter, the others as found."""
+class CostLine:
+    """Cost along one parameter; the others have the values of the result."""
 
     parameter: Parameter
     values: Array

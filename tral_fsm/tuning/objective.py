@@ -1,4 +1,4 @@
-"""What a drive costs: a weighted sum of parts that each mean something, and one number out of many drives."""
+"""The cost of a drive, a weighted sum of five parts, and the cost of many drives."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ PARTS = ("failure", "unfinished", "clearance", "time", "steering")
 
 @dataclass(frozen=True, kw_only=True)
 class Weights:
-    """What a unit of each part costs. Source of all: choice; a failed drive is worse than any that arrives."""
+    """Cost of a unit of each part. Source of all: choice; a failed drive costs more than any that arrives."""
 
     failure: float = 10.0
-    """For a drive that does not arrive."""
+    """Cost of a drive that does not arrive."""
     unfinished: float = 10.0
-    """For the whole route; a drive that fails halfway pays half of it, so that later is better."""
+    """Cost of the whole route; a drive that fails halfway pays half of it, so that a later failure costs less."""
     clearance: float = 20.0
-    """For a metre of clearance RMSE: 5 cm cost 1."""
+    """Cost of a metre of clearance RMSE: 5 cm cost 1."""
     time: float = 0.5
-    """For a second a metre: 1 m/s costs 0.5, 0.5 m/s costs 1."""
+    """Cost of a second for each metre: 1 m/s costs 0.5, 0.5 m/s costs 1."""
     steering: float = 0.05
-    """For steering travel over a metre: full right to full left and back is 4."""
+    """Cost of a unit of steering travel for each metre; from full right to full left and back is 4 units."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -51,10 +51,10 @@ class Weights:
 
 
 def parts(drive: EpisodeResult) -> Array:
-    """The parts of a drive's cost, (5,) in the order of `PARTS`, not weighted.
+    """Parts of a drive's cost without weights, (5,) in the order of `PARTS`.
 
-    Without a measured clearance that part is 0. Time and steering are taken over the metres that were driven, at
-    least 1 m.
+    The part of the clearance is 0 if it was not measured. Time and steering are divided by the driven metres, at least
+    1 m.
     """
     driven = max(drive.progress * drive.route_m, 1.0)
     failed = not drive.success
@@ -71,13 +71,13 @@ def parts(drive: EpisodeResult) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class Objective:
-    """One number out of many drives."""
+    """Cost of many drives as one number."""
 
     weights: Weights = Weights()
     pooling: Pooling = "mean"
-    """mean; worst: the most costly drive; cvar: the mean over the most costly `tail` of them, so that gains are
-    good on unlucky cars too."""
+    """Pooling of the drives: their mean, the worst of them, or cvar, the mean over the worst `tail` of them."""
     tail: float = 0.25
+    """Share of the drives that cvar counts, in (0, 1]."""
 
     def __post_init__(self) -> None:
         if self.pooling not in POOLINGS:
@@ -90,7 +90,7 @@ class Objective:
         return np.array([parts(drive) for drive in drives]).reshape(-1, len(PARTS)) @ self.weights.vector
 
     def pool(self, costs: Array) -> float:
-        """One number out of the costs of drives, (k,)."""
+        """Pool the costs of drives, (k,)."""
         if self.pooling == "mean":
             return float(np.mean(costs))
         if self.pooling == "worst":
@@ -99,5 +99,5 @@ class Objective:
         return float(np.mean(np.sort(costs)[-count:]))
 
     def cost(self, drives: Sequence[EpisodeResult]) -> float:
-        """One number out of drives."""
+        """Cost of drives."""
         return self.pool(self.costs(drives))

@@ -1,4 +1,4 @@
-"""All that the report of a search shows, as data: `examples` drives for it, `report.tuning` draws it."""
+"""Data of the report of a search: `examples` drives it, `report.tuning` draws it."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ from dataclasses import dataclass, field
 from tral_fsm.tuning.classical.design import Gains
 from tral_fsm.tuning.classical.loops import Response
 from tral_fsm.tuning.found import Tuned
-from tral_fsm.tuning.landscape import Line, Plane
+from tral_fsm.tuning.landscape import CostLine, CostPlane
 
 
 @dataclass(frozen=True, kw_only=True)
 class Surroundings:
-    """The cost around the machine that was found."""
+    """Cost around the machine that was found."""
 
-    plane: Plane | None
-    """None: fewer than two real parameters."""
-    lines: list[Line]
+    plane: CostPlane | None
+    """Plane of the first two real parameters; None: there are fewer."""
+    lines: list[CostLine]
     courses: int
-    """Courses that each point has driven."""
+    """Number of courses that each point has driven."""
     landmarks: dict[str, tuple[float, float]] = field(default_factory=dict)
-    """Points of classical theory in the plane: name -> (x, y)."""
+    """Classical gains in the plane: name -> (x, y)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WallLoops:
-    """Gains of one wall following state before and after the search, and those of LQR, each with a driven step."""
+    """Gains of a wall following state before and after the search, and those of LQR, with their step responses."""
 
     state: str
     """Name of the state."""
@@ -40,7 +40,7 @@ class WallLoops:
 
 @dataclass(frozen=True, kw_only=True)
 class PageData:
-    """All that the report of a search shows."""
+    """Data of the report of a search."""
 
     tuned: Tuned
     scenarios: tuple[str, ...]
@@ -48,12 +48,12 @@ class PageData:
     """Seeds of the search, ascending."""
     randomization: str
     pooling: str
-    """How the costs of drives become one."""
+    """Pooling of the costs of drives, see `Objective`."""
     command: str
     """The command line of the search."""
     version: str
     """Version of tral-env."""
     surroundings: Surroundings | None = None
-    """None: not driven."""
+    """Cost around the result; None: not driven."""
     loops: WallLoops | None = None
-    """None: the machine has no state that follows a wall."""
+    """Step responses; None: the machine has no state that follows a wall."""

@@ -1,7 +1,7 @@
-"""Parameters of a machine by path: which a pattern names, where to look for them, and the machine with other values.
+"""Parameters of a machine by path: those that a pattern names, their ranges, and the machine with other values.
 
-A path is `state[3].p`; for what leaves a state `transition[7].distance` or `transition[7].of[0].below`; in a machine
-within a state `state[outer]/state[3].p`.
+A path is `state[3].p` for a state, `transition[7].distance` or `transition[7].of[0].below` for a transition, and
+`state[outer]/state[3].p` in an inner machine.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from tral_fsm.tuning.ranges import Span, limits, span_of
 
 Value = float | int | bool | str
 Place = tuple[str | int, ...]
-"""Where a parameter stands in the dumped definition: keys and indices."""
+"""Keys and indices that lead to a parameter in the definition."""
 _NEVER = ("type", "id", "label", "final", "machine", "of", "ids", "hand_over")
 
 
@@ -32,9 +32,9 @@ class Site:
     """One parameter of a machine."""
 
     path: str
-    """As `state[3].p`."""
+    """Path, such as `state[3].p`."""
     names: tuple[str, ...]
-    """All that a pattern may call it: the path, and short names by id and label."""
+    """Names that a pattern may use: the path, and short names by id and label."""
     place: Place
     spec: type[Spec]
     name: str
@@ -43,10 +43,10 @@ class Site:
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """What is searched: one number, or one choice, for one or several sites."""
+    """A searched number or choice, for one or several sites."""
 
     label: str
-    """Path of its site; of several that share a value the pattern that named them."""
+    """Path of its site; for several sites the pattern that names them."""
     sites: tuple[Site, ...]
     unit: str
     kind: Literal["float", "int", "choice"]
@@ -55,11 +55,11 @@ class Parameter:
     log: bool = False
     choices: tuple[Value, ...] = ()
     start: Value = 0.0
-    """Where a search begins: `before`, in the range."""
+    """Value at which a search begins: `before`, clipped to the range."""
 
     @property
     def before(self) -> Value:
-        """Its value in the machine; of several sites the one in the middle."""
+        """Value in the machine; for several sites their median."""
         return _middle(self.sites)
 
     @property
@@ -68,7 +68,7 @@ class Parameter:
         return tuple(site.path for site in self.sites)
 
     def record(self) -> dict[str, Any]:
-        """For the files of a study."""
+        """As plain values, for the files of a study."""
         ends = {"choices": list(self.choices)} if self.kind == "choice" else {"low": self.low, "high": self.high}
         return {"label": self.label, "paths": list(self.paths), "unit": self.unit, "kind": self.kind, **ends} | {
             "log": self.log,
@@ -77,7 +77,7 @@ class Parameter:
 
 
 def sites(machine: MachineDefinition) -> list[Site]:
-    """Every parameter of a machine that could be searched, in the order of the file; those that are null too."""
+    """All parameters of a machine that a search may name, in the order of the file, also those that are null."""
     return list(_machine_sites(machine, (), [""]))
 
 
@@ -113,14 +113,14 @@ def find(machine: MachineDefinition, patterns: Sequence[str], *, tie: bool = Fal
     """The parameters that patterns name.
 
     Args:
-        machine: whose.
+        machine: the machine.
         patterns: paths or short names (`state[3].p`, `3.p`, `follow.p`); `*` stands for anything, so `*.p` for the p of
             every state, but for transitions only behind `transition`. `=LOW:HIGH` behind it gives a range. Parameters
             that are null in the machine are passed over unless named alone.
-        tie: all that one pattern names share one value; else each has its own.
+        tie: give all parameters of one pattern the same value.
 
     Raises:
-        ConfigError: a pattern names nothing, or what cannot be searched; two patterns name the same.
+        ConfigError: a pattern names nothing, or what cannot be searched; or two patterns name the same parameter.
     """
     known = sites(machine)
     found: list[Parameter] = []
@@ -242,12 +242,12 @@ def apply(machine: MachineDefinition, parameters: Sequence[Parameter], values: S
     """The machine with other values.
 
     Args:
-        machine: as it is.
-        parameters: what is changed.
-        values: as many.
+        machine: the machine.
+        parameters: the parameters to change.
+        values: a value for each parameter.
 
     Raises:
-        ConfigError: the definition does not allow them.
+        ConfigError: the definition does not allow the values.
     """
     changes = {
         site.place: value for parameter, value in zip(parameters, values, strict=True) for site in parameter.sites
@@ -273,7 +273,7 @@ def allowed(machine: MachineDefinition, parameters: Sequence[Parameter], values:
 
 
 def _rebuilt(part: Any, changes: Mapping[Place, Value]) -> Any:
-    """A part of a definition with the changes inside it; places are counted from the part."""
+    """A part of a definition with changes in it, whose places are relative to the part."""
     if () in changes:
         return changes[()]
     heads = {place[0] for place in changes}

@@ -1,4 +1,4 @@
-"""Where to look for a parameter: sensible ends and scale, by its name, within the limits of the definition."""
+"""Search range of a parameter: ends and scale by its name, within the limits of the definition."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from tral_fsm.definition.validated import Spec
 
 @dataclass(frozen=True)
 class Span:
-    """Ends and scale of a search."""
+    """Search range: its ends and its scale."""
 
     low: float
     high: float
     log: bool = False
-    """Steps are factors, not sums: for gains and lengths, whose order of size is what matters."""
+    """Whether the scale is logarithmic, as for gains and lengths, whose order of magnitude counts."""
 
 
 SPANS = {
@@ -31,7 +31,6 @@ SPANS = {
     "clearance": Span(0.3, 1.2),
     "steering_trim": Span(-0.25, 0.25),
     "steering": Span(-1.0, 1.0),
-    "learn_trim": Span(0.02, 2.0, True),
     "max_error": Span(0.05, 1.0, True),
     "max_angle_deg": Span(5.0, 22.0),
     "max_rate": Span(0.1, 2.0, True),
@@ -42,14 +41,14 @@ SPANS = {
     "above": Span(0.3, 4.0),
     "below": Span(0.3, 4.0),
 }
-"""By name. Source: choice; a gain of 20 answers one step of the ultrasonic's jitter with a sixth of full lock."""
+"""Ranges by name. Source: choice; a gain of 20 answers a step of the ultrasonic's jitter with a sixth of full lock."""
 _FACTOR = 4.0
-"""What has no span is looked for between a quarter of its value and four times it."""
+"""A parameter without a span has the range from a quarter of its value to four times it."""
 _ABOVE = 1.0 + 1e-6
 
 
 def limits(spec: type[Spec], name: str) -> tuple[float, float]:
-    """What the definition allows for a parameter; an end that is not allowed itself is moved by a millionth."""
+    """Limits of a parameter in the definition; a limit that is itself excluded is moved by a millionth."""
     low, high = -math.inf, math.inf
     for limit in spec.model_fields[name].metadata:
         if isinstance(limit, Ge):
@@ -68,10 +67,10 @@ def _past(end: float, sign: float) -> float:
 
 
 def span_of(spec: type[Spec], name: str, value: float) -> Span | None:
-    """Where to look for a parameter that has a value now; None: nobody can say, as its value is 0.
+    """Search range of a parameter with this value; None: there is none for the value 0.
 
-    A spec says it itself with ``json_schema_extra={"tune": [low, high]}``; else `SPANS` does. The span is widened to
-    hold the value, so that what is there now is never out of reach, and narrowed to what the definition allows.
+    The range comes from the spec's ``json_schema_extra={"tune": [low, high]}``, else from `SPANS`, else from the value.
+    It is widened to hold the value, and narrowed to the limits of the definition.
     """
     ends = sorted((value / _FACTOR, value * _FACTOR))
     around = Span(ends[0], ends[1], log=value > 0.0)
@@ -80,10 +79,10 @@ def span_of(spec: type[Spec], name: str, value: float) -> Span | None:
         if span is None:
             continue
         low, high = span.low, span.high
-        if value > 0.0 or not span.log:  # 0 has no place on a scale of factors
+        if value > 0.0 or not span.log:  # 0 is not on a logarithmic scale
             low, high = min(low, value), max(high, value)
         low, high = max(low, lowest), min(high, highest)
-        if low < high:  # else the definition allows nothing of it
+        if low < high:  # else the definition allows no value of it
             return Span(low, high, span.log)
     return None
 

@@ -1,28 +1,33 @@
-"""What lies around a machine that was found: the cost over a plane of two parameters, and along each one alone."""
+"""Sensitivity of the cost around a machine: over a plane of two parameters, and along each parameter alone."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tral_fsm.definition.machine import MachineDefinition
-from tral_fsm.tuning.evaluator import Course, Evaluator
-from tral_fsm.tuning.landscape import Line, Plane
+from tral_fsm.tuning.evaluator import Evaluator, SeededCourse
+from tral_fsm.tuning.landscape import CostLine, CostPlane
 from tral_fsm.tuning.objective import Objective
 from tral_fsm.tuning.parameters import Parameter, Value, allowed, apply
 from tral_fsm.tuning.search.space import from_unit
 
+Array = NDArray[np.float64]
+Axis = tuple[Parameter, Array]
+"""A parameter and its values on the grid, (size,)."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Sensitivity:
-    """What lies around."""
+    """Cost around a machine."""
 
-    plane: Plane | None
-    lines: list[Line]
+    plane: CostPlane | None
+    lines: list[CostLine]
     courses: int
-    """Each point has driven so many."""
+    """Number of courses that each point has driven."""
 
 
 def sensitivity(
@@ -30,21 +35,21 @@ def sensitivity(
     machine: MachineDefinition,
     parameters: Sequence[Parameter],
     values: Sequence[Value],
-    courses: Sequence[Course],
+    courses: Sequence[SeededCourse],
     objective: Objective,
     *,
     size: int = 9,
 ) -> Sensitivity:
-    """Drive a grid over the first two real parameters and a line along each, all in one batch.
+    """Drive a grid over the first two real parameters and a line along each one, all in one batch.
 
     Args:
-        evaluator: drives.
-        machine: with its own values.
-        parameters: what was searched.
-        values: what was found.
-        courses: each point drives all of them.
-        objective: of the cost.
-        size: points along a side and along a line.
+        evaluator: the evaluator of the drives.
+        machine: the machine that was found.
+        parameters: the parameters of the search.
+        values: their values in the machine.
+        courses: the courses of each point.
+        objective: the cost.
+        size: number of points along a side and along a line.
     """
     real = [k for k, each in enumerate(parameters) if each.kind == "float"]
     spread = {k: [from_unit(parameters[k], place) for place in np.linspace(0.0, 1.0, size)] for k in real}
@@ -56,31 +61,26 @@ def sensitivity(
     fitting = [k for k, point in enumerate(points) if allowed(machine, parameters, point)]
     evaluator.stage("around", len(fitting) * len(courses))
     drives = evaluator.on_courses([apply(machine, parameters, points[k]) for k in fitting], courses)
-    cost, failed, collided = (np.full(len(points), np.nan) for _ in range(3))
-    cost[fitting] = [objective.cost(mine) for mine in drives]
-    failed[fitting] = [np.mean([not drive.success for drive in mine]) for mine in drives]
-    collided[fitting] = [np.mean([drive.outcome == "collision" for drive in mine]) for mine in drives]
-    count = len(grid)
-    plane = None
-    if count:
-        x, y = real[:2]
-        plane = Plane(
-            x=parameters[x],
-            y=parameters[y],
-            xs=np.array(spread[x]),
-            ys=np.array(spread[y]),
-            **{
-                name: part[:count].reshape(size, size)
-                for name, part in (("cost", cost), ("failed", failed), ("collided", collided))
-            },
-        )
-    along = [
-        Line(
-            parameter=parameters[k],
-            values=np.array(spread[k]),
-            cost=cost[begin : begin + size],
-            failed=failed[begin : begin + size],
-        )
-        for begin, k in zip(range(count, len(cost), size), real, strict=True)
+    figures = {name: np.full(len(points), np.nan) for name in ("cost", "failed", "collided")}
+    figures["cost"][fitting] = [objective.cost(mine) for mine in drives]
+    figures["failed"][fitting] = [np.mean([not drive.success for drive in mine]) for mine in drives]
+    figures["collided"][fitting] = [np.mean([drive.outcome == "collision" for drive in mine]) for mine in drives]
+    axes = [(parameters[k], np.array(spread[k])) for k in real]
+    on_plane = {name: values[: len(grid)] for name, values in figures.items()}
+    on_lines = {name: values[len(grid) :].reshape(-1, size) for name, values in figures.items()}
+    plane = _plane(axes[0], axes[1], on_plane) if grid else None
+    return Sensitivity(plane=plane, lines=_lines(axes, on_lines), courses=len(courses))
+
+
+def _plane(x: Axis, y: Axis, figures: Mapping[str, Array]) -> CostPlane:
+    """Plane of two axes, from figures of its points in rows along x."""
+    shaped = {name: values.reshape(len(y[1]), len(x[1])) for name, values in figures.items()}
+    return CostPlane(x=x[0], y=y[0], xs=x[1], ys=y[1], **shaped)
+
+
+def _lines(axes: Sequence[Axis], figures: Mapping[str, Array]) -> list[CostLine]:
+    """Line along each axis, from figures with a row for each."""
+    return [
+        CostLine(parameter=parameter, values=values, cost=cost, failed=failed)
+        for (parameter, values), cost, failed in zip(axes, figures["cost"], figures["failed"], strict=True)
     ]
-    return Sensitivity(plane=plane, lines=along, courses=len(courses))

@@ -1,4 +1,4 @@
-"""A search from beginning to end: generations until the budget is spent, finals, and the held-out check."""
+"""A search from start to end: generations until the budget is spent, finals, and the held-out check."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 from tral_env.errors import ConfigError
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.formats import library, write
-from tral_fsm.tuning.evaluator import Course, Evaluator, OnStage, Racing, Scored, Task
+from tral_fsm.tuning.evaluator import Evaluator, OnStage, Racing, Scored, SeededCourse, Task
 from tral_fsm.tuning.found import Tuned, best_of, save
 from tral_fsm.tuning.holdout import compare
 from tral_fsm.tuning.journal import Journal
@@ -28,25 +28,25 @@ from tral_fsm.tuning.search.space import Search, Trial, Values
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """How to search."""
+    """Settings of a search."""
 
     budget: int = 3000
-    """Drives that the search may cost; the last generation is finished. Finals and held-out check come on top."""
+    """Number of drives of the search; the last generation is finished. Finals and held-out check are extra."""
     sampler: str = "cmaes"
-    """"cmaes", or one of Optuna's: "tpe", "nsga2", "random"."""
+    """"cmaes", or a sampler of Optuna: "tpe", "nsga2", "random"."""
     objectives: tuple[str, ...] = ()
-    """With "nsga2": two or more of "clearance", "time", "steering", for a Pareto front."""
+    """Two or more of "clearance", "time", "steering" for a Pareto front; they need "nsga2"."""
     population: int | None = None
-    """Candidates in a generation."""
+    """Number of candidates of a generation, at least 4; None: by the number of parameters."""
     racing: Racing = field(default_factory=Racing)
     finalists: int = 4
-    """So many of the best drive again, on courses of their own, so that the luckiest does not win."""
+    """Number of the best candidates that drive again on fresh courses, so that the luckiest does not win."""
     final_seeds: int | None = None
-    """How many seeds the finals have, next to those of the search; None: twice as many."""
+    """Number of seeds of the finals, which follow those of the search; None: twice as many as these."""
     report_seeds: tuple[int, ...] = tuple(range(500, 600))
-    """Of the held-out check; none: no check."""
+    """Seeds of the held-out check; empty: no check."""
     seed: int = 0
-    """Of the sampler."""
+    """Seed of the sampler."""
 
     def __post_init__(self) -> None:
         for name in ("budget", "finalists", "final_seeds"):
@@ -70,7 +70,7 @@ class Settings:
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """Where a search is."""
+    """Progress of a search."""
 
     generation: int
     drives: int
@@ -94,7 +94,7 @@ class Study:
         resume: bool = False,
         storage: str | None = None,
     ) -> None:
-        """Prepare; see `tune` for the arguments."""
+        """Prepare a search; see `tune` for the arguments."""
         self.machine, self.parameters, self.task = machine, parameters, task
         self.objective, self.settings, self.out = objective, settings, out
         header = self.header()
@@ -121,7 +121,7 @@ class Study:
             self._replay(trials)
 
     def _replay(self, trials: list[Trial]) -> None:
-        """Tell the searcher what is known already."""
+        """Tell the searcher a generation of the file."""
         asked = self.search.ask()
         if [each.values for each in trials] != asked:
             raise ConfigError(
@@ -130,7 +130,7 @@ class Study:
         self.search.tell(trials)
 
     def header(self) -> dict[str, Any]:
-        """All that decides what a search finds; the budget may grow."""
+        """All that decides the result of a search, but for the budget, which may grow."""
         settings = self.settings
         whole = {
             "machine": write(self.machine, "json"),
@@ -156,7 +156,7 @@ class Study:
         asked = self.search.ask()
         fitting = [values for values in asked if allowed(self.machine, self.parameters, values)]
         if not fitting:
-            apply(self.machine, self.parameters, asked[0])  # says what is wrong with it
+            apply(self.machine, self.parameters, asked[0])  # it raises an error that tells the fault
         machines = [apply(self.machine, self.parameters, values) for values in fitting]
         racing = Racing(keep=1.0) if self.settings.objectives else self.settings.racing
         scored = evaluator.race(machines, self.task.courses, self.objective, racing)
@@ -169,7 +169,7 @@ class Study:
         return trials
 
     def _refused(self, values: Values, worst: float) -> Trial:
-        """A candidate that the definition does not allow: no better than any that drove, nor than one that fails."""
+        """Trial of a candidate that the definition does not allow; it costs as much as the worst, and as a failure."""
         weights, nothing = self.objective.weights, (1.0, 1.0, 0.0, 0.0, 0.0)
         cost = max(worst, weights.failure + weights.unfinished)
         return Trial(values=values, cost=cost, full=False, drives=0, successes=0, parts=nothing)
@@ -202,30 +202,30 @@ def tune(
     on_progress: Callable[[Progress], None] | None = None,
     on_stage: OnStage | None = None,
 ) -> Tuned:
-    """Search numeric parameters of a machine; the same as `tral tune`.
+    """Search parameters of a machine, as `tral tune` does.
 
     Args:
         machine: a definition, the name of a packaged machine, or a file.
         params: patterns of parameters, see `parameters.find`.
-        task: on what candidates are tried.
-        objective: what a drive costs, and how drives are pooled.
-        settings: how to search.
-        tie: what one pattern names shares one value.
-        processes: how many work; None: one a processor. The result does not depend on it.
+        task: courses, cars and sensors of the drives.
+        objective: cost of drives, and their pooling.
+        settings: settings of the search.
+        tie: give all parameters of one pattern the same value.
+        processes: number of processes; None: one for each core. The result does not depend on it.
         out: folder of study.jsonl and machine.json, both up to date after each generation; None: no files.
         resume: go on with the study in `out`.
-        storage: URL of a database or path of a journal file that other processes may work on too.
-        origin: command, for the description of the machine.
+        storage: database URL or journal file that other processes may use too.
+        origin: command line, for the description of the machine.
         on_progress: called after each generation.
-        on_stage: called whenever drives have ended, with what they are for: "as it was", "search", "finals", "check".
+        on_stage: called whenever drives have ended, with their stage: "as it was", "search", "finals", "check".
 
     Returns:
-        What was found. Where it was interrupted (KeyboardInterrupt), that is passed on, and `out` has what was found.
+        The result. A KeyboardInterrupt is passed on; `out` then holds the result so far.
 
     Raises:
-        ConfigError: anything that cannot be used.
+        ConfigError: an argument cannot be used.
         MachineError: the machine cannot be read or run.
-        MissingExtraError: a sampler of Optuna without the extra `tune`.
+        MissingExtraError: a sampler of Optuna lacks the extra `tune`.
     """
     definition = machine if isinstance(machine, MachineDefinition) else library.load(machine)
     objective, settings = objective or Objective(), settings or Settings()
@@ -248,10 +248,10 @@ def tune(
 
 
 def check_apart(task: Task, settings: Settings) -> None:
-    """Courses of the report must be new.
+    """Refuse seeds of the held-out check that the search or its finals use.
 
     Raises:
-        ConfigError: they are not.
+        ConfigError: there are such seeds.
     """
     both = sorted({*task.seeds, *final_seeds(task, settings)} & {*settings.report_seeds})
     if both:
@@ -261,7 +261,7 @@ def check_apart(task: Task, settings: Settings) -> None:
 
 
 def final_seeds(task: Task, settings: Settings) -> tuple[int, ...]:
-    """Seeds of the finals: next to those of the search."""
+    """Seeds of the finals, which follow those of the search."""
     after = max(task.seeds) + 1
     count = 2 * len(task.seeds) if settings.final_seeds is None else settings.final_seeds
     return tuple(range(after, after + count))
@@ -307,14 +307,14 @@ def _found(study: Study, values: Values | None, old_trial: Trial, trials: list[T
 
 
 def _finals(study: Study, tuned: Tuned, evaluator: Evaluator) -> None:
-    """The best of the search and the old machine once more, on courses that are new to all of them."""
+    """Let the best of the search and the old machine drive once more, on courses that are new to all of them."""
     ranked = sorted((each for each in tuned.trials if each.full), key=lambda each: each.cost)
     values: list[Values | None] = [None]
     for each in ranked:
         if each.values not in values and len(values) <= study.settings.finalists:
             values.append(each.values)
     seeds = final_seeds(study.task, study.settings)
-    courses: list[Course] = [(scenario, seed) for seed in seeds for scenario in study.task.scenarios]
+    courses: list[SeededCourse] = [(scenario, seed) for seed in seeds for scenario in study.task.scenarios]
     machines = [study.machine if each is None else apply(study.machine, study.parameters, each) for each in values]
     evaluator.stage("finals", len(machines) * len(courses))
     costs = [study.objective.cost(drives) for drives in evaluator.on_courses(machines, courses)]
@@ -324,7 +324,7 @@ def _finals(study: Study, tuned: Tuned, evaluator: Evaluator) -> None:
 
 
 def _hold_out(study: Study, tuned: Tuned, processes: int, on_stage: OnStage | None) -> None:
-    """Old and new on the courses of the report, to the time limit."""
+    """Let the old and the new machine drive the courses of the held-out check, up to the time limit."""
     task = Task(
         scenarios=study.task.scenarios,
         seeds=study.settings.report_seeds,

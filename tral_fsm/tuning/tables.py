@@ -1,10 +1,10 @@
-"""Cells of the tables of a search: the terminal and the HTML page show the same texts."""
+"""Cells of the tables of a search, the same on the terminal and on the HTML page."""
 
 from __future__ import annotations
 
 from tral_fsm.evaluation.statistics import Estimate
 from tral_fsm.tuning.classical.design import margins
-from tral_fsm.tuning.classical.loops import WallState
+from tral_fsm.tuning.classical.loops import WallGains
 from tral_fsm.tuning.parameters import Parameter
 
 MARGIN_HEADER = (
@@ -13,8 +13,8 @@ MARGIN_HEADER = (
 """Headings of `margin_cells`."""
 
 
-def margin_cells(state: WallState) -> list[str]:
-    """Name, speed, gains and margins of a state, one cell for each heading of `MARGIN_HEADER`."""
+def margin_cells(state: WallGains) -> list[str]:
+    """Name, speed, gains and margins of a state, a cell for each heading of `MARGIN_HEADER`."""
     found = margins(state.gains, state.speed)
     return [
         state.name, f"{state.speed:.3g}", f"{state.gains.p:.3g}", f"{state.gains.d:.3g}", f"{found.phase_deg:.0f}",
@@ -33,7 +33,7 @@ def estimate_cell(value: Estimate, scale: float = 1.0, digits: int = 2, sign: st
 
 
 def before_cell(parameter: Parameter) -> str:
-    """The value that a parameter had; each different value once where one parameter stands in several places."""
+    """Old value of a parameter; if several places share it, each different value once."""
     return ", ".join(dict.fromkeys(value_cell(site.value) for site in parameter.sites))
 
 

@@ -1,1 +1,1 @@
-"""Where the states and arrows of a picture stand."""
+"""Layered layout of the states and arrows of a picture."""

@@ -1,4 +1,4 @@
-"""A machine in layers: where its boxes, arrows and labels stand.
+"""Layered layout of a machine: the places of its boxes, arrows and labels.
 
 A layered layout (Sugiyama, Tagawa, Toda 1981) with right-angled arrows, in four steps: states to layers (`graph`), the
 order in each layer (`order`), positions across (`positions`, `polish`), points (`tracks`, `routing`).
@@ -20,11 +20,11 @@ from tral_fsm.draw.layered.routing import MARGIN, Router
 from tral_fsm.draw.layered.shapes import Arrangement, Direction
 
 _PAGE = (1400.0, 900.0)
-"""What a picture should fit in, px. Source: choice."""
+"""Width and height in which a picture should fit, px. Source: choice."""
 _MAX_PARTS = 150
-"""With more states and arrows one order is tried, not several, so that the time stays bearable. Source: choice."""
+"""Number of states and arrows beyond which one order alone is tried, to limit the time. Source: choice."""
 _CROSSING = 0.01
-"""A crossing is as bad as a picture that is larger by so much of a page. Source: choice."""
+"""Cost of a crossing, in parts of a page by which the picture would be larger. Source: choice."""
 
 
 def arrange(
@@ -35,17 +35,17 @@ def arrange(
     direction: Direction | None = None,
     bundled: bool = True,
 ) -> Arrangement:
-    """Arrange a machine in layers; its inner machines are not looked at.
+    """Arrange a machine in layers, without its inner machines.
 
     Args:
-        machine: a definition whose ids and ends are right (`check`).
-        state_size: gives the least width and height of a state's box, px.
-        label_size: gives width and height of an arrow's text, px, from its transitions and their ordinals ("2. ").
-        direction: where most arrows lead; None: as the picture comes out better.
-        bundled: one arrow for all transitions from one state to another; else one for each.
+        machine: a definition that `check` accepts.
+        state_size: function for the smallest width and height of a state's box, px.
+        label_size: function for the width and height of an arrow's text, px, from transitions and ordinals ("2. ").
+        direction: direction of most arrows; None: the one with the better picture.
+        bundled: one arrow for all transitions from one state to another; else an arrow for each.
 
     Returns:
-        The arrangement: always the same for the same machine.
+        The arrangement, always the same for the same machine.
     """
     content = Content(machine, bundled, state_size, label_size)
     ways: tuple[Direction, ...] = ("right", "down") if direction is None else (direction,)
@@ -53,7 +53,7 @@ def arrange(
     best: tuple[float, Callable[[bool], Arrangement]] | None = None
     for order in islice(orders(n, content.edges, content.root), None if n + len(content.edges) <= _MAX_PARTS else 1):
         rank = ranks(n, content.edges, order)
-        layers, crossed = untangled(content.graph(rank, ways[0]))  # sizes make no difference to it
+        layers, crossed = untangled(content.graph(rank, ways[0]))  # it does not depend on sizes
         for way in ways:
             draw = partial(_placed, content, content.graph(rank, way), layers, way)
             found = draw(False)
@@ -67,7 +67,7 @@ def arrange(
 def _placed(
     content: Content, graph: Graph, layers: Sequence[Sequence[int]], way: Direction, polish: bool
 ) -> Arrangement:
-    """The arrangement of a layered graph whose slots stand in this order."""
+    """Arrangement of a layered graph with this order of slots."""
     found = positions(graph, layers)
     if polish:
         found = polished(graph, layers, found)

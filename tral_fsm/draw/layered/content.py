@@ -1,4 +1,4 @@
-"""What there is to arrange of a machine: sizes of boxes and labels, arrows between states, arrows to themselves."""
+"""Content of a layout: sizes of boxes and labels, arrows between states, arrows from states to themselves."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from tral_fsm.draw.layered.graph import GRID, Edge, Graph, Slot, layered, round_
 from tral_fsm.draw.layered.shapes import Direction, Size
 
 StateSize = Callable[[StateSpec], Size]
-"""Gives the least width and height of a state's box, px."""
+"""Function for the smallest width and height of a state's box, px."""
 LabelSize = Callable[[Sequence[TransitionSpec], Sequence[str]], Size]
-"""Gives width and height of an arrow's text, px, from its transitions and their ordinals."""
+"""Function for the width and height of an arrow's text, px, from its transitions and their ordinals."""
 
 LOOP = 20
-"""An arrow from a state to itself leads so far away from it, px."""
+"""Distance to which an arrow from a state to itself leads away, px."""
 
 
 def ordinals(machine: MachineDefinition) -> list[str]:
-    """Which place each transition has among those that leave its state: "2. "; empty if it is the only one."""
+    """Ordinal of each transition among those that leave its state, such as "2. "; empty for an only one."""
     leaving: dict[int | str, list[int]] = {}
     for index, transition in enumerate(machine.transitions):
         leaving.setdefault(transition.source, []).append(index)
@@ -54,7 +54,7 @@ class Content:
         self.sizes = [state_size(state) for state in machine.states]
 
     def box(self, state: int, rank: Sequence[int], way: Direction) -> tuple[int, int]:
-        """Extent of a state's box along and across: room for its text and for its arrows."""
+        """Extents of a state's box along and across, with room for its text and its arrows."""
         w, h = self.sizes[state]
         along, across = (w, h) if way == "right" else (h, w)
         sides = [rank[b] > rank[a] if a == state else rank[a] > rank[b] for a, b in self.edges if state in (a, b)]
@@ -63,7 +63,7 @@ class Content:
         return round_up(max(along, 4 * GRID * loops)), round_up(max(across, 2 * GRID * (arrows + 1)), 2 * GRID)
 
     def graph(self, rank: Sequence[int], way: Direction) -> Graph:
-        """The slots for a way to draw it."""
+        """The graph for ranks and a direction."""
         boxes = []
         for state in range(len(self.sizes)):
             along, across = self.box(state, rank, way)
@@ -79,7 +79,7 @@ class Content:
         return layered(self.edges, rank, boxes, labels)
 
     def _loop_room(self, state: int, way: Direction) -> Size:
-        """Room across, beyond the box, and along that a state's arrows to itself take."""
+        """Room for a state's arrows to itself: across beyond the box, and along."""
         loops = self.loops.get(state)
         if not loops:
             return 0, 0

@@ -1,7 +1,7 @@
-"""A machine as a layered graph: states stand in layers, and each arrow leads through one slot of every layer between.
+"""A machine as a layered graph: states stand in layers, and an arrow has a slot in each layer between its states.
 
-Layers are numbered along the picture. Even layers hold states, odd ones the labels of the arrows that pass there, so
-that neither meets the other. "Across" is the other direction. All lengths are whole px.
+Layers are numbered along the picture; "across" is the other direction. Even layers hold states, odd ones the labels of
+passing arrows, so that labels do not meet states. All lengths are whole px.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ GRID = 10
 
 @dataclass(frozen=True)
 class Slot:
-    """What takes room in a layer: a state's box, an arrow with its label, or an arrow that passes."""
+    """Room in a layer for a state's box, an arrow with its label, or a passing arrow."""
 
     layer: int
     before: int
-    """Room across on the near side of its middle (a box) or of its line (an arrow)."""
+    """Room across on the near side of a box's middle, or of an arrow's line."""
     after: int
-    """Room on the far side."""
+    """Room across on the far side."""
     along: int
     """Room along."""
     state: int | None = None
     edge: int | None = None
     reach: int = 0
-    """How far from its middle a box's arrows may end."""
+    """Largest distance between a box's middle and the ends of its arrows."""
 
 
 @dataclass(frozen=True)
 class Link:
-    """A piece of an arrow from a slot of a layer to one of the next."""
+    """Piece of an arrow from a slot of a layer to one of the next layer."""
 
     edge: int
     near: int
@@ -42,7 +42,7 @@ class Link:
 
 @dataclass
 class Graph:
-    """Slots, and the links between slots of neighbouring layers."""
+    """Slots, and links between slots of neighbouring layers."""
 
     slots: list[Slot]
     links: list[Link]
@@ -61,7 +61,7 @@ class Graph:
 
 
 def orders(n: int, edges: Sequence[Edge], root: int) -> Iterator[tuple[int, ...]]:
-    """Orders of the states in which most arrows may lead forward, the root first; each is one way to draw them."""
+    """Orders of the states in which most arrows may lead forward; the root comes first in each."""
     follow: list[list[int]] = [[] for _ in range(n)]
     for a, b in edges:
         follow[a].append(b)
@@ -85,7 +85,7 @@ def _breadth_first(follow: list[list[int]], starts: list[int]) -> list[int]:
 
 
 def _depth_first(follow: list[list[int]], starts: list[int]) -> list[int]:
-    """Reverse postorder: an arrow leads backward only if it closes a circle."""
+    """Reverse postorder: an arrow leads backward only if it closes a cycle."""
     done: list[int] = []
     seen: set[int] = set()
     for start in [starts[0], *reversed(starts[1:])]:
@@ -105,7 +105,7 @@ def _depth_first(follow: list[list[int]], starts: list[int]) -> list[int]:
 
 
 def _greedy(n: int, edges: Sequence[Edge], rest: list[int]) -> list[int]:
-    """Takes the state with most arrows out and fewest in, again and again (Eades, Lin, Smyth 1993)."""
+    """Order that takes the state with the largest surplus of arrows out, again and again (Eades, Lin, Smyth 1993)."""
     left, found = rest[1:], [rest[0]]
     while left:
         inside = set(left)
@@ -121,7 +121,7 @@ def _greedy(n: int, edges: Sequence[Edge], rest: list[int]) -> list[int]:
 
 
 def ranks(n: int, edges: Sequence[Edge], order: Sequence[int]) -> list[int]:
-    """Layer of each state: every arrow that leads forward in the order comes to a later one, and is short."""
+    """Rank of each state: arrows that lead forward in the order lead to a later rank, and are short."""
     place = {state: index for index, state in enumerate(order)}
     forward = [(a, b) if place[a] < place[b] else (b, a) for a, b in edges]
     rank = [0] * n

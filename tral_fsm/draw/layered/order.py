@@ -1,4 +1,4 @@
-"""The order of the slots in each layer, so that few arrows cross."""
+"""Order of the slots in each layer, with few crossings of arrows."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from tral_fsm.draw.layered.graph import Graph
 
 _SWEEPS = 12
 _MAX_SLOTS = 1000
-"""With more slots there are fewer sweeps, so that the time stays bearable. Source: choice."""
+"""Number of slots from which on there are fewer sweeps, to limit the time. Source: choice."""
 
 
 def untangled(graph: Graph) -> tuple[list[list[int]], int]:
-    """Slots of each layer in order across, and how often arrows cross."""
+    """Slots of each layer in their order across, and the number of crossings."""
     layers = _first(graph)
     best, fewest = layers, crossings(graph, layers)
     for sweep in range(max(2, min(_SWEEPS, _SWEEPS * _MAX_SLOTS // len(graph.slots)))):
@@ -25,7 +25,7 @@ def untangled(graph: Graph) -> tuple[list[list[int]], int]:
 
 
 def _first(graph: Graph) -> list[list[int]]:
-    """As a walk from the first layer meets them: what belongs together begins together."""
+    """Order in which a walk from the first layer meets the slots, so that neighbours start close together."""
     layers: list[list[int]] = [[] for _ in range(graph.layers)]
     seen: set[int] = set()
     for start in sorted(range(len(graph.slots)), key=lambda s: (graph.slots[s].layer, s)):
@@ -46,7 +46,7 @@ def _neighbours(graph: Graph, slot: int, before: bool) -> list[int]:
 
 
 def _sort_by_neighbours(graph: Graph, layers: list[list[int]], down: bool) -> None:
-    """Each slot goes to the mean place of those it hangs on."""
+    """Sort the slots of each layer by the mean place of their neighbours."""
     for layer in range(1, graph.layers) if down else range(graph.layers - 2, -1, -1):
         place = {slot: i for i, slot in enumerate(layers[layer - 1 if down else layer + 1])}
 
@@ -59,12 +59,12 @@ def _sort_by_neighbours(graph: Graph, layers: list[list[int]], down: bool) -> No
 
 
 def _pair_crossings(first: list[int], second: list[int]) -> int:
-    """Crossings of the links of two slots, the first before the second, whose other ends stand at these places."""
+    """Number of crossings of the links of two neighbouring slots, from the places of their other ends."""
     return sum(a > b for a in first for b in second)
 
 
 def _swap(graph: Graph, layers: list[list[int]]) -> None:
-    """Neighbours in a layer change places wherever that takes crossings away."""
+    """Swap neighbours in a layer wherever that reduces the crossings."""
     place = {slot: i for layer in layers for i, slot in enumerate(layer)}
     ends = {
         slot: [[place[other] for other in _neighbours(graph, slot, side)] for side in (True, False)] for slot in place
@@ -89,7 +89,7 @@ def _swap(graph: Graph, layers: list[list[int]]) -> None:
 
 
 def crossings(graph: Graph, layers: list[list[int]]) -> int:
-    """How often links cross, each pair of layers by itself."""
+    """Number of crossings of links, over all pairs of layers."""
     place = {slot: i for layer in layers for i, slot in enumerate(layer)}
     total = 0
     for layer in layers:

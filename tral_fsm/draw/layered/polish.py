@@ -1,4 +1,4 @@
-"""Last touches to places across: bends that go when others make room."""
+"""Last changes to positions across: bends that vanish when other slots make room."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ _PASSES = 4
 
 
 def polished(graph: Graph, layers: Sequence[Sequence[int]], position: Sequence[float]) -> list[float]:
-    """Positions with fewer bends: each bent link tries to become straight, pushing its neighbours away.
+    """Positions with fewer bends: each bent link tries to become straight, and pushes its neighbours away.
 
-    A move stays if bends get fewer, or as many but shorter. Positions stay multiples of the grid.
+    A move stays if it makes the bends fewer, or shorter at the same number. Positions stay multiples of the grid.
     """
     before = {two: one for layer in layers for one, two in itertools.pairwise(layer)}
     after = {one: two for two, one in before.items()}
@@ -39,14 +39,14 @@ def polished(graph: Graph, layers: Sequence[Sequence[int]], position: Sequence[f
 
 
 def _cost(graph: Graph, position: Sequence[float]) -> tuple[tuple[int, float], dict[tuple[int, int], float]]:
-    """Bends, and how long they are altogether; and where the links end."""
+    """Number and total length of the bends, and the ends of the links."""
     ends = {key: float(round(end / GRID) * GRID) for key, end in link_ends(graph, position).items()}
     offs = [abs(ends[i, link.near] - ends[i, link.far]) for i, link in enumerate(graph.links)]
     return (sum(off > 0 for off in offs), sum(offs, 0.0)), ends
 
 
 def _run(graph: Graph, slot: int, position: Sequence[float]) -> list[int]:
-    """The straight piece of an arrow that a slot is part of; a box alone."""
+    """Slots of the straight piece of an arrow around a slot; a box alone."""
     run = [slot]
     if graph.slots[slot].edge is None:
         return run
@@ -63,7 +63,7 @@ def _run(graph: Graph, slot: int, position: Sequence[float]) -> list[int]:
 def _push(
     graph: Graph, position: list[float], slot: int, to: float, before: dict[int, int], after: dict[int, int]
 ) -> None:
-    """Put a slot somewhere; those of its layer that are in its way give way."""
+    """Move a slot, and push away the slots of its layer that are in the way."""
     position[slot] = to
     here = slot
     while (two := after.get(here)) is not None and position[two] < position[here] + gap(graph, here, two):

@@ -1,4 +1,4 @@
-"""Where the slots of a layer stand across, so that arrows run straight."""
+"""Positions of the slots across, for which arrows run straight."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from tral_fsm.draw.layered.graph import GRID, Graph
 _SWEEPS = 40
 _STRAIGHTENING = 16
 _MAX_SLOTS = 1000
-"""With more slots there are fewer sweeps, so that the time stays bearable. Source: choice."""
+"""Number of slots from which on there are fewer sweeps, to limit the time. Source: choice."""
 _PASSING, _ENDING = 4.0, 1.0
-"""How much a bend counts between two passing pieces of an arrow, and at a box. Source: choice."""
+"""Weights of a bend between two passing pieces of an arrow, and at a box. Source: choice."""
 _PLACED = 1.3
 
 Wish = tuple[float, float]
-"""A place and how much it counts."""
+"""A place and its weight."""
 
 
 def positions(graph: Graph, layers: Sequence[Sequence[int]]) -> list[float]:
-    """Positions across of each slot's middle or line, multiples of the grid.
+    """Positions across of the middle of each box and of the line of each arrow, multiples of the grid.
 
     Args:
-        graph: the slots.
+        graph: the graph.
         layers: slots of each layer in order.
     """
     position = [0.0] * len(graph.slots)
@@ -47,7 +47,7 @@ def positions(graph: Graph, layers: Sequence[Sequence[int]]) -> list[float]:
 
 
 def _align(graph: Graph, layers: Sequence[Sequence[int]], position: list[float]) -> None:
-    """Take bends out of arrows where there is room: pieces that run straight move as one onto the next ones."""
+    """Remove bends of arrows where there is room: straight pieces move as one into line with the next."""
     chains: dict[int, list[int]] = {}
     for index, slot in enumerate(graph.slots):
         if slot.edge is not None:
@@ -92,7 +92,7 @@ class _Room:
 
 
 def gap(graph: Graph, one: int, two: int) -> int:
-    """The smallest distance of two slots that stand side by side in a layer, px."""
+    """Smallest distance of two neighbouring slots of a layer, px."""
     a, b = graph.slots[one], graph.slots[two]
     boxes = (a.state is not None) + (b.state is not None)
     return -(-(a.after + b.before + GRID * boxes) // GRID) * GRID
@@ -101,9 +101,9 @@ def gap(graph: Graph, one: int, two: int) -> int:
 def _wishes(
     graph: Graph, slot: int, position: Sequence[float], ends: dict[tuple[int, int], float], forth: bool
 ) -> tuple[list[Wish], float]:
-    """Where each link of a slot would have it, and where it is now.
+    """Places at which the links of a slot would be straight, and its present place.
 
-    What was just placed (the nearer slots on the way forth) counts a little more, so that a straight line grows.
+    Slots that were placed just before have a larger weight, so that a straight line grows.
     """
     wishes = []
     for link, other, placed in [
@@ -111,7 +111,7 @@ def _wishes(
         *((link, graph.links[link].far, not forth) for link in graph.farther[slot]),
     ]:
         passing = graph.slots[slot].state is None and graph.slots[other].state is None
-        # A side's only arrow best ends in its middle.
+        # The only arrow of a side should end in its middle.
         alone = len(graph.nearer[slot] if link in graph.nearer[slot] else graph.farther[slot]) == 1
         own = 0.0 if alone else ends[link, slot] - position[slot]
         weight = (_PASSING if passing else _ENDING) * (_PLACED if placed else 1.0)
@@ -120,12 +120,12 @@ def _wishes(
 
 
 def settled(wishes: Sequence[tuple[list[Wish], float]], gaps: Sequence[float], medians: bool) -> list[float]:
-    """Places in order, at least `gaps` apart, as near as can be to what is wished: isotonic regression.
+    """Places in order, at least `gaps` apart, as near as possible to the wishes: isotonic regression.
 
     Args:
-        wishes: for each, places with weights, and the place to stay at if there are none.
-        gaps: the smallest distance of each to the next.
-        medians: the sum of distances counts instead of that of their squares: most wishes come true exactly.
+        wishes: for each place the wishes, and the place itself if there are none.
+        gaps: smallest distance of each place to the next.
+        medians: minimize the sum of distances, not of their squares, which meets most wishes exactly.
     """
     shift = 0.0
     blocks: list[tuple[int, list[Wish], float]] = []
@@ -157,7 +157,7 @@ def _middle(wishes: list[Wish], median: bool) -> float:
 
 
 def link_ends(graph: Graph, position: Sequence[float]) -> dict[tuple[int, int], float]:
-    """(link, slot) -> its end there: on an arrow's line; along a box's side, in order, near its other end."""
+    """(link, slot) -> end of the link at the slot: on an arrow's line, or in order along a box's side."""
     ends = {}
     for slot, what in enumerate(graph.slots):
         for side, links in (("near", graph.nearer[slot]), ("far", graph.farther[slot])):

@@ -1,4 +1,4 @@
-"""The last step of an arrangement: from positions and layers to the points of boxes, arrows and labels."""
+"""Last step of a layout: from positions and layers to the points of boxes, arrows and labels."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Router:
     ) -> None:
         self.content, self.graph, self.way, self.position, self.ends = content, graph, way, position, ends
         self.track: dict[int, int] = {}
-        """Link -> where it turns, along."""
+        """Link -> place along at which it turns."""
         self.start: list[int] = []
-        """Layer -> where it begins, along."""
+        """Start of each layer along."""
         self.extent = [0] * graph.layers
         for slot in graph.slots:
             self.extent[slot.layer] = max(self.extent[slot.layer], slot.along)
@@ -37,7 +37,7 @@ class Router:
             self.start.append(at)
             at += self.extent[layer]
             turns = tracks([(ends[i, graph.links[i].near], ends[i, graph.links[i].far]) for i in links])
-            # An arrow's head needs room before the box.
+            # The head of an arrow needs room before the box.
             first = at + (2 * GRID if layer % 2 == 0 else GRID)
             for index, track in zip(links, turns, strict=True):
                 if track is not None:
@@ -57,7 +57,7 @@ class Router:
         return Rect(x, y, w, h)
 
     def box(self, state: int) -> tuple[int, int, int, int]:
-        """Where a state's box begins along and across, and its extents; its slot is the one of the same number."""
+        """Start of a state's box along and across, and its extents; its slot has the same number."""
         slot = self.graph.slots[state]
         begin = self.start[slot.layer] + (self.extent[slot.layer] - slot.along) // (2 * GRID) * GRID
         w, h = self.content.sizes[state]
@@ -65,7 +65,7 @@ class Router:
         return begin, self.position[state] - slot.before, length, 2 * slot.before
 
     def arrangement(self) -> Arrangement:
-        """All of the picture."""
+        """The whole arrangement."""
         boxes = [self.box(state) for state in range(len(self.content.sizes))]
         routes = [self.route(edge, boxes) for edge in range(len(self.content.edges))]
         routes += [route for state in sorted(self.content.loops) for route in self.loops(state, boxes[state])]
@@ -110,7 +110,7 @@ class Router:
         )
 
     def label(self, slot: int, size: Size, forward: bool) -> Rect:
-        """Above a line that runs to the right, right of one that runs down; at the end where the state is left."""
+        """Room of a label: above a line to the right, or right of a line down, at the end of the source state."""
         w, h = size
         layer = self.graph.slots[slot].layer
         length = w if self.way == "right" else h
@@ -120,7 +120,7 @@ class Router:
         return Rect(x, y, w, h)
 
     def loops(self, state: int, box: tuple[int, int, int, int]) -> list[Route]:
-        """Arrows from a state to itself: beside its box on the far side, one after the other."""
+        """Arrows from a state to itself, one after the other on the far side of its box."""
         begin, side, _, breadth = box
         edge, routes = side + breadth, []
         at = begin + GRID

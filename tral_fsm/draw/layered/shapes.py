@@ -1,7 +1,7 @@
-"""What an arrangement is made of: boxes, arrows, room for labels. Pure data, the same for each way to draw it.
+"""Parts of an arrangement as data: boxes, arrows, and room for labels.
 
-All numbers are whole px; x points to the right, y down. Boxes, and what arrows end and turn at, are multiples of 10, as
-UMLet's grid is at zoom 10.
+All numbers are whole px; x points to the right, y down. Boxes, ends and turns of arrows lie on multiples of 10, the
+grid of UMLet at zoom 10.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Size = tuple[int, int]
 
 @dataclass(frozen=True)
 class Rect:
-    """A rectangle; x, y is its upper left corner."""
+    """A rectangle with its upper left corner x, y."""
 
     x: int
     y: int
@@ -39,23 +39,23 @@ class Route:
     """The arrow of all transitions from one state to another."""
 
     transitions: tuple[int, ...]
-    """Their places in `machine.transitions`, in order; one alone unless they are bundled."""
+    """Indices in `machine.transitions`, in order; one alone unless they are bundled."""
     points: tuple[Point, ...]
-    """From the outline of the box that is left to that of the box that is entered."""
+    """Points from the outline of the source box to that of the target box."""
     label: Rect
-    """Room for its text; nothing else is there."""
+    """Room for the text alone."""
 
 
 @dataclass(frozen=True)
 class Arrangement:
-    """Where all of a machine stands."""
+    """Places of all parts of a machine."""
 
     width: int
     height: int
     direction: Direction
-    """Where most arrows lead."""
+    """Direction of most arrows."""
     boxes: tuple[Rect, ...]
-    """Of each state, in the machine's order."""
+    """Box of each state, in the order of the machine."""
     routes: tuple[Route, ...]
     root: tuple[Point, Point]
-    """The arrow without a beginning that points to the root."""
+    """Arrow from nowhere to the root."""

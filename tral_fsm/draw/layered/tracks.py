@@ -1,15 +1,15 @@
-"""Between two layers: which piece of an arrow turns where, so that none lies on another."""
+"""Tracks between two layers on which arrows turn, so that no arrow lies on another."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 Turn = tuple[int, int]
-"""Where a link leaves the near layer and where it meets the far one, across."""
+"""Places across at which a link leaves the near layer and meets the far one."""
 
 
 def tracks(turns: Sequence[Turn]) -> list[int | None]:
-    """Track of each link, counted from the near layer; None: it runs straight and needs none."""
+    """Track of each link, counted from the near layer; None for a straight link."""
     bent = [i for i, (a, b) in enumerate(turns) if a != b]
     after: dict[int, set[int]] = {i: set() for i in bent}
     for k, i in enumerate(bent):
@@ -20,7 +20,7 @@ def tracks(turns: Sequence[Turn]) -> list[int | None]:
     found: dict[int, int] = {}
     waiting = sorted(bent, key=lambda i: turns[i])
     while waiting:
-        # In a circle of wishes one is not heard.
+        # In a cycle of orders one order is ignored.
         free = next((i for i in waiting if not after[i] & set(waiting)), None)
         chosen = waiting[0] if free is None else free
         waiting.remove(chosen)
@@ -37,7 +37,7 @@ def _touch(one: Turn, two: Turn) -> bool:
 
 
 def _order(one: Turn, two: Turn) -> int:
-    """+1: the first turns first, -1: the second does, 0: all the same."""
+    """+1: the first link turns first, -1: the second does, 0: the order does not matter."""
     if not _touch(one, two):
         return 0
     (a, b), (c, d) = one, two

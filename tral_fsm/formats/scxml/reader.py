@@ -1,7 +1,7 @@
-"""SCXML, the W3C's state charts: structure in its own words, parameters in a namespace of ours.
+"""Reader of SCXML, the state charts of the W3C, with parameters in the namespace of TRAL.
 
-An attribute of the namespace holds JSON, or, if it is none, the word itself. Combined conditions stand as elements
-within their transition, an inline machine as states within its state.
+An attribute of this namespace holds JSON, or else a word. Combined conditions are elements within their transition, and
+an inline machine consists of states within its state.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from tral_fsm.formats.xml_tree import Node
 
 W3C = "http://www.w3.org/2005/07/scxml"
 OURS = "urn:tral:machine"
-"""Namespace of parameters."""
+"""Namespace of the parameters."""
 
 _STATE, _FINAL, _TRANSITION, _INITIAL = (f"{{{W3C}}}{tag}" for tag in ("state", "final", "transition", "initial"))
 _MACHINE, _CONDITION = f"{{{OURS}}}machine", f"{{{OURS}}}condition"
@@ -27,7 +27,7 @@ def plain(root: Node, problems: Problems) -> Plain:
 
     Args:
         root: the file.
-        problems: takes what cannot be understood.
+        problems: takes the problems of the file.
     """
     reading = _Reading(problems)
     return Plain(reading.machine(root, ""), reading.places)
@@ -64,7 +64,7 @@ class _Reading:
         return value
 
     def root(self, node: Node, ids: dict[str, Any]) -> Any:
-        """Id of the state that "initial" names; without it, as the W3C has it: the first."""
+        """Id of the state that "initial" names, else of the first state, as in the W3C's standard."""
         name = node.attributes.get("initial")
         for initial in node.all(_INITIAL):
             name = next((arrow.attributes.get("target") for arrow in initial.all(_TRANSITION)), name)
@@ -86,7 +86,7 @@ class _Reading:
         return found
 
     def transition(self, node: Node, owner: Node, ids: dict[str, Any], pointer: str) -> dict[str, Any]:
-        """A transition; its source is the state that it stands in."""
+        """A transition; its source is the state around it."""
         self.places[pointer] = _place(node)
         if "cond" in node.attributes:
             self.complain(pointer, "got cond, which is not read: tral:type and its parameters say when it fires", node)
@@ -100,7 +100,7 @@ class _Reading:
         return {**found, "from": _id(owner)}
 
     def condition(self, node: Node, pointer: str, without: tuple[str, ...] = ()) -> dict[str, Any]:
-        """A condition with those that it combines."""
+        """A condition with its parts."""
         found = {key: value for key, value in self.members(node).items() if key not in without}
         parts = list(node.all(_CONDITION))
         if parts:
@@ -109,12 +109,12 @@ class _Reading:
         return found
 
     def members(self, node: Node) -> dict[str, Any]:
-        """Attributes of our namespace."""
+        """Attributes of the namespace of parameters."""
         start = f"{{{OURS}}}"
         return {name[len(start) :]: word(text) for name, text in node.attributes.items() if name.startswith(start)}
 
     def order(self, node: Node) -> float:
-        """Place of a transition among those of its machine; without it, behind the others."""
+        """Place of a transition among those of its machine; infinite without one."""
         value = word(node.attributes.get(f"{{{OURS}}}order", "null"))
         if value is None:
             return math.inf
@@ -124,7 +124,7 @@ class _Reading:
         return value
 
     def strangers(self, node: Node, pointer: str, known: tuple[str, ...]) -> None:
-        """What SCXML has and a machine here has not must not get lost in silence."""
+        """Report elements of SCXML that a machine cannot have."""
         for child in node.children:
             if child.tag not in known:
                 allowed = ", ".join(tag.rpartition("}")[2] for tag in known)
@@ -138,6 +138,6 @@ def _place(node: Node) -> str:
 
 
 def _id(node: Node) -> Any:
-    """Our id of a state: an XML id may not be a number or hold blanks."""
+    """Id of a state: that of the namespace, because an XML id is no number and has no blanks, else the XML id."""
     ours = node.attributes.get(f"{{{OURS}}}id")
     return node.attributes.get("id") if ours is None else word(ours)

@@ -15,7 +15,7 @@ from tral_fsm.formats.tral_json import members
 from tral_fsm.formats.xml_tree import is_legal, json_text
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*", re.ASCII)
-"""Ids that are XML ids as they are."""
+"""Ids that are also XML ids."""
 
 
 def dumps(machine: MachineDefinition) -> str:
@@ -25,7 +25,7 @@ def dumps(machine: MachineDefinition) -> str:
         machine: the definition.
 
     Returns:
-        XML text. Ids that are no XML ids (numbers, blanks) become `s0`, `s1`, ... and stand in `tral:id`.
+        XML text. An id that is no XML id (numbers, blanks) stands in `tral:id`, and `s0`, `s1`, ... replace it.
     """
     body = "\n".join(f"  {line}" for line in _machine(machine, ""))
     initial = _names(machine, "")[machine.root]
@@ -36,7 +36,7 @@ def dumps(machine: MachineDefinition) -> str:
 
 
 def _names(machine: MachineDefinition, prefix: str) -> dict[int | str, str]:
-    """Id -> XML id, unique in the whole file: those of an inner machine begin with their state's."""
+    """Id -> XML id, unique in the file: in an inner machine it begins with that of the outer state."""
     taken = {state.id for state in machine.states if isinstance(state.id, str) and _NAME.fullmatch(state.id)}
     names: dict[int | str, str] = {}
     for index, state in enumerate(machine.states):
@@ -48,7 +48,7 @@ def _names(machine: MachineDefinition, prefix: str) -> dict[int | str, str]:
 
 
 def _machine(machine: MachineDefinition, prefix: str) -> Iterator[str]:
-    """Lines of all that is in a machine."""
+    """Lines of a machine."""
     names = _names(machine, prefix)
     head = {name: getattr(machine, name) for name in ("name", "description") if getattr(machine, name)}
     if head:
@@ -91,7 +91,7 @@ def _transition(transition: TransitionSpec, names: dict[int | str, str], order: 
 
 
 def _condition(start: str, tag: str, values: Mapping[str, Any]) -> Iterator[str]:
-    """An element with the conditions that it combines as elements within."""
+    """An element; the parts of a combined condition are elements within it."""
     parts = values.get("of", ())
     own = {key: value for key, value in values.items() if key != "of"}
     lines = [line for part in parts for line in _condition("<tral:condition", "tral:condition", part)]
@@ -108,12 +108,12 @@ def _element(start: str, tag: str, lines: list[str]) -> Iterator[str]:
 
 
 def _ours(values: Mapping[str, Any]) -> str:
-    """Attributes of our namespace."""
+    """Attributes of the namespace of parameters."""
     return "".join(f" tral:{key}={quoteattr(_text(value))}" for key, value in values.items())
 
 
 def _text(value: Any) -> str:
-    """JSON; a word as it is, unless it would be read as JSON."""
+    """A value as JSON; a word stays as it is unless it could be read as JSON."""
     if isinstance(value, str) and is_legal(value) and word(value) == value and isinstance(word(value), str):
         return value
     return json_text(json.dumps(value, ensure_ascii=False))

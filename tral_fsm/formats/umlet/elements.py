@@ -1,4 +1,4 @@
-"""A UMLet diagram, however it was written down, as a machine: states by their text, ends of arrows by text or place."""
+"""From a UMLet diagram in either file format to a machine: states by their text, ends of arrows by text or place."""
 
 from __future__ import annotations
 
@@ -12,40 +12,38 @@ from tral_fsm.formats import members, units2016
 from tral_fsm.formats.plain import Plain, Problems
 
 MAX_GAP_PX = 9.0
-"""The end of an arrow belongs to a state whose outline is no farther away, px at 100 %. Source: UMLet."""
+"""Largest gap between the end of an arrow and the outline of its state, px at 100 %. Source: UMLet."""
 FULL_ZOOM = 10.0
-"""The zoom_level that is 100 %."""
+"""The zoom_level for 100 %."""
 MAX_ELEMENTS = 1500
-"""A diagram with more elements is not read. Source: choice; that of the machine office has 60."""
+"""Largest number of elements. Source: choice; the machine office has 60."""
 
 _STATE = ("UMLState", "State", "StateSubDiagram")
 _ARROW = ("Relation",)
 _INITIAL, _FINAL, _SPECIAL = "InitialState", "FinalState", "UMLSpecialState"
 _COMMENT = ("UMLNote", "Note", "Text", "UMLFrame", "Frame")
-"""What may stand in a diagram and says nothing."""
+"""Elements without a meaning for the machine."""
 _SETTING = re.compile(
     r"\s*(?:lt|m1|m2|r1|r2|q1|q2|bg|fg|lw|layer|group|halign|valign|fontsize|fontfamily|style|elementstyle"
     r"|transparency|symbol|type|template|autoresize|customelement)\s*=.*"
 )
-"""A line of text with which UMLet draws. Source: UMLet."""
-_HEAD = ("name", "description", "units")
-"""What the text of the diagram itself may say of the machine."""
+"""A line of text that sets UMLet's drawing. Source: UMLet."""
 
 
 @dataclass(frozen=True)
 class Element:
-    """One element of a diagram, as it stands in the file."""
+    """An element of a diagram, as in the file."""
 
     kind: str
-    """UMLState, Relation, ...; of a legacy file without the package."""
+    """UMLState, Relation, ...; in a legacy file the name without its package."""
     text: str
-    """Its panel attributes."""
+    """Panel attributes."""
     box: tuple[float, float, float, float] | None
-    """x, y, width, height in pixels at the file's zoom; None: not readable."""
+    """x, y, width, height, px at the file's zoom; None: not readable."""
     points: tuple[tuple[float, float], ...]
-    """Of a Relation, relative to x, y."""
+    """Points of a Relation, relative to x, y."""
     legacy: bool
-    """Its points are in pixels at the file's zoom, not at 100 %."""
+    """Whether the points are in px at the file's zoom, not at 100 %."""
 
 
 @dataclass(frozen=True)
@@ -60,14 +58,14 @@ class Diagram:
 
 @dataclass(frozen=True)
 class _Outline:
-    """Something that an arrow can end at, in pixels at 100 %."""
+    """Outline of an element at which an arrow may end, px at 100 %."""
 
     kind: str
     number: int
     box: tuple[float, float, float, float]
 
     def distance(self, point: tuple[float, float]) -> float:
-        """From its outline, in pixels."""
+        """Distance of a point from the outline, px."""
         x, y, width, height = self.box
         across = max(x - point[0], 0.0, point[0] - x - width)
         down = max(y - point[1], 0.0, point[1] - y - height)
@@ -81,10 +79,10 @@ def plain(diagram: Diagram, problems: Problems) -> Plain:
 
     Args:
         diagram: its elements.
-        problems: takes what cannot be understood.
+        problems: takes the problems of the diagram.
 
     Returns:
-        Values as in TRAL JSON, and the element from which each comes.
+        Values as in TRAL JSON, and the element of each.
     """
     if len(diagram.elements) > MAX_ELEMENTS:
         problems.complain("", f"got {len(diagram.elements)} elements, at most {MAX_ELEMENTS} are read")
@@ -98,7 +96,7 @@ def plain(diagram: Diagram, problems: Problems) -> Plain:
 
 
 class _Reading:
-    """Turns the elements of one diagram into states and transitions."""
+    """Turns the elements of a diagram into states and transitions."""
 
     def __init__(self, diagram: Diagram, problems: Problems) -> None:
         self.diagram = diagram
@@ -108,13 +106,13 @@ class _Reading:
         self.transitions: list[dict[str, Any]] = []
         self.orders: list[Any] = []
         self.roots: dict[int, Any] = {}
-        """Element that says so -> id of the root."""
+        """Number of the element that names a root -> id of the root."""
         self.at: dict[int, int] = {}
         """Number of an element -> index of its state."""
         self.outlines: list[_Outline] = []
 
     def machine(self) -> Plain:
-        """States first: arrows point at them."""
+        """The machine; states come first, since arrows point at them."""
         kinds = {number: _special(element) for number, element in enumerate(self.diagram.elements, 1)}
         for number, element in enumerate(self.diagram.elements, 1):
             kind = kinds[number]
@@ -134,16 +132,16 @@ class _Reading:
         return Plain(units2016.modern(value, self.problems), self.places)
 
     def complain(self, pointer: str, message: str) -> None:
-        """Of an element; said before transitions change places."""
+        """Report a problem of an element, before transitions change places."""
         self.problems.complain(pointer, message, self.places.get(pointer, ""))
 
     def scaled(self, box: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
-        """A box in pixels at 100 %."""
+        """A box in px at 100 %."""
         x, y, width, height = (length * FULL_ZOOM / self.diagram.zoom for length in box)
         return x, y, width, height
 
     def head(self) -> dict[str, Any]:
-        """What the diagram's own text says of the machine; all else in it is for UMLet."""
+        """Members of the machine in the text of the diagram; the rest of it is for UMLet."""
         lines = [line.strip().removeprefix("//").strip() for line in self.diagram.text.split("\n")]
         said = [line for line in lines if re.match(r'"?(?:name|description|units)"?[ \t]*:', line)]
         return members.parse("\n".join(said), lambda fault: self.complain("", fault))
@@ -170,7 +168,7 @@ class _Reading:
         self.states.append(found)
 
     def arrow(self, number: int, element: Element) -> None:
-        """A transition, or what an initial or final node says."""
+        """A transition, or the arrow of an initial or final node."""
         body = "\n".join("" if _is_drawing(line) else line for line in element.text.split("\n"))
         pointer = f"/transitions/{len(self.transitions)}"
         self.places[pointer] = f"Relation (element {number})"
@@ -180,7 +178,7 @@ class _Reading:
         tail, head = self.ends(element)
         kinds = [end.kind if end else "" for end in (tail, head)]
         if not found and any(kind in _COMMENT for kind in kinds):
-            return  # ties a comment to what it is about
+            return  # the line of a comment
         if _INITIAL in kinds or _FINAL in kinds:
             self.node(pointer, found, tail, head)
             return
@@ -203,7 +201,7 @@ class _Reading:
             self.complain(pointer, "expected an arrow from an initial node to a state, or from a state to a final node")
 
     def ends(self, element: Element) -> tuple[_Outline | None, _Outline | None]:
-        """What an arrow's tail and head stick to."""
+        """Outlines at the tail and the head of an arrow."""
         if element.box is None or not element.points:
             return None, None
         x, y = element.box[:2]
@@ -216,7 +214,7 @@ class _Reading:
         return (last, first) if _direction(element.text) == "first" else (first, last)
 
     def near(self, point: tuple[float, float]) -> _Outline | None:
-        """The outline that a point sticks to: the nearest, a state's before a comment's; None: none, or two as near."""
+        """The nearest outline of a point, a state's before a comment's; None: there is none, or two are as near."""
         found = [(outline.distance(point), outline) for outline in self.outlines]
         near = [(outline.kind in _COMMENT, distance, outline) for distance, outline in found if distance <= MAX_GAP_PX]
         near.sort(key=lambda one: one[:2])
@@ -225,7 +223,7 @@ class _Reading:
         return near[0][2]
 
     def end(self, pointer: str, found: dict[str, Any], key: str, drawn: _Outline | None, why: str) -> None:
-        """One end: as the text says, checked against where it is drawn; as drawn, where the text says nothing."""
+        """One end of a transition: as in the text, which must agree with the drawing, else as drawn."""
         state = self.states[self.at[drawn.number]] if drawn and drawn.number in self.at else None
         if state is None or "id" not in state:
             if key not in found:
@@ -239,11 +237,11 @@ class _Reading:
             self.complain(pointer, f"says {key!r}: {found[key]!r}, but that end is drawn at {place}")
 
     def missing(self, pointer: str, key: str, why: str) -> None:
-        """Tell it here; the reader, which validates, does not tell it again."""
+        """Report a missing key; the reader does not report it again."""
         self.problems.complain(f"{pointer}/{key}", f"{key!r} is missing, {why}", self.places[pointer])
 
     def in_order(self) -> None:
-        """Transitions that leave one state stand in the order that they give, in the places that they have."""
+        """Sort the transitions of each state by their order, within the places that they have."""
         groups: dict[str, list[int]] = {}
         for index, (order, transition) in enumerate(zip(self.orders, self.transitions, strict=True)):
             if order is not None and (isinstance(order, bool) or not isinstance(order, int | float)):
@@ -269,7 +267,7 @@ class _Reading:
 
 
 def _special(element: Element) -> str:
-    """Kind of an element, that of a UMLSpecialState with its type."""
+    """Kind of an element; that of a UMLSpecialState includes its type."""
     if element.kind != _SPECIAL:
         return element.kind
     found = re.search(r"^[ \t]*type[ \t]*=[ \t]*(\w+)", element.text, re.MULTILINE)
@@ -278,7 +276,7 @@ def _special(element: Element) -> str:
 
 
 def sections(text: str) -> tuple[str, str]:
-    """Title and parameters of a state's text; blank lines before the parameters keep the numbers of their lines."""
+    """Title and parameters of a state's text; blank lines before the parameters keep their line numbers."""
     lines = ["" if _is_drawing(line) else line for line in text.replace("\r\n", "\n").split("\n")]
     rules = [index for index, line in enumerate(lines) if line.strip() == "--"]
     first = rules[0] if rules else len(lines)
@@ -288,12 +286,12 @@ def sections(text: str) -> tuple[str, str]:
 
 
 def _is_drawing(line: str) -> bool:
-    """A comment, or a line that tells UMLet how to draw."""
+    """Whether a line is a comment, or sets UMLet's drawing."""
     return line.lstrip().startswith("//") or _SETTING.fullmatch(line) is not None
 
 
 def _direction(text: str) -> str:
-    """Which point has the head of an arrow: "first" or "last"; empty: none, or both."""
+    """Point with the head of an arrow: "first" or "last"; empty: neither, or both."""
     found = re.search(r"^[ \t]*lt[ \t]*=[ \t]*(\S{1,9})", text, re.MULTILINE)
     line = found[1] if found else ""
     first, last = line.startswith("<"), line.endswith(">")

@@ -1,4 +1,4 @@
-"""The palette of UMLet: every state and transition with all its parameters, to be dragged into a diagram."""
+"""The palette of UMLet: all states and transitions with their parameters, to drag into a diagram."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from tral_fsm.formats.umlet.writer import Box, diagram, element, relation, size
 from tral_fsm.states import STATES
 
 FILE = "machines/palette/TRAL_State-Machine.uxf"
-"""Within the package."""
+"""File of the palette within the package."""
 
 _REQUIRED: dict[str, Any] = {"of": [{"type": "Timer", "seconds": 1.0}], "machine": "wall"}
-"""Examples for parameters without a default that are no numbers."""
+"""Examples for parameters that are no numbers and have no default."""
 _COLUMNS, _GAP, _ARROW = 2, 30, 60
 _WIDTH = 320
 
@@ -57,7 +57,7 @@ def _arrow(x: float, y: float, height: int, text: str) -> str:
 
 
 def _parameters(spec: type[Spec]) -> str:
-    """Members with their defaults, each below a comment that UMLet does not draw."""
+    """Members with their defaults, each below a comment, which UMLet does not draw."""
     name = type_name(spec)
     lines = [f'"id": {json.dumps(name)},', f'"type": {json.dumps(name)}']
     without = {"id", "type", *spec.exactly_one[1:]}
@@ -81,7 +81,7 @@ def _comment(field: FieldInfo) -> str:
 
 
 def _value(key: str, field: FieldInfo, must: bool) -> Any:
-    """The default; where there is none, an example."""
+    """The default of a parameter, or an example if it has none."""
     if key in _REQUIRED:
         return _REQUIRED[key]
     if field.is_required() or (must and field.default is None):

@@ -1,4 +1,4 @@
-"""UMLet files (.uxf): XML <-> machine."""
+"""UMLet files (.uxf), read and written."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tral_fsm.formats.umlet.elements import plain as understand
 from tral_fsm.formats.xml_tree import Node
 
 _MAX_POINTS_TEXT = 10_000
-"""An arrow whose points take more characters has no place. Source: choice."""
+"""Longest text of an arrow's points; a longer one is not read. Source: choice."""
 ROOTS = ("diagram", "umlet_diagram")
 """Tags of a whole file, new and legacy."""
 
@@ -24,7 +24,7 @@ def plain(root: Node, problems: Problems) -> Plain:
 
     Args:
         root: the file.
-        problems: takes what cannot be understood.
+        problems: takes the problems of the file.
     """
     zoom = number(root.child_text("zoom_level") or "10")
     if zoom is None or zoom <= 0.0:
@@ -35,12 +35,12 @@ def plain(root: Node, problems: Problems) -> Plain:
 
 
 def dumps(machine: MachineDefinition) -> str:
-    """Write a machine as a UMLet file: states in layers below the root, arrows from outline to outline."""
+    """Write a machine as a UMLet file."""
     return uxf_writer.dumps(machine)
 
 
 def _elements(node: Node) -> Iterator[Node]:
-    """All elements, those of groups too."""
+    """All elements, also those of groups."""
     for child in node.children:
         if child.tag == "element":
             yield child
@@ -69,6 +69,6 @@ def element(kind: str, legacy: bool, sides: list[float | None], text: str, point
 
 
 def number(text: object) -> float | None:
-    """A finite number of a reasonable size from text; None if it is none."""
+    """Number of a text of at most nine digits before the point; None for other text."""
     found = re.fullmatch(r"\s*(-?\d{1,9}(?:\.\d{0,20})?)\s*", str(text), re.ASCII)
     return float(found[1]) if found and math.isfinite(float(found[1])) else None

@@ -21,7 +21,7 @@ _LINE, _LETTER = 18, 7.5
 _NODE = 20
 """Size of an initial node, px."""
 _MARGIN = 10
-"""Points of an arrow begin so far inside its box, px. Source: UMLet."""
+"""Distance of an arrow's points from the edges of its box, px. Source: UMLet."""
 
 Point = tuple[float, float]
 
@@ -43,7 +43,7 @@ def dumps(machine: MachineDefinition) -> str:
         machine: the definition.
 
     Returns:
-        XML text, laid out: an arrow for each transition, its ends on the outlines of its states.
+        XML text with a layout: an arrow for each transition, its ends on the outlines of its states.
     """
     drawn = arrange(machine, state_size=_state_size, label_size=_label_size, direction="right", bundled=False)
     boxes = [Box(box.x, box.y, box.w, box.h) for box in drawn.boxes]
@@ -66,10 +66,10 @@ def _root(drawn: Arrangement) -> list[str]:
 
 
 def _arrow(text: str, route: Route) -> str:
-    """An arrow whose text stands where the layout has room for it.
+    """An arrow whose text stands in its room of the layout.
 
     UMLet centres the text on the middle one of the arrow's lines. So that line runs along the room, and as many empty
-    lines as the text has push it above the line, or below for an arrow from a state to itself.
+    lines as the text has push the text above it, or below it for an arrow from a state to itself.
     """
     label, points = route.label, [(float(x), float(y)) for x, y in route.points]
     line, _, rest = text.partition("\n")
@@ -85,12 +85,12 @@ def _arrow(text: str, route: Route) -> str:
 
 
 def _parted(points: list[Point]) -> list[Point]:
-    """Without points that repeat the one before."""
+    """Points without those that repeat the one before."""
     return [point for index, point in enumerate(points) if index == 0 or point != points[index - 1]]
 
 
 def _longer(points: list[Point], count: int) -> list[Point]:
-    """The same way with so many points: its first line is halved."""
+    """The same way with more points: its first line is halved until there are `count`."""
     while len(points) < count:
         (x, y), (u, v) = points[:2] if len(points) > 1 else points * 2
         points = [points[0], ((x + u) / 2.0, (y + v) / 2.0), *points[1:]]
@@ -98,7 +98,7 @@ def _longer(points: list[Point], count: int) -> list[Point]:
 
 
 def diagram(elements: list[str], text: str = "") -> str:
-    """A whole file of elements; `text` is what the diagram says of itself."""
+    """Text of a file with these elements; `text` is that of the diagram itself."""
     head = f"  <help_text>{escape(text)}</help_text>\n" if text else ""
     return (
         '<?xml version="1.0" encoding="UTF-8" standalone="no"?>\n<diagram program="umlet" version="15.1">\n'
@@ -120,7 +120,7 @@ def element(kind: str, box: Box, text: str, points: str = "") -> str:
 
 
 def relation(text: str, points: Sequence[Point]) -> str:
-    """An arrow through points in pixels."""
+    """An arrow through points, px."""
     left, top = (int(min(point[axis] for point in points)) - _MARGIN for axis in (0, 1))
     width, height = (max(point[axis] for point in points) - low + _MARGIN for axis, low in ((0, left), (1, top)))
     inside = ";".join(f"{x - left:.1f};{y - top:.1f}" for x, y in points)
@@ -128,13 +128,13 @@ def relation(text: str, points: Sequence[Point]) -> str:
 
 
 def parameters(values: dict[str, Any]) -> str:
-    """JSON members, one a line."""
+    """JSON members, each on a line."""
     lines = [f"{json.dumps(name, ensure_ascii=False)}: {_broken(value)}" for name, value in values.items()]
     return json_text(",\n".join(lines))
 
 
 def _broken(value: Any) -> str:
-    """JSON in which each object of an array has a line of its own."""
+    """JSON with a line for each object of an array."""
     if isinstance(value, dict):
         return (
             "{"
@@ -177,7 +177,7 @@ def _label_size(transitions: Sequence[TransitionSpec], places: Sequence[str]) ->
 
 
 def size(text: str) -> tuple[int, int]:
-    """Width and height of a box that shows a text but for its last line, px, in steps of 10."""
+    """Width and height of a box for a text without its last line, px, in steps of 10."""
     lines = [line for line in text.split("\n")[:-1] if not line.startswith("//")]
     width = max((len(line) for line in lines), default=0) * _LETTER + 20
     return int(max(100.0, min(width, 600.0))) // 10 * 10, (len(lines) * _LINE + 10) // 10 * 10 + 10

@@ -1,4 +1,4 @@
-"""A UMLet file put through `xml2json`: one element is an object, several an array, an empty tag null, all else text."""
+"""UMLet files converted by `xml2json`: one element is an object, several are an array, an empty tag is null."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tral_fsm.formats.umlet.uxf import ROOTS, element, number
 
 
 def is_one(value: Any) -> bool:
-    """Plain JSON values that come from a UMLet file."""
+    """Whether plain JSON values come from a UMLet file."""
     return isinstance(value, dict) and any(root in value for root in ROOTS)
 
 
@@ -21,7 +21,7 @@ def plain(value: Any, problems: Problems) -> Plain:
 
     Args:
         value: plain JSON values for which `is_one` holds.
-        problems: takes what cannot be understood.
+        problems: takes the problems of the file.
     """
     root = next(value[name] for name in ROOTS if name in value)
     if not isinstance(root, dict):
@@ -41,7 +41,7 @@ def _list(value: Any) -> list[Any]:
 
 
 def _elements(root: dict[str, Any], problems: Problems, depth: int = 0) -> Iterator[dict[str, Any]]:
-    """All elements, those of groups too."""
+    """All elements, also those of groups."""
     for item in _list(root.get("element")):
         if isinstance(item, dict):
             yield item
@@ -53,7 +53,7 @@ def _elements(root: dict[str, Any], problems: Problems, depth: int = 0) -> Itera
 
 
 def _text(value: Any) -> str:
-    """Text of a tag: as such, beside attributes in "#text", in pieces around comments; null: empty."""
+    """Text of a tag: a value, "#text" beside attributes, or pieces around comments; empty for null."""
     if isinstance(value, dict):
         return _text(value.get("#text"))
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""trace.csv, a drive tick by tick: readings, active state, transitions and their reasons."""
+"""trace.csv: readings, active state, transitions and their reasons in each tick of a drive."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ COLUMNS = (
     "left_m", "front_m", "right_m", "distance_m", "speed_mps", "steering", "throttle",
     "wanted_side", "wanted_clearance_m",
 )  # fmt: skip
-"""Header of the table; several transitions of one tick stand in one cell, inner machines first."""
+"""Header of the table; transitions of one tick share a cell, those of inner machines first."""
 
 _READ = {
     name: CORE_LAYOUT.column(name)
@@ -50,7 +50,7 @@ def row(tick: Tick) -> list[str]:
 
 
 class TraceFile:
-    """Writes each tick as it ends, so that the file is complete up to the last tick even if the run is killed."""
+    """Writes each tick as it ends, so that the file holds all ticks even if the run is killed."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -62,7 +62,7 @@ class TraceFile:
         return self
 
     def __call__(self, tick: Tick) -> None:
-        """Write a tick; a line is in the file before the next one begins."""
+        """Write a tick; its line is in the file before the next tick."""
         self._rows.writerow(row(tick))
 
     def __exit__(

@@ -1,4 +1,4 @@
-"""trajectory.png: the course from above with the path by active state; below it the ranges over time."""
+"""trajectory.png: the path on the course in the colours of the active states; below it the ranges over time."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 from tral_env.course.draw import draw_plan
 from tral_env.course.plan import Plan
 from tral_env.interface import CORE_LAYOUT, NO_ECHO_M
-from tral_fsm.evaluation.episode import Episode, Trace
-from tral_fsm.report.drive.palette import Palette
+from tral_fsm.evaluation.episode import Episode, EpisodeTrace
+from tral_fsm.report.drive.state_colours import StateColours
 
 SIDES = {"left": "#0b3c8c", "front": "black", "right": "#a30000"}
-"""Ultrasonics and the colours of their ranges."""
+"""Colour of each ultrasonic's range."""
 
 _WIDTH_IN = 12.0
 _MAX_STATES, _MAX_TRANSITS = 12, 18
-"""States and transitions that the legends name."""
+"""Number of states and of transitions that the legends name."""
 
 
 def save_trajectory(episode: Episode, plan: Plan, path: Path) -> None:
@@ -38,19 +38,19 @@ def save_trajectory(episode: Episode, plan: Plan, path: Path) -> None:
 def trajectory_figure(episode: Episode, plan: Plan) -> Figure:
     """Figure of an episode on its course."""
     trace = episode.trace
-    palette = Palette(trace.states)
+    colours = StateColours(trace.states)
     height = _map_height(plan)
     figure = Figure(figsize=(_WIDTH_IN, height + 3.6), layout="constrained")
     FigureCanvasAgg(figure)
     above, below = figure.subplots(2, 1, height_ratios=[height, 3.0])
     draw_plan(plan, above)
-    _draw_path(above, trace, palette)
+    _draw_path(above, trace, colours)
     _draw_transits(above, below, trace)
     _draw_events(above, episode)
     above.set_aspect("equal")
     above.set_title(title(episode), loc="left", parse_math=False)
-    _legend_of_states(above, palette)
-    _draw_bands(below, trace, palette)
+    _legend_of_states(above, colours)
+    _draw_bands(below, trace, colours)
     _draw_ranges(below, trace)
     return figure
 
@@ -71,7 +71,7 @@ def title(episode: Episode) -> str:
 
 
 def runs(states: tuple[str, ...]) -> Iterator[tuple[str, int, int]]:
-    """Stretches of the same state: name, first tick, tick after the last."""
+    """Stretches of one state: name, first tick, tick after the last."""
     first = 0
     for i in range(1, len(states) + 1):
         if i == len(states) or states[i] != states[first]:
@@ -80,19 +80,19 @@ def runs(states: tuple[str, ...]) -> Iterator[tuple[str, int, int]]:
 
 
 def _map_height(plan: Plan) -> float:
-    """Height of the map in inches that fits the course's shape."""
+    """Height of the map for the shape of the course, inches."""
     points = np.vstack([plan.box_position[:, :2], plan.route])
     wide, high = np.ptp(points, axis=0) + 1.0
     return float(np.clip(_WIDTH_IN * high / wide, 1.6, 9.0))
 
 
-def _draw_path(ax: Axes, trace: Trace, palette: Palette) -> None:
+def _draw_path(ax: Axes, trace: EpisodeTrace, colours: StateColours) -> None:
     xy = trace.pose[:, :2]
-    # Each stretch ends where the next begins, so that the path has no holes.
+    # Each stretch ends at the start of the next, so that the path has no gaps.
     stretches = [(name, xy[first : last + 1]) for name, first, last in runs(trace.states)]
     lines = LineCollection(
         [points for _, points in stretches],
-        colors=[palette.unit(name) for name, _ in stretches],
+        colors=[colours.unit(name) for name, _ in stretches],
         linewidths=2.2,
         capstyle="round",
         zorder=6,
@@ -100,14 +100,14 @@ def _draw_path(ax: Axes, trace: Trace, palette: Palette) -> None:
     ax.add_collection(lines)
 
 
-def _draw_transits(above: Axes, below: Axes, trace: Trace) -> None:
+def _draw_transits(above: Axes, below: Axes, trace: EpisodeTrace) -> None:
     """Number the transitions of the outermost machine, on the path and over the time."""
     marked: list[NDArray[np.float64]] = []
     last = -math.inf
     for number, tick, _ in outer_transits(trace):
         here, now = trace.pose[tick, :2], trace.time[tick]
         above.plot(*here, "o", color="white", markeredgecolor="black", markersize=4, zorder=7)
-        # A number that would lie on another one is left out.
+        # A number that would cover another one is left out.
         if all(np.hypot(*(here - other)) > np.ptp(above.get_xlim()) / 60.0 for other in marked):
             above.annotate(str(number), (here[0], here[1]), (4, 4), textcoords="offset points", fontsize=7, zorder=9)
             marked.append(here)
@@ -117,13 +117,13 @@ def _draw_transits(above: Axes, below: Axes, trace: Trace) -> None:
             last = now
 
 
-def outer_transits(trace: Trace) -> list[tuple[int, int, str]]:
+def outer_transits(trace: EpisodeTrace) -> list[tuple[int, int, str]]:
     """Transitions of the outermost machine: number from 1 on, tick, id."""
     outer = [(tick, str(transit.transition)) for tick, transit in trace.transits if not transit.path]
     return [(number, tick, name) for number, (tick, name) in enumerate(outer, 1)]
 
 
-def _legend_of_ranges(ax: Axes, trace: Trace) -> None:
+def _legend_of_ranges(ax: Axes, trace: EpisodeTrace) -> None:
     """The ultrasonics, and the names of the numbered transitions."""
     handles, labels = ax.get_legend_handles_labels()
     transits = outer_transits(trace)
@@ -161,22 +161,22 @@ def _draw_events(ax: Axes, episode: Episode) -> None:
     )
 
 
-def _legend_of_states(ax: Axes, palette: Palette) -> None:
+def _legend_of_states(ax: Axes, colours: StateColours) -> None:
     handles, _ = ax.get_legend_handles_labels()
-    patches = [Patch(color=palette.unit(name), label=name) for name in palette.states[:_MAX_STATES] if name]
+    patches = [Patch(color=colours.unit(name), label=name) for name in colours.states[:_MAX_STATES] if name]
     place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.005, 1.0)}
     legend = ax.legend(handles=[*patches, *handles], fontsize=8, frameon=False, **place)
     for text in legend.get_texts():
         text.set_parse_math(False)  # names of states are no formulas
 
 
-def _draw_bands(ax: Axes, trace: Trace, palette: Palette) -> None:
+def _draw_bands(ax: Axes, trace: EpisodeTrace, colours: StateColours) -> None:
     edges = np.concatenate([[0.0], trace.time])
     for name, first, last in runs(trace.states):
-        ax.axvspan(edges[first], edges[last], color=palette.unit(name), alpha=0.18, linewidth=0)
+        ax.axvspan(edges[first], edges[last], color=colours.unit(name), alpha=0.18, linewidth=0)
 
 
-def _draw_ranges(ax: Axes, trace: Trace) -> None:
+def _draw_ranges(ax: Axes, trace: EpisodeTrace) -> None:
     for side, colour in SIDES.items():
         ax.plot(trace.time, _echoes(trace, side), color=colour, linewidth=1.0, label=side)
     for t in trace.time[np.diff(trace.gates_passed, prepend=0) > 0]:
@@ -189,6 +189,6 @@ def _draw_ranges(ax: Axes, trace: Trace) -> None:
     ax.grid(alpha=0.3)
 
 
-def _echoes(trace: Trace, side: str) -> NDArray[np.float64]:
+def _echoes(trace: EpisodeTrace, side: str) -> NDArray[np.float64]:
     ranges = trace.readings[:, CORE_LAYOUT.column(f"ultrasonic_{side}")]
     return np.where(ranges < NO_ECHO_M, ranges, np.nan)

@@ -1,4 +1,4 @@
-"""drive.mp4: the car from behind; over it the onboard camera, the ranges and the active state."""
+"""drive.mp4: the car from behind, with the onboard image, the ranges and the active state drawn over it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tral_env.errors import RenderError
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, MAX_AGE_S, NO_ECHO_M, STEERING, THROTTLE
 from tral_fsm.evaluation.episode import Tick
-from tral_fsm.report.drive.palette import Palette
+from tral_fsm.report.drive.state_colours import StateColours
 
 Image = NDArray[np.uint8]
 
@@ -25,7 +25,7 @@ INSET_WIDTH, INSET_HEIGHT = 288, 216
 FPS = 20
 """Frames per second; the video runs in real time."""
 INSET_EVERY = 2
-"""Frames between two renewals of the inset, which makes 10 Hz. Source: choice; near the camera's own rate."""
+"""Number of frames for which an inset stays: 10 insets for a second. Source: choice; near the camera's own rate."""
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _WHITE = (255, 255, 255)
@@ -45,7 +45,7 @@ class Views(Protocol):
 
 
 class DriveVideo:
-    """Writes a video while the car drives: hand it to `drive` as `on_step`.
+    """Writes a video while the car drives; `drive` takes it as `on_step`.
 
     Example:
         with DriveVideo(path, env.unwrapped) as video:
@@ -53,14 +53,14 @@ class DriveVideo:
     """
 
     def __init__(self, path: Path, views: Views) -> None:
-        """Write to the file at `path`, mp4; an existing one is replaced once the video is whole.
+        """Write an mp4 file; an existing file is replaced once the video is complete.
 
         Raises:
             RenderError: there is no encoder.
         """
         self._views = views
         self._path, self._part = path, path.with_suffix(f".part{path.suffix}")
-        self._palette = Palette()
+        self._colours = StateColours()
         self._last: Tick | None = None
         self._frames = 0
         self._onboard = np.zeros((INSET_HEIGHT, INSET_WIDTH, 3), np.uint8)
@@ -83,22 +83,22 @@ class DriveVideo:
             ) from error
 
     def __call__(self, tick: Tick) -> None:
-        """Add a frame if it is time for one."""
-        self._palette.rgb(tick.state)
+        """Add a frame if one is due."""
+        self._colours.rgb(tick.state)
         self._last = tick
         if tick.index % self._every == 0:
             self._writer.send(self.frame(tick))
 
     def frame(self, tick: Tick, over: bool = False) -> Image:
-        """The picture of a tick, (HEIGHT, WIDTH, 3) RGB; `over`: the drive has ended with it."""
+        """The picture of a tick, (HEIGHT, WIDTH, 3) RGB; `over`: the tick is the last one."""
         chase = self._views.render_view("chase", WIDTH, HEIGHT)
         if self._frames % INSET_EVERY == 0:
             self._onboard = self._views.render_view("onboard", INSET_WIDTH, INSET_HEIGHT)
         self._frames += 1
-        return compose(chase, self._onboard, tick, self._palette.rgb(tick.state), over)
+        return compose(chase, self._onboard, tick, self._colours.rgb(tick.state), over)
 
     def close(self) -> None:
-        """Finish the file. Without a frame, or after the encoder broke off, no file is left."""
+        """Finish the file; without a frame, or after an error of the encoder, no file stays."""
         whole = self._frames > 0 and inspect.getgeneratorstate(self._writer) == inspect.GEN_SUSPENDED
         self._writer.close()
         if whole:
@@ -107,7 +107,7 @@ class DriveVideo:
             self._part.unlink(missing_ok=True)
 
     def hold(self, seconds: float = 1.0) -> None:
-        """Show the last tick for a while, so that the end can be read."""
+        """Show the last tick for some seconds."""
         if self._last is not None:
             image = self.frame(self._last, over=True)
             for _ in range(round(seconds * FPS)):
@@ -118,7 +118,7 @@ class DriveVideo:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, tb: TracebackType | None) -> None:
-        """Hold the last picture, if the drive came to its end, and finish the file."""
+        """Hold the last picture if the drive has ended, and finish the file."""
         try:
             if kind is None:
                 self.hold()
@@ -130,11 +130,11 @@ def compose(chase: Image, onboard: Image, tick: Tick, colour: tuple[int, int, in
     """Draw inset, state and readings over a chase view.
 
     Args:
-        chase: (HEIGHT, WIDTH, 3) RGB; drawn upon.
+        chase: (HEIGHT, WIDTH, 3) RGB, which is changed.
         onboard: (h, w, 3) RGB.
-        tick: what is shown.
-        colour: of the active state.
-        over: the drive has ended with this tick; without an outcome its time was up.
+        tick: the tick to show.
+        colour: colour of the active state, RGB.
+        over: whether the tick is the last one; without an outcome it is a timeout.
 
     Returns:
         `chase`.
@@ -191,7 +191,7 @@ def _draw_outcome(image: Image, tick: Tick, over: bool) -> None:
 
 
 def _draw_ranges(image: Image, readings: dict[str, float]) -> None:
-    """The car from above, its three ranges to scale (40 px a metre, 2.5 m at most) and in figures."""
+    """Draw the car from above with its three ranges, to scale (40 px for a metre, up to 2.5 m) and in figures."""
     _shade(image, 12, HEIGHT - 182, 262, HEIGHT - 12)
     x, y = 137, HEIGHT - 48
     cv2.rectangle(image, (x - 6, y - 12), (x + 6, y + 12), _WHITE, cv2.FILLED)
@@ -208,7 +208,7 @@ def _draw_ranges(image: Image, readings: dict[str, float]) -> None:
 
 
 def _draw_gauges(image: Image, tick: Tick, readings: dict[str, float]) -> None:
-    """Steering and throttle as bars from their middle, and the gate as the camera last saw it."""
+    """Draw steering and throttle as bars, and the last detection of a gate."""
     left, top = WIDTH - 272, HEIGHT - 102
     _shade(image, left, top, WIDTH - 12, HEIGHT - 12)
     for row, (name, value, sign) in enumerate(
@@ -224,7 +224,7 @@ def _draw_gauges(image: Image, tick: Tick, readings: dict[str, float]) -> None:
 
 
 def gate_line(readings: dict[str, float]) -> str:
-    """The gate as the camera last saw it, and how long ago."""
+    """The last detection of a gate, and its age."""
     if readings["gate_age"] >= MAX_AGE_S:
         return "no gate in sight"
     gate, x, y, age = (readings[f"gate_{name}"] for name in ("id", "x", "y", "age"))

@@ -1,4 +1,4 @@
-"""Pictures of a search: how it went, what lies around, what became of the clearance."""
+"""Pictures of a search: its progress, the cost around its result, the clearance before and after."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tral_fsm.evaluation.episode import EpisodeResult
 from tral_fsm.evaluation.metrics import ERROR_BINS
-from tral_fsm.tuning.landscape import Line, Plane
+from tral_fsm.tuning.landscape import CostLine, CostPlane
 from tral_fsm.tuning.objective import PARTS
 from tral_fsm.tuning.parameters import Parameter
 from tral_fsm.tuning.search.space import Trial
@@ -23,7 +23,7 @@ from tral_fsm.tuning.search.space import Trial
 Array = NDArray[np.float64]
 
 OLD, NEW, QUIET, BAD = "#7f7f7f", "#1f77b4", "#c7c7c7", "#d62728"
-"""Colours: the old machine, the new one, what stays in the background, what failed."""
+"""Colours of the old machine, the new one, the background, and failures."""
 _MARKS = ("#ffffff", "#ff7f0e", "#2ca02c", "#e377c2", "#17becf")
 _UNITS = {"clearance": ("clearance RMSE [cm]", 100.0), "time": ("time [s/m]", 1.0), "steering": ("steering [1/m]", 1.0)}
 
@@ -48,7 +48,7 @@ def named(parameter: Parameter) -> str:
 
 
 def convergence(trials: Sequence[Trial], old: Trial) -> Figure:
-    """Cost of every candidate over the drives spent, and the best so far."""
+    """Figure of the cost of each candidate and of the best so far, over the drives."""
     whole, ax = figure()
     drives = np.cumsum([each.drives for each in trials])
     cost = np.array([each.cost for each in trials])
@@ -72,12 +72,12 @@ def convergence(trials: Sequence[Trial], old: Trial) -> Figure:
     return whole
 
 
-def plane(found: Plane, marks: Mapping[str, tuple[float, float]]) -> Figure:
-    """Cost over two parameters; a cell with drives that end at a wall has a cross, one with other failures a dot.
+def plane(found: CostPlane, marks: Mapping[str, tuple[float, float]]) -> Figure:
+    """Figure of the cost over two parameters; crosses mark cells with drives that hit a wall, dots other failures.
 
     Args:
         found: the grid.
-        marks: points to show, name -> (x, y).
+        marks: name -> (x, y) of points to mark.
     """
     whole, ax = figure(7.2, 5.4)
     arrived = found.cost[found.failed == 0.0]
@@ -107,8 +107,8 @@ def plane(found: Plane, marks: Mapping[str, tuple[float, float]]) -> Figure:
     return whole
 
 
-def _draw_failures(ax: Axes, found: Plane) -> None:
-    """A cross in each cell in which drives end at a wall, a dot in each in which drives fail otherwise."""
+def _draw_failures(ax: Axes, found: CostPlane) -> None:
+    """Draw a cross into each cell with drives that hit a wall, a dot into each with other failures."""
     x, y = np.meshgrid(found.xs, found.ys)
     hit = found.collided > 0.0
     missed = (found.failed > 0.0) & ~hit
@@ -118,8 +118,8 @@ def _draw_failures(ax: Axes, found: Plane) -> None:
         ax.scatter(x[missed], y[missed], s=14, color=BAD, label="drives do not arrive")
 
 
-def _draw_marks(ax: Axes, found: Plane, marks: Mapping[str, tuple[float, float]]) -> None:
-    """Named points; one outside the plane stands in the legend alone."""
+def _draw_marks(ax: Axes, found: CostPlane, marks: Mapping[str, tuple[float, float]]) -> None:
+    """Draw named points; a point outside the plane is in the legend alone."""
     for k, (name, (at, up)) in enumerate(marks.items()):
         inside = found.xs[0] <= at <= found.xs[-1] and found.ys[0] <= up <= found.ys[-1]
         style: dict[str, Any] = {
@@ -133,26 +133,26 @@ def _draw_marks(ax: Axes, found: Plane, marks: Mapping[str, tuple[float, float]]
 
 
 def _legend_above(ax: Axes, left: float = 0.0, **style: Any) -> None:
-    """A legend over the plot, where it hides nothing that is drawn."""
+    """Put a legend above the plot, where it covers nothing."""
     place: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (left, 1.0), "frameon": False}
     ax.legend(fontsize=8, **place, **style)
 
 
 def _ticks(axis: Axis, values: Array) -> None:
-    """Ticks at these values alone: those of matplotlib overlap where a scale of factors has less than a decade."""
+    """Set ticks at these values alone: those of matplotlib overlap on a logarithmic scale of less than a decade."""
     axis.set_ticks(values, [f"{value:.3g}" for value in values])
     axis.set_minor_locator(NullLocator())
 
 
 def _edges(places: Array, log: bool) -> Array:
-    """Edges of cells around places that lie evenly, by factors or by steps."""
+    """Edges of cells around evenly spaced places on a logarithmic or linear scale."""
     at = np.log(places) if log else places
     half = (at[1] - at[0]) / 2.0
     edges = np.append(at - half, at[-1] + half)
     return np.exp(edges) if log else edges
 
 
-def sensitivity(lines: Sequence[Line], values: Sequence[float], before: Sequence[float]) -> Figure:
+def sensitivity(lines: Sequence[CostLine], values: Sequence[float], before: Sequence[float]) -> Figure:
     """Cost along each parameter, the others as found.
 
     Args:
@@ -194,7 +194,7 @@ def pareto(
     chosen: Trial | None,
     objectives: Sequence[str] = tuple(_UNITS),
 ) -> Figure:
-    """Clearance error against time of all that drove everything, coloured by steering; the front is ringed."""
+    """Figure of clearance error against time of all full trials, coloured by steering; rings mark the front."""
     *others, last = objectives
     whole, ax = figure(7.0, 4.2)
     arrived = [each for each in trials if each.full and each.successes == each.drives] or list(front)
@@ -221,7 +221,7 @@ def _column(trials: Sequence[Trial], name: str) -> Array:
 
 
 def histogram(old: Sequence[EpisodeResult], new: Sequence[EpisodeResult]) -> Figure:
-    """Clearance errors of all measured ticks on the held-out courses; the outer hundredth on either side is cut off."""
+    """Histogram of the clearance errors on the held-out courses, without the outer hundredth on either side."""
     whole, ax = figure()
     counts = {name: np.sum([drive.errors for drive in drives], axis=0) for name, drives in (("was", old), ("now", new))}
     edges = 100.0 * ERROR_BINS

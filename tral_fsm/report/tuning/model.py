@@ -1,4 +1,4 @@
-"""Pictures of the linear model beside the simulation: steps in wanted clearance, margins over speed and delay."""
+"""Pictures of the linear model beside the simulation: step responses, and margins over speed and delay."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _COLOURS = (OLD, NEW, "#2ca02c", "#ff7f0e")
 
 
 def steps(responses: Mapping[str, tuple[Gains, float, Response]]) -> Figure:
-    """Clearance after a step, simulated (line: mean, band: all cars) and by the linear model (dashes).
+    """Figure of the clearance after a step: simulated (line: mean, band: all cars), and by the linear model (dashes).
 
     Args:
         responses: name -> gains, speed [m/s], response.
@@ -27,7 +27,7 @@ def steps(responses: Mapping[str, tuple[Gains, float, Response]]) -> Figure:
     for colour, (name, (gains, speed, response)) in zip(_COLOURS, responses.items(), strict=False):
         label = f"{name}: p = {gains.p:.3g}, d = {gains.d:.3g} at {speed:.3g} m/s"
         seen = np.isfinite(response.clearance).any(axis=0)
-        if not seen.any():  # too slow for the time limit, or at a wall before it
+        if not seen.any():  # it was too slow for the time limit, or hit a wall before
             ax.plot([], [], color=colour, label=f"{label}; no car came to the step")
             continue
         time, clearance = response.time[seen], response.clearance[:, seen]
@@ -43,11 +43,11 @@ def steps(responses: Mapping[str, tuple[Gains, float, Response]]) -> Figure:
 
 
 def stability(gains: Mapping[str, tuple[Gains, float]], car: LinearCar | None = None) -> Figure:
-    """Phase margin and damping over speed, and over more delay at the machine's own speed.
+    """Figure of phase margin and damping over speed, and over additional delay at the machine's own speed.
 
     Args:
-        gains: name -> gains, speed [m/s]. The LQR gains of each speed are shown beside them.
-        car: of the model.
+        gains: name -> gains, speed [m/s]; the LQR gains of each speed are drawn beside them.
+        car: car of the model.
     """
     car = car or LinearCar()
     whole = Figure(figsize=(8.4, 5.6), layout="constrained")

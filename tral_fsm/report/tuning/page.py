@@ -1,4 +1,4 @@
-"""The report of a search as one HTML file that opens without a network: verdict, figures, pictures, all inside."""
+"""The report of a search as one HTML file that needs no network: verdict, figures and pictures are in it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from tral_fsm.report.tuning import figures as pictures
 from tral_fsm.report.tuning import model as tuning_model
-from tral_fsm.tuning.classical.loops import WallState
+from tral_fsm.tuning.classical.loops import WallGains
 from tral_fsm.tuning.found import Tuned
 from tral_fsm.tuning.holdout import Comparison
 from tral_fsm.tuning.page_data import PageData, Surroundings
@@ -22,16 +22,16 @@ from tral_fsm.tuning.tables import MARGIN_HEADER, before_cell, estimate_cell, ma
 
 @dataclass(frozen=True, kw_only=True)
 class Picture:
-    """A picture with its words."""
+    """A picture with its title and caption."""
 
     title: str
     caption: str
     png: str
-    """The file, base64."""
+    """PNG file, base64."""
 
 
 def report_html(page: PageData) -> str:
-    """The report, one file with all its figures."""
+    """Report as the text of an HTML file."""
     environment = Environment(
         loader=PackageLoader("tral_fsm.report.tuning", "."),
         autoescape=True,
@@ -43,7 +43,7 @@ def report_html(page: PageData) -> str:
 
 
 def context(page: PageData) -> dict[str, Any]:
-    """What the template shows, as plain texts, lists of cells and pictures."""
+    """Content of the template: plain texts, lists of cells, and pictures."""
     return {
         "title": f"Tuning of {page.tuned.old.name or 'a machine'}",
         **_head(page),
@@ -115,7 +115,7 @@ def _numbers(tuned: Tuned) -> dict[str, list[list[str]]]:
 
 
 def picture(figure: Figure, title: str, caption: str) -> Picture:
-    """A figure as a picture that can stand inside the file."""
+    """A figure as a picture inside the file."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=110)
     return Picture(title=title, caption=caption, png=base64.b64encode(buffer.getvalue()).decode())
@@ -177,7 +177,7 @@ def _marks(tuned: Tuned, found: Sequence[float], old: Sequence[float]) -> dict[s
 
 
 def _pictures_of_loops(page: PageData) -> list[Picture]:
-    """A wall following state, before and after, in the linear model and in the simulation."""
+    """Pictures of a wall following state before and after, in the linear model and in the simulation."""
     if page.loops is None:
         return []
     return [
@@ -197,5 +197,5 @@ def _pictures_of_loops(page: PageData) -> list[Picture]:
 def _margins(page: PageData) -> dict[str, Any] | None:
     if page.loops is None:
         return None
-    states = [WallState(name=name, gains=gains, speed=speed) for name, (gains, speed) in page.loops.gains.items()]
+    states = [WallGains(name=name, gains=gains, speed=speed) for name, (gains, speed) in page.loops.gains.items()]
     return {"header": MARGIN_HEADER, "rows": [margin_cells(state) for state in states]}

@@ -1,9 +1,10 @@
 """Gains and margins from a linear model of the car along a wall, to compare with what a search finds.
 
-Small angles, constant speed v, kinematic bicycle of wheelbase L; the side ultrasonic stands m ahead of the rear axle.
-From steering angle to e, range minus wanted clearance: G(s) = v^2 / (L s^2) + m v / (L s). The machine's law
-steering = p e + d e' (share of full lock) comes late: by the ultrasonic's cadence, by half of it again since a range is
-held, by half of it once more for e', which is taken between two ranges; then by the command's latency and the servo.
+The model is a kinematic bicycle of wheelbase L at small angles and constant speed v. Its side ultrasonic stands m ahead
+of the rear axle. The plant leads from the steering angle to e, range minus wanted clearance:
+G(s) = v^2 / (L s^2) + m v / (L s). The machine's law, steering = p e + d e' as a share of full lock, acts late: by the
+ultrasonic's cadence, by half of it again because a range is held, and for e' by half of it once more because e' is
+taken between two ranges; then by the latency of the command and the lag of the servo.
 """
 
 from __future__ import annotations
@@ -15,42 +16,45 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.config import EscConfig, UltrasonicConfig
 from tral_env.errors import ConfigError
+from tral_env.geometry import FULL_LOCK, SIDE_SONAR_X_M, WHEELBASE_M
+from tral_fsm.control.laws import lqr_damping
 
 Array = NDArray[np.float64]
 
 KP = 1.0
-"""Steering angle for a metre of deviation, rad/m, that `lqr` takes if not told otherwise: the car comes to its line
-within about 1 m. Source: choice."""
+"""Default of `lqr`: steering angle for a metre of deviation, rad/m; the car comes to its line within about 1 m. Source:
+choice."""
 _FREQUENCIES = np.geomspace(0.02, 200.0, 4000)
 _STEP_S = 0.002
 
 
 @dataclass(frozen=True, kw_only=True)
 class LinearCar:
-    """The car and its delays. Defaults: the nominal car of the simulation."""
+    """The car and its delays; the defaults are those of the simulation's nominal car."""
 
-    wheelbase: float = 0.258
+    wheelbase: float = WHEELBASE_M
     """L, m."""
-    lock: float = math.radians(22.0)
+    lock: float = FULL_LOCK
     """Steering angle at command 1, rad."""
-    sonar_x: float = 0.129
-    """m, side ultrasonic ahead of the rear axle, m."""
-    cadence_s: float = 0.065
-    """Time between two ranges, s; a range is that old when it arrives. Source: SRF08."""
-    latency_s: float = 0.02
-    """Command to pulse, s."""
+    sonar_x: float = SIDE_SONAR_X_M
+    """m, the side ultrasonic ahead of the rear axle, m."""
+    cadence_s: float = UltrasonicConfig.cadence_s
+    """Time between two ranges, s; a range is that old when it arrives."""
+    latency_s: float = EscConfig.nominal_latency_s
+    """Time from command to pulse, s."""
     servo_s: float = 0.04
     """Time constant of the servo, s. Source: measured in the simulation, from pulse to yaw rate."""
 
     @property
     def delay_s(self) -> float:
-        """From a deviation to the pulse that answers it, without the servo, s."""
+        """Time from a deviation to the pulse that answers it, s; the servo's lag is not in it."""
         return 1.5 * self.cadence_s + self.latency_s
 
     @property
     def rate_delay_s(self) -> float:
-        """How much later e' is than e, s."""
+        """Time by which e' is later than e, s."""
         return 0.5 * self.cadence_s
 
 
@@ -64,56 +68,56 @@ class Gains:
 
 @dataclass(frozen=True, kw_only=True)
 class Margins:
-    """How far a loop is from swinging."""
+    """How far a loop is from oscillating."""
 
     speed: float
     """m/s"""
     phase_deg: float
-    """Least phase margin over all crossings, deg; infinite without one."""
+    """Smallest phase margin over all crossings, deg; infinite without a crossing."""
     gain: float
-    """Factor on both gains at which the loop swings for ever; infinite: none."""
+    """Factor on both gains at which the loop oscillates for ever; infinite where there is none."""
     delay_s: float
-    """More delay than this makes the loop swing, s."""
+    """Additional delay from which on the loop oscillates, s."""
     damping: float
-    """Damping ratio of the least damped pair of poles; 1: none swings; below 0: it grows."""
+    """Damping ratio of the least damped pair of poles; 1 without such a pair, below 0 where the oscillation grows."""
     frequency: float
-    """Of that pair, rad/s; 0: none."""
+    """Frequency of that pair, rad/s; 0 without such a pair."""
 
     @property
     def stable(self) -> bool:
-        """Swings die away."""
+        """Whether oscillations die away."""
         return self.damping > 0.0
 
 
 def lqr(speed: float, kp: float = KP, car: LinearCar | None = None) -> Gains:
     """Gains that minimize the integral of q e^2 + r delta^2 for a car without delays, kp = sqrt(q / r).
 
-    y'' = (v^2 / L) delta gives kd = sqrt(2 L kp) / v, and with it the damping 0.707 at any speed. Divided by full lock,
-    since the command is a share of it.
+    The command is a share of full lock, so p = kp / lock; `lqr_damping` gives d, and the damping 0.707 at any speed.
 
     Args:
-        speed: m/s.
-        kp: rad/m.
-        car: its wheelbase and lock.
+        speed: v, m/s.
+        kp: steering angle for a metre of deviation, rad/m.
+        car: the car whose wheelbase and lock count.
 
     Raises:
-        ConfigError: a number that is not above 0.
+        ConfigError: a number is not above 0.
     """
     car = car or LinearCar()
     if not (speed > 0.0 and kp > 0.0):
         raise ConfigError(f"speed = {speed:g} m/s, kp = {kp:g} rad/m: expected numbers above 0")
-    return Gains(p=kp / car.lock, d=math.sqrt(2.0 * car.wheelbase * kp) / (speed * car.lock))
+    p = kp / car.lock
+    return Gains(p=p, d=lqr_damping(p, speed, car.wheelbase, car.lock))
 
 
 def ideal_damping(gains: Gains, speed: float, car: LinearCar | None = None) -> float:
-    """Damping ratio without delays, seen at the rear axle: kd v / (2 sqrt(L kp))."""
+    """Damping ratio of the car without delays, at the rear axle: kd v / (2 sqrt(L kp))."""
     car = car or LinearCar()
     kp, kd = gains.p * car.lock, gains.d * car.lock
     return kd * speed / (2.0 * math.sqrt(car.wheelbase * kp))
 
 
 def loop(gains: Gains, speed: float, frequency: Array, car: LinearCar | None = None) -> NDArray[np.complex128]:
-    """Open loop at frequencies [rad/s], (n,) complex."""
+    """Response of the open loop at frequencies [rad/s], (n,) complex."""
     car = car or LinearCar()
     s = 1j * frequency
     plant = speed**2 / (car.wheelbase * s**2) + car.sonar_x * speed / (car.wheelbase * s)
@@ -126,28 +130,38 @@ def margins(gains: Gains, speed: float, car: LinearCar | None = None) -> Margins
     """Phase, gain and delay margin and the damping of the least damped pair of poles."""
     car = car or LinearCar()
     response = loop(gains, speed, _FREQUENCIES, car)
-    size, phase = np.abs(response), np.unwrap(np.angle(response))
-    phase += 2.0 * math.pi * round((-math.pi - phase[0]) / (2.0 * math.pi))  # it begins at -180 deg
-    down = np.flatnonzero((size[:-1] >= 1.0) & (size[1:] < 1.0))
-    beyond = np.flatnonzero((phase[:-1] > -math.pi) & (phase[1:] <= -math.pi))
-    at = [float(math.pi + phase[k]) for k in down]
-    late = [margin / _FREQUENCIES[k] for margin, k in zip(at, down, strict=True)]
+    size, phase = np.abs(response), _phase(response)
+    gain_crossings = np.flatnonzero((size[:-1] >= 1.0) & (size[1:] < 1.0))
+    phase_margins = [float(math.pi + phase[k]) for k in gain_crossings]
+    delay_margins = [margin / _FREQUENCIES[k] for margin, k in zip(phase_margins, gain_crossings, strict=True)]
     damping, frequency = dominant(gains, speed, car)
     return Margins(
         speed=speed,
-        phase_deg=math.degrees(min(at, default=math.inf)),
-        gain=min((float(1.0 / size[k]) for k in beyond), default=math.inf),
-        delay_s=float(min(late, default=math.inf)),
+        phase_deg=math.degrees(min(phase_margins, default=math.inf)),
+        gain=min((float(1.0 / size[k]) for k in _phase_crossings(phase)), default=math.inf),
+        delay_s=float(min(delay_margins, default=math.inf)),
         damping=damping,
         frequency=frequency,
     )
 
 
-def dominant(gains: Gains, speed: float, car: LinearCar | None = None) -> tuple[float, float]:
-    """Damping ratio and frequency [rad/s] of the least damped pair of poles; delays as Pade (3, 3).
+def _phase(response: NDArray[np.complex128]) -> Array:
+    """Continuous phase of an open loop, (n,) rad; it begins near -pi."""
+    phase: Array = np.unwrap(np.angle(response))
+    phase += 2.0 * math.pi * round((-math.pi - phase[0]) / (2.0 * math.pi))
+    return phase
 
-    Left out is what swings faster than a quarter of the rate at which ranges could show it (12 rad/s for 65 ms) and
-    dies away within three ranges: the model means little there. What lasts longer is a warning at any rate.
+
+def _phase_crossings(phase: Array) -> NDArray[np.int64]:
+    """Indices at which a phase falls through -pi."""
+    return np.flatnonzero((phase[:-1] > -math.pi) & (phase[1:] <= -math.pi))
+
+
+def dominant(gains: Gains, speed: float, car: LinearCar | None = None) -> tuple[float, float]:
+    """Damping ratio and frequency [rad/s] of the least damped pair of poles; delays are Pade approximants (3, 3).
+
+    A pair does not count if it is faster than a quarter of the rate at which ranges could show it (12 rad/s for 65 ms)
+    and dies away within three ranges: the model means little there.
     """
     car = car or LinearCar()
     numerator, denominator = _pade(car.delay_s)
@@ -167,17 +181,17 @@ def dominant(gains: Gains, speed: float, car: LinearCar | None = None) -> tuple[
 
 
 def _pade(delay: float) -> tuple[Array, Array]:
-    """Numerator and denominator of e^(-s delay), Pade (3, 3)."""
+    """Numerator and denominator of the Pade approximant (3, 3) of e^(-s delay)."""
     t = delay
     even, odd = np.array([0.0, 12.0 * t**2, 0.0, 120.0]), np.array([t**3, 0.0, 60.0 * t, 0.0])
     return even - odd, even + odd
 
 
 def step_response(gains: Gains, speed: float, seconds: float, car: LinearCar | None = None) -> tuple[Array, Array]:
-    """How the clearance follows a step of the wanted clearance by 1, in the linear model.
+    """Response of the linear model to a step of the wanted clearance from 0 to 1.
 
     Returns:
-        (k,) time [s] and (k,) clearance at the ultrasonic, 0 before the step, 1 wanted after it.
+        (k,) time since the step [s] and (k,) clearance at the ultrasonic.
     """
     car = car or LinearCar()
     count, dt = math.ceil(seconds / _STEP_S), _STEP_S
@@ -197,33 +211,34 @@ def step_response(gains: Gains, speed: float, seconds: float, car: LinearCar | N
 
 
 def overshoot(response: Array) -> float:
-    """By how much a response to a step of 1 goes beyond it; 0: it does not."""
+    """Part of a response to a step of 1 that lies above 1; 0 if none does."""
     return max(float(np.max(response)) - 1.0, 0.0)
 
 
-def damping_of(beyond: float) -> float:
-    """Damping ratio of a second order system with this overshoot: -ln h / sqrt(pi^2 + ln^2 h); 1 without one."""
-    if beyond <= 1e-6:
+def damping_of(height: float) -> float:
+    """Damping ratio of a second order system with the overshoot h: -ln h / sqrt(pi^2 + ln^2 h); 1 without overshoot."""
+    if height <= 1e-6:
         return 1.0
-    log = math.log(min(beyond, 1.0))
+    log = math.log(min(height, 1.0))
     return -log / math.hypot(math.pi, log)
 
 
 def schedule(speeds: Sequence[float], kp: float = KP, car: LinearCar | None = None) -> list[tuple[Gains, Margins]]:
-    """LQR gains over speed, with the margins that the delays leave them."""
+    """LQR gains at each speed, with the margins that the delays leave."""
     return [(gains := lqr(speed, kp, car), margins(gains, speed, car)) for speed in speeds]
 
 
 @dataclass(frozen=True, kw_only=True)
 class LimitCycle:
-    """What the relay experiment found."""
+    """An oscillation that neither grows nor dies away."""
 
     speed: float
     ultimate_gain: float
-    """Ku: the p at which the loop swings for ever, 1/m."""
+    """Ku, the gain p at which the loop oscillates for ever, 1/m."""
     period_s: float
     """Tu, s."""
     amplitude_m: float
+    """NaN for a cycle of the linear model."""
 
     def ziegler_nichols(self) -> Gains:
         """PD gains of Ziegler and Nichols: p = 0.8 Ku, d = p Tu / 8."""
@@ -232,11 +247,9 @@ class LimitCycle:
 
 
 def predicted_limit_cycle(speed: float, car: LinearCar | None = None) -> LimitCycle | None:
-    """Where p alone swings for ever, in the linear model; None: nowhere, every p grows swings (or none does)."""
+    """Limit cycle of the linear model by p alone; None where no p gives one."""
     response = loop(Gains(p=1.0, d=0.0), speed, _FREQUENCIES, car)
-    phase = np.unwrap(np.angle(response))
-    phase += 2.0 * math.pi * round((-math.pi - phase[0]) / (2.0 * math.pi))
-    crossings = np.flatnonzero((phase[:-1] > -math.pi) & (phase[1:] <= -math.pi))
+    crossings = _phase_crossings(_phase(response))
     if not len(crossings):
         return None
     k = int(crossings[0])

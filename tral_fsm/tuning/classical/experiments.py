@@ -1,4 +1,4 @@
-"""Experiments in the simulation that a linear model can be held against: a step in wanted clearance, and a relay."""
+"""Experiments in the simulation to check the linear model: a step in the wanted clearance, and a relay."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.course.layout import Course, Segment, Start
+from tral_env.geometry import SONAR_SIDE_M
 from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ, CORE_LAYOUT
 from tral_env.vector_env import TralCorridorVectorEnv
 from tral_fsm.conditions.simple import DistanceSpec
@@ -18,28 +19,24 @@ from tral_fsm.definition.machine import MachineDefinition, TransitionSpec
 from tral_fsm.runtime.policy import MachinePolicy
 from tral_fsm.states.wall import BasicFollowWallSpec, WallSpec
 from tral_fsm.tuning.classical.design import Gains, LimitCycle
-from tral_fsm.tuning.classical.loops import Response, WallState
+from tral_fsm.tuning.classical.loops import Response, WallGains
 
 Array = NDArray[np.float64]
 
 _BEFORE_M = 2.0
-"""Driven before the step, until start-up has died away."""
+"""Way before the step, on which the start-up dies away."""
 _WIDTH, _CLEARANCE = 2.4, 0.8
-_SIDE = 0.10
-"""Side ultrasonics beside the car's middle line, m."""
-_MIDDLE = 0.129
-"""Side ultrasonics ahead of the rear axle, m."""
+"""Width of the corridor and clearance before the step, m."""
 
 
 def corridor(length: float, clearance: float = _CLEARANCE) -> Course:
-    """A straight corridor in which the car begins at a clearance to its right wall."""
-    offset = clearance + _SIDE - _WIDTH / 2.0
+    """A straight corridor in which the car starts at a clearance to the right wall; lengths in m."""
+    offset = clearance + SONAR_SIDE_M - _WIDTH / 2.0
     return Course(name="step", segments=(Segment(length=length, width=_WIDTH),), start=Start(at=1.0, offset=offset))
 
 
 def stepper(gains: Gains, speed: float, step: float) -> MachineDefinition:
-    """Follows the right wall with these gains alone, without clips; after 2 m the clearance grows by the step."""
-
+    """A machine that follows the right wall by p and d without clips; after 2 m the clearance grows by the step [m]."""
     follow = {"side": "right", "p": gains.p, "d": gains.d, "speed": speed, "reach": 5.0, "final": True}
     no_clips = {"max_error": None, "max_angle_deg": None, "max_rate": 1000.0}
     clearances = (_CLEARANCE, _CLEARANCE + step)
@@ -65,16 +62,16 @@ def step(
     randomization: str = "none",
     seed: int = 0,
 ) -> Response:
-    """Drive a step in wanted clearance.
+    """Drive a step in the wanted clearance.
 
     Args:
-        gains: of the wall following.
+        gains: gains of the wall following.
         speed: m/s.
-        size: of the step, m.
-        seconds: after it.
-        cars: so many, with seeds of their own.
-        randomization: how much they differ.
-        seed: of the first.
+        size: height of the step, m.
+        seconds: time that is recorded after the step, s.
+        cars: number of cars; each has a seed of its own.
+        randomization: level at which the cars differ: none, default or hard.
+        seed: seed of the first car.
     """
     machine = stepper(gains, speed, size)
     course = corridor(_BEFORE_M + 4.0 + 1.2 * speed * seconds)
@@ -85,69 +82,63 @@ def step(
     with contextlib.closing(
         TralCorridorVectorEnv(cars, autoreset_mode="Disabled", course=course, randomization=randomization)
     ) as env:
-        seen, _ = env.reset(seed=seed)
+        observation, _ = env.reset(seed=seed)
         ended = np.zeros(cars, bool)
         while not (ended | (count >= keep)).all():
-            seen, _, terminated, truncated, info = env.step(policy.act(seen))
+            observation, _, terminated, truncated, info = env.step(policy.act(observation))
             ended |= terminated | truncated
             stepped = np.array(policy.active_states) == "1"
-            now = (true_clearance(info["pose"]) - _CLEARANCE) / size
+            now = (info["clearance_right_m"] - _CLEARANCE) / size
             for row in np.flatnonzero(stepped & ~ended & (count < keep)):
                 clearance[row, count[row]] = now[row]
                 count[row] += 1
     return Response(time=CONTROL_PERIOD_S * np.arange(keep, dtype=np.float64), clearance=clearance)
 
 
-def true_clearance(pose: Array) -> Array:
-    """(n,) from the right ultrasonic to the right wall of `corridor`, m; pose is (n, 3) in the course's frame."""
-    y, yaw = pose[:, 1], pose[:, 2]
-    clearance: Array = y + _MIDDLE * np.sin(yaw) - _SIDE * np.cos(yaw) + _WIDTH / 2.0
-    return clearance
-
-
 def relay(
     speed: float, *, height: float = 0.6, seconds: float = 24.0, cars: int = 8, seed: int = 0
 ) -> LimitCycle | None:
-    """Swing the car along the wall by full steering one way or the other, and see how wide and how fast it swings.
+    """Steer the car by a relay along the wall, and measure the limit cycle.
 
-    The steering is `height` towards the wall when the range is above the wanted clearance, else away from it. The swing
-    settles where the loop's phase is -180 degrees; with amplitude a the relay is there a gain of 4 height / (pi a).
+    The steering is `height` towards the wall when the range is above the wanted clearance, else away from it. The car
+    oscillates where the loop's phase is -180 degrees; at the amplitude a the relay is a gain of 4 height / (pi a).
 
     Args:
         speed: m/s.
-        height: steering, share of full lock; small ones drown in the ultrasonic's jitter.
-        seconds: the last two thirds count.
-        cars: so many are averaged.
-        seed: of the first.
+        height: steering of the relay, share of full lock; a small one drowns in the ultrasonic's jitter.
+        seconds: length of the experiment, s; the last two thirds count.
+        cars: number of cars whose cycles are averaged.
+        seed: seed of the first car.
 
     Returns:
-        None if there is no steady swing: it grows until a wall gives no echo or is hit.
+        None without a limit cycle: the oscillation grows until a car hits a wall or turns by more than 45 degrees.
 
     Source: Astrom and Hagglund 1984, Automatic tuning of simple regulators.
     """
-    course = corridor(4.0 + 1.3 * speed * seconds, _WIDTH / 2.0 - _SIDE)
-    wanted = _WIDTH / 2.0 - _SIDE
+    wanted = _WIDTH / 2.0 - SONAR_SIDE_M
+    course = corridor(4.0 + 1.3 * speed * seconds, wanted)
     column = CORE_LAYOUT.column
     track = []
     with contextlib.closing(
         TralCorridorVectorEnv(cars, autoreset_mode="Disabled", course=course, randomization="none")
     ) as env:
-        seen, _ = env.reset(seed=seed)
+        observation, _ = env.reset(seed=seed)
         integral = [0.0] * cars
         for _ in range(math.ceil(seconds * CONTROL_RATE_HZ)):
             command = np.zeros((cars, 2), np.float32)
-            command[:, 0] = np.where(seen[:, column("ultrasonic_right")] > wanted, -height, height)
-            for row, now in enumerate(seen[:, column("speed")].tolist()):
+            command[:, 0] = np.where(observation[:, column("ultrasonic_right")] > wanted, -height, height)
+            for row, now in enumerate(observation[:, column("speed")].tolist()):
                 command[row, 1], integral[row] = speed_control(speed, now, integral[row])
-            seen, _, terminated, truncated, info = env.step(command)
-            if (terminated | truncated).any():
+            observation, _, terminated, truncated, info = env.step(command)
+            clearance = info["clearance_right_m"]
+            if (terminated | truncated | np.isnan(clearance)).any():
                 return None
-            track.append(true_clearance(info["pose"]) - wanted)
+            track.append(clearance - wanted)
     return _limit_cycle(np.array(track[len(track) // 3 :]).T, speed, height)
 
 
 def _limit_cycle(track: Array, speed: float, height: float) -> LimitCycle | None:
-    """Amplitude and period of swings, (n, k); None: they grow, or there are none."""
+    """Limit cycle of n cars from their deviations (n, k) [m]; None if these grow, or do not oscillate."""
     centred = track - track.mean(axis=1, keepdims=True)
     half = centred.shape[1] // 2
     growth = np.median(centred[:, half:].std(axis=1) / centred[:, :half].std(axis=1))
@@ -164,10 +155,10 @@ def _limit_cycle(track: Array, speed: float, height: float) -> LimitCycle | None
     )
 
 
-def wall_states(machine: MachineDefinition) -> list[WallState]:
-    """The states of a machine that follow a wall by p and d at a regulated speed; machines within it aside."""
+def wall_gains(machine: MachineDefinition) -> list[WallGains]:
+    """Gains of the states that follow a wall at a regulated speed; inner machines are not looked at."""
     return [
-        WallState(
+        WallGains(
             name=state.label or str(state.id),
             gains=Gains(p=state.p, d=damping(state.p, state.speed) if state.d is None else state.d),
             speed=state.speed,

@@ -1,4 +1,4 @@
-"""Wall following as data: a state with its gains and speed, and its driven response to a step."""
+"""Wall following as data: the gains and the speed of a state, and the response of its cars to a step."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class WallState:
+class WallGains:
     """Gains and speed of a state that follows a wall."""
 
     name: str
@@ -21,20 +21,20 @@ class WallState:
     speed: float
     """m/s."""
     place: tuple[str | int, ...] = ()
-    """Where the state stands in the definition, as `parameters.Site` has it."""
+    """Keys and indices that lead to the state in the definition, as in `parameters.Site`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Response:
-    """A step in the wanted clearance, driven."""
+    """Response of simulated cars to a step in the wanted clearance."""
 
     time: Array
-    """(k,) s, 0 at the step."""
+    """(k,) time since the step, s."""
     clearance: Array
-    """(n, k) true clearance of n cars as a share of the step: 0 before, 1 wanted after."""
+    """(n, k) true clearance of n cars as a share of the step: 0 before it, 1 wanted after it."""
 
     @property
     def mean(self) -> Array:
-        """(k,) mean over the cars; the ultrasonic's jitter averages out."""
+        """(k,) mean over the cars, in which the ultrasonic's jitter averages out."""
         mean: Array = np.nanmean(self.clearance, axis=0)
         return mean

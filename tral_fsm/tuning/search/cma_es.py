@@ -1,4 +1,4 @@
-"""CMA-ES: for real numbers, needs nothing but the package `cmaes`."""
+"""CMA-ES, for real parameters; it needs the package `cmaes` alone."""
 
 from __future__ import annotations
 
@@ -14,15 +14,19 @@ from tral_fsm.tuning.search.space import Trial, Values, default_population, from
 Array = NDArray[np.float64]
 
 SIGMA = 0.25
-"""First spread, share of a range. Source: choice; the range is 4 of them."""
+"""Initial standard deviation, share of a range. Source: choice; four of them make the range."""
 
 
 class CmaSearch:
-    """CMA-ES in the unit cube, from the machine's own values; when it has come to rest, anew from elsewhere with twice
-    the population (IPOP, Auger and Hansen 2005)."""
+    """CMA-ES in the unit cube, from the machine's own values on.
+
+    Once it has converged, it starts again at a random point with twice the population.
+
+    Source: IPOP, Auger and Hansen 2005.
+    """
 
     def __init__(self, parameters: Sequence[Parameter], *, seed: int = 0, population: int | None = None) -> None:
-        """Begin at the parameters' starts.
+        """Begin at the starts of the parameters.
 
         Raises:
             ConfigError: a parameter is no real number.
@@ -40,7 +44,7 @@ class CmaSearch:
     def _restart(self, middle: Sequence[float], population: int) -> None:
         from cmaes import CMA
 
-        # It wants two dimensions at least: a second one that means nothing does no harm.
+        # The package needs at least two dimensions; one that means nothing does no harm.
         inside = np.clip(np.array([*middle, 0.5][: max(len(middle), 2)], float), 0.02, 0.98)
         self._cma = CMA(
             mean=inside,
@@ -56,7 +60,7 @@ class CmaSearch:
         return [tuple(map(from_unit, self.parameters, map(float, place))) for place in self._asked]
 
     def tell(self, trials: Sequence[Trial]) -> None:
-        """Move on; start anew when it rests."""
+        """Update the distribution, and restart it once it has converged."""
         self._cma.tell([(place, trial.cost) for place, trial in zip(self._asked, trials, strict=True)])
         if self._cma.should_stop():
             self._restart(self._rng.random(len(self.parameters)).tolist(), 2 * self._cma.population_size)

@@ -1,4 +1,4 @@
-"""Optuna's samplers: choices and whole numbers, several objectives, and studies that any number of processes share."""
+"""Samplers of Optuna: for choices, whole numbers and several objectives, and for studies that processes share."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from tral_fsm.tuning.search.storage import open_storage, reachable
 
 SAMPLERS = ("tpe", "nsga2", "random")
 OBJECTIVES = ("clearance", "time", "steering")
-"""Parts of the cost that may stand for themselves."""
+"""Parts of the cost that may be objectives."""
 LOST_AFTER_S = 1800.0
-"""A process that has told nothing for so long is taken for dead, and its open trials are done by others."""
+"""Time without a result after which a process counts as dead, and others do its open trials."""
 _STAYS = ". What was told to it stays; the same command goes on"
 
 
 def imported() -> Any:
-    """The package, quiet.
+    """The package, with its log silenced.
 
     Raises:
-        MissingExtraError: it is not installed.
+        MissingExtraError: the package is not installed.
     """
     try:
         import optuna
@@ -38,7 +38,7 @@ def imported() -> Any:
 
 
 class OptunaSearch:
-    """A study of Optuna, in memory or in a storage that others work on too."""
+    """A study of Optuna, in memory or in a storage that other processes use too."""
 
     def __init__(
         self,
@@ -55,17 +55,17 @@ class OptunaSearch:
         """Begin a study, or join the one in the storage.
 
         Args:
-            parameters: what is searched.
-            sampler: of `SAMPLERS`.
-            seed: of the sampler; in a storage each process adds a number of its own, or all would ask for the same.
-            population: candidates in a generation.
-            objectives: of `OBJECTIVES`; none: the cost alone.
-            weights: what a failed drive adds to every objective.
-            storage: URL of a database, or path of a journal file.
-            header: what is asked for, which must be the same for all that work on it.
+            parameters: the parameters.
+            sampler: one of `SAMPLERS`.
+            seed: seed of the sampler; in a storage each process adds its own number, or all would ask for the same.
+            population: number of candidates of a generation.
+            objectives: some of `OBJECTIVES`; empty: the cost alone.
+            weights: weights of a failed drive, which count in each objective.
+            storage: database URL, or journal file.
+            header: the search as plain values, the same for all processes of a study.
 
         Raises:
-            ConfigError: unknown sampler, a storage that cannot be used, or another study in it.
+            ConfigError: the sampler is unknown, the storage cannot be used, or it holds another study.
             MissingExtraError: Optuna, or the driver of the database, is not installed.
         """
         optuna = imported()
@@ -91,7 +91,7 @@ class OptunaSearch:
             self._join(header or {})
 
     def _join(self, header: dict[str, Any]) -> None:
-        """Make sure that all work on the same, and begin at the machine's own values."""
+        """Refuse the study of another search, and begin at the machine's own values."""
         there = self.study.user_attrs.get("header")
         if there:
             refuse_another("the study in the storage", there, header)
@@ -101,7 +101,7 @@ class OptunaSearch:
             self.study.enqueue_trial({each.label: each.start for each in self.parameters})
 
     def ask(self) -> list[Values]:
-        """The next generation, beginning with what dead processes left open."""
+        """The next generation; the open trials of dead processes come first."""
         with reachable(self._storage, _STAYS):
             if self._storage is not None:
                 self._adopt()
@@ -112,7 +112,7 @@ class OptunaSearch:
         return [tuple(each.params[parameter.label] for parameter in self.parameters) for each in self._open]
 
     def _adopt(self) -> None:
-        """Give trials that were begun long ago, and never told, to the process that asks next."""
+        """Put trials that dead processes left open into the queue."""
         import optuna
 
         for each in self.study.get_trials(deepcopy=False, states=(optuna.trial.TrialState.RUNNING,)):
@@ -124,7 +124,7 @@ class OptunaSearch:
                 self.study.enqueue_trial(each.params)
 
     def tell(self, trials: Sequence[Trial]) -> None:
-        """What they cost; each is in the storage from then on."""
+        """Take the costs of the last generation, and store each of them."""
         from optuna.exceptions import UpdateFinishedTrialError
 
         with reachable(self._storage, _STAYS):
@@ -132,11 +132,11 @@ class OptunaSearch:
                 try:
                     open_.set_user_attr("record", done.record())
                     self.study.tell(open_, self.costs(done))
-                except UpdateFinishedTrialError:  # so late that another process took it for lost
+                except UpdateFinishedTrialError:  # another process took the trial for lost
                     self._add(open_, done)
 
     def _add(self, open_: Any, done: Trial) -> None:
-        """Keep what a trial cost that is closed already."""
+        """Add the cost of a trial that is closed already."""
         import optuna
 
         self.study.add_trial(
@@ -149,7 +149,7 @@ class OptunaSearch:
         )
 
     def costs(self, done: Trial) -> list[float]:
-        """What the study minimizes: the cost, or the objectives, each with what failing costs."""
+        """Values that the study minimizes: the cost, or the objectives, each with the cost of failures."""
         if not self.objectives:
             return [done.cost]
         by_name = dict(zip(PARTS, done.parts, strict=True))
@@ -158,7 +158,7 @@ class OptunaSearch:
 
     @property
     def trials(self) -> list[Trial]:
-        """All that were told, by whichever process."""
+        """Trials of all processes whose cost is known."""
         import optuna
 
         with reachable(self._storage, _STAYS):
@@ -183,11 +183,11 @@ def _distribution(optuna: Any, parameter: Parameter) -> Any:
 
 
 def front(trials: Sequence[Trial], objectives: Sequence[str]) -> list[Trial]:
-    """Trials of which no other is better in one of the objectives and not worse in any; failed drives disqualify.
+    """Pareto front: trials that no other trial dominates; failed drives count more than any objective.
 
     Args:
-        trials: those that drove all courses count.
-        objectives: of `OBJECTIVES`.
+        trials: the trials, of which those count that drove all courses.
+        objectives: some of `OBJECTIVES`.
     """
     rows = [(each, _judged(each, objectives)) for each in trials if each.full]
     best = [

@@ -1,7 +1,7 @@
-"""The space of a search, its candidates, and what every searcher can be asked.
+"""The space of a search, its candidates, and the protocol of searchers.
 
-A searcher is a pure function of its seed and of what it was told. So a study is continued by telling it the generations
-of the file again, and goes on as if it had never been interrupted.
+A searcher is a pure function of its seed and of the costs that it was told. So it goes on with a study as if it had
+never stopped once it was told the generations of the file again.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ Values = tuple[Value, ...]
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """One candidate and what it cost."""
+    """One candidate and its cost."""
 
     values: Values
     cost: float
     full: bool
-    """It has driven all courses, so that its cost can be compared."""
+    """Whether it has driven all courses, so that its cost can be compared."""
     drives: int
-    """How many it has driven."""
+    """Number of its drives."""
     successes: int
     parts: tuple[float, ...]
-    """Means of the parts of its cost, in the order of `objective.PARTS`."""
+    """Mean of each part of its cost, in the order of `objective.PARTS`."""
 
     def record(self) -> dict[str, Any]:
         """As plain values."""
@@ -42,19 +42,19 @@ def trial(record: Mapping[str, Any]) -> Trial:
 
 
 class Search(Protocol):
-    """Asked for a generation, told what it cost, in turn."""
+    """A searcher: it is asked for a generation and told its costs, in turn."""
 
     def ask(self) -> list[Values]:
         """The next candidates."""
         ...
 
     def tell(self, trials: Sequence[Trial]) -> None:
-        """What the candidates of the last `ask` cost."""
+        """Take the costs of the candidates of the last `ask`."""
         ...
 
 
 def to_unit(parameter: Parameter, value: Value) -> float:
-    """Place of a value in its range, in [0, 1]."""
+    """Place of a value in the range of its parameter, in [0, 1]."""
     low, high, at = parameter.low, parameter.high, float(value)
     if parameter.log:
         low, high, at = math.log(low), math.log(high), math.log(at)
@@ -62,7 +62,7 @@ def to_unit(parameter: Parameter, value: Value) -> float:
 
 
 def from_unit(parameter: Parameter, place: float) -> float:
-    """Value at a place in [0, 1] of the range; rounded to 4 digits, since more mean nothing for a gain."""
+    """Value at a place in [0, 1] of the range, rounded to 4 digits: a gain needs no more."""
     low, high = parameter.low, parameter.high
     place = min(max(place, 0.0), 1.0)
     value = low * (high / low) ** place if parameter.log else low + (high - low) * place
@@ -70,5 +70,5 @@ def from_unit(parameter: Parameter, place: float) -> float:
 
 
 def default_population(dimensions: int) -> int:
-    """Candidates in a generation: 4 + 3 ln n of CMA-ES, at least 12, since drives are noisy and processors many."""
+    """Number of candidates of a generation: 4 + 3 ln n as in CMA-ES, at least 12, because drives are noisy."""
     return max(4 + int(3 * math.log(max(dimensions, 1))), 12)

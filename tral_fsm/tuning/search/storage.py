@@ -1,4 +1,4 @@
-"""Where a study lives that several processes share: a journal file, or a database that SQLAlchemy knows."""
+"""Storages of studies that several processes share: a journal file, or a database that SQLAlchemy knows."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from typing import Any
 from tral_env.errors import ConfigError, MissingExtraError
 
 _TRIES = 5
-"""Of opening a database. Processes that meet at an empty one make its tables at once, and all but one fail."""
+"""Number of tries to open a database: several processes may make the tables of an empty one, and all but one fail."""
 _MAX_LINE = 1 << 20
 _PASSWORD = re.compile(r"(://[^:/@\s]*:)[^@\s]+(?=@)|([?&]password=)[^&\s]+")
 
 
 def masked(text: str) -> str:
-    """A text in which no URL tells its password."""
+    """A text with *** for the passwords of its URLs."""
     return _PASSWORD.sub(lambda found: f"{found[1] or found[2]}***", text)
 
 
@@ -28,10 +28,10 @@ def open_storage(where: str) -> Any:
     """A storage for a study of Optuna, which must be installed.
 
     Args:
-        where: URL of a database, or path of a journal file.
+        where: database URL, or journal file.
 
     Raises:
-        ConfigError: it cannot be opened.
+        ConfigError: the storage cannot be opened.
         MissingExtraError: the driver of PostgreSQL is not installed.
     """
     if "://" in where:
@@ -48,7 +48,7 @@ def open_storage(where: str) -> Any:
 
 
 def _refuse_others(path: Path) -> None:
-    """A file that is no journal must not get lines of one."""
+    """Refuse a file that is no journal."""
     if not path.is_file():
         return
     with path.open("rb") as file:
@@ -66,12 +66,12 @@ def _database(url: str) -> Any:
     from optuna.storages import RDBStorage
     from sqlalchemy.exc import DBAPIError
 
-    # Named, since which one the bare scheme means depends on SQLAlchemy's version.
+    # Which driver the bare scheme means depends on the version of SQLAlchemy.
     named = re.sub(r"^postgres(ql)?://", "postgresql+psycopg://", url)
     for left in reversed(range(_TRIES)):
         with reachable(url):
             try:
-                # A server or what lies on the way may have dropped the connection while the cars drove.
+                # The connection may have been dropped while the cars drove.
                 return RDBStorage(named, engine_kwargs={"pool_pre_ping": True})
             except DBAPIError as error:
                 if left == 0 or error.statement is None:  # there is no connection at all
@@ -88,14 +88,14 @@ def _database(url: str) -> Any:
 
 @contextlib.contextmanager
 def reachable(where: str | None, more: str = "") -> Iterator[None]:
-    """Say in words that a database cannot be used.
+    """Turn errors of a database into a `ConfigError`.
 
     Args:
-        where: URL of a database; all else passes.
-        more: for the end of the message.
+        where: database URL; for None and files nothing happens.
+        more: end of the message.
 
     Raises:
-        ConfigError: it cannot.
+        ConfigError: the database cannot be used.
     """
     if where is None or "://" not in where:
         yield

@@ -1,42 +1,42 @@
-"""`tral tune --classical`: gains from a linear model, a relay experiment, and the margins of a machine's own gains."""
+"""`tral tune --classical`: margins of a machine's own gains, of LQR gains, and of gains from a relay experiment."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tral_fsm.cli.console import print_figures
+from tral_fsm.evaluation.results import print_figures
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from tral_fsm.definition.machine import MachineDefinition
-    from tral_fsm.tuning.classical.loops import WallState
+    from tral_fsm.tuning.classical.loops import WallGains
 
 _SPEEDS = (0.3, 0.5, 0.7, 1.0, 1.3, 1.6, 2.0)
 
 
 def print_classical(machine: MachineDefinition) -> None:
-    """Print classical gains beside those of a machine, with their margins."""
+    """Print the gains of a machine and classical gains, with their margins."""
     from tral_fsm.tuning.classical.design import lqr
-    from tral_fsm.tuning.classical.experiments import relay, wall_states
-    from tral_fsm.tuning.classical.loops import WallState
+    from tral_fsm.tuning.classical.experiments import relay, wall_gains
+    from tral_fsm.tuning.classical.loops import WallGains
 
-    states = wall_states(machine)
+    states = wall_gains(machine)
     if states:
         print_figures(_table("Its own gains", states))
-    scheduled = [WallState(name=f"LQR at {speed:g} m/s", gains=lqr(speed), speed=speed) for speed in _SPEEDS]
+    scheduled = [WallGains(name=f"LQR at {speed:g} m/s", gains=lqr(speed), speed=speed) for speed in _SPEEDS]
     print_figures(_table("LQR with kp = 1 rad/m, by speed", scheduled))
     found = []
     for speed in sorted({0.5, *(state.speed for state in states)}):
         swing = relay(speed)
         if swing is not None:
             name = f"Ku = {swing.ultimate_gain:.3g} 1/m, Tu = {swing.period_s:.2f} s"
-            found.append(WallState(name=name, gains=swing.ziegler_nichols(), speed=speed))
+            found.append(WallGains(name=name, gains=swing.ziegler_nichols(), speed=speed))
     if found:
         print_figures(_table("Relay experiment and Ziegler-Nichols", found))
 
 
-def _table(title: str, states: list[WallState]) -> Table:
+def _table(title: str, states: list[WallGains]) -> Table:
     from rich.table import Table
     from rich.text import Text
 

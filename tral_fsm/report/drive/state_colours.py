@@ -1,4 +1,4 @@
-"""One colour per state, the same in every picture of a drive."""
+"""Colours of states, the same in all pictures of a drive."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ COLOURS: tuple[tuple[int, int, int], ...] = (
     (219, 219, 141),
     (150, 153, 168),
 )
-"""RGB, 0 to 255: ten full tones, then their light ones."""
+"""RGB colours, 0 to 255: ten full tones, then ten light ones."""
 
 
-class Palette:
-    """Colours of states, given in the order of their first tick."""
+class StateColours:
+    """Colours of states, in the order of their first tick."""
 
     def __init__(self, states: Iterable[str] = ()) -> None:
         """Give the first colours to these states."""
@@ -40,15 +40,15 @@ class Palette:
 
     @property
     def states(self) -> tuple[str, ...]:
-        """The states seen so far."""
+        """The states so far."""
         return tuple(self._index)
 
     def rgb(self, state: str) -> tuple[int, int, int]:
-        """Colour of a state, 0 to 255; with more states than colours they repeat."""
+        """RGB colour of a state, 0 to 255; colours repeat if there are more states."""
         index = self._index.setdefault(state, len(self._index))
         return COLOURS[index % len(COLOURS)]
 
     def unit(self, state: str) -> tuple[float, float, float]:
-        """Colour of a state, 0 to 1."""
+        """RGB colour of a state, 0 to 1."""
         r, g, b = self.rgb(state)
         return r / 255, g / 255, b / 255

@@ -1,0 +1,180 @@
+"""The options of the environments: each is a field of `CorridorConfig` and is spelled nowhere else."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from tral_env.calibration.camera_info import load_lens
+from tral_env.config import CameraConfig, CarConfig, TaskConfig, as_config
+from tral_env.course.generate import SCENARIOS
+from tral_env.course.layout import Course
+from tral_env.errors import ConfigError, UnknownOptionError, nearest
+from tral_env.interface import Layout, group_names
+from tral_env.perception.degrade import ImageCorruption
+from tral_env.randomization import Randomization, level
+
+Class = TypeVar("Class", bound=type)
+
+CAMERAS = ("projected", "rendered")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CorridorConfig:
+    """What to drive, with which car and which eyes. The environments take each field but `pixels` as an option.
+
+    An option is read by the function in its field's metadata; without one it is taken as it is.
+    """
+
+    scenario: str = "office"
+    """Family of the generated courses: one of `tral_env.course.generate.SCENARIOS`, which `tral courses` lists."""
+    course: Course | str | Path | None = None
+    """Every episode drives this `Course`, or the one in the JSON file of this path, instead of generated ones."""
+    courses: int | None = None
+    """Every episode draws one of so many courses, 1 or more. Each is built when it is first driven and then kept (up to
+    40 kB); course k is the one that `reset(seed=k)` gives without this option. `None`: every episode builds a new
+    course, which takes most of a reset."""
+    camera: str = "projected"
+    """`"projected"`: the corners of the markers are projected through the lens, without OpenGL. `"rendered"`: OpenCV's
+    detector searches a rendered image."""
+    randomization: str | Randomization | Mapping[str, Any] = "default"
+    """How much cars differ from one another: `"none"`, `"default"`, `"hard"`, or a `Randomization` of other ranges."""
+    groups: tuple[str, ...] = field(default=(), metadata={"read": group_names})
+    """Optional groups of readings behind the core ones: names out of `"line"`, `"imu"`, `"battery"`."""
+    car: CarConfig = field(default_factory=CarConfig, metadata={"read": partial(as_config, CarConfig)})
+    """A `CarConfig`: the car's geometry. Only `full_lock_deg` may differ from the car of `assets/car.xml`."""
+    lens: CameraConfig = field(default_factory=CameraConfig, metadata={"read": load_lens})
+    """The camera's lens: a `CameraConfig`, `"default"`, `"wide"`, or the path of a calibration file (.yaml, .yml)."""
+    task: TaskConfig = field(default_factory=TaskConfig, metadata={"read": partial(as_config, TaskConfig)})
+    """A `TaskConfig`: the weights of the reward, the time limit and the speed of a crash."""
+    image_faults: ImageCorruption = field(
+        default_factory=ImageCorruption, metadata={"read": partial(as_config, ImageCorruption)}
+    )
+    """An `ImageCorruption`: how much of each fault an `image_degradation` of 1 brings to a rendered image. Streaks and
+    covered patches are off by default."""
+    pixels: bool = field(default=False, metadata={"is_option": False})
+    """The observation has an image. `TralCorridorPixels-v0` sets it."""
+
+    def __post_init__(self) -> None:
+        if self.scenario not in tuple(SCENARIOS):  # a tuple, so that a list is told as any other wrong name
+            raise ConfigError(f"unknown scenario '{self.scenario}': {nearest(self.scenario, SCENARIOS)}")
+        if self.camera not in CAMERAS:
+            raise ConfigError(f"unknown camera '{self.camera}': {nearest(self.camera, CAMERAS)}")
+        if self.courses is not None and not is_count(self.courses):
+            raise ConfigError(f"courses = {self.courses!r}: expected a whole number, 1 or more, or None")
+        if self.courses is not None and self.course is not None:
+            raise ConfigError(f"courses = {self.courses!r} with a course of your own: expected one of them")
+        if self.camera == "projected" and not self.pixels and self.image_faults != ImageCorruption():
+            raise ConfigError(
+                f"image_faults = {self.image_faults!r} with camera='projected', which takes no image: expected "
+                "camera='rendered', or TralCorridorPixels-v0, whose observation has an image"
+            )
+        level(self.randomization)
+        Layout.of(self.groups)
+        for place in fields(CarConfig):
+            got, has = getattr(self.car, place.name), getattr(CarConfig(), place.name)
+            if place.name != "full_lock_deg" and got != has:
+                raise ConfigError(f"CarConfig.{place.name} = {got!r}: the car of assets/car.xml has {has!r}")
+
+    @classmethod
+    def of(cls, options: Mapping[str, Any], *, allowed: Iterable[str], pixels: bool = False) -> CorridorConfig:
+        """The configuration that the options of an environment ask for.
+
+        Args:
+            options: name -> value. None stands for the default of `car`, `lens`, `task` and `image_faults`, a mapping
+                for one that went through JSON.
+            allowed: names of all that the environment takes: the error tells them.
+            pixels: the observation has an image.
+
+        Raises:
+            UnknownOptionError: there is no option of that name.
+            ConfigError: a value is not allowed.
+        """
+        known, values = {option.name: option for option in option_fields()}, {}
+        for name, value in options.items():
+            if name not in known:
+                raise UnknownOptionError(f"unknown option '{name}': {nearest(name, allowed)}")
+            read = known[name].metadata.get("read")
+            values[name] = value if read is None else _read(name, read, value)
+        return cls(pixels=pixels, **values)
+
+    def fixed_course(self) -> Course | None:
+        """The course that every episode drives, if there is one."""
+        return as_course(self.course)
+
+
+def option_fields() -> list[Field[Any]]:
+    """The fields of `CorridorConfig` that are options, in order."""
+    return [place for place in fields(CorridorConfig) if place.metadata.get("is_option", True)]
+
+
+def _read(name: str, read: Callable[[Any], Any], value: object) -> Any:
+    try:
+        return read(value)
+    except ConfigError as error:
+        raise ConfigError(f"option '{name}': {error}") from error
+
+
+def option_parameters() -> list[inspect.Parameter]:
+    """The options as keyword parameters with their defaults, for `takes`."""
+    defaults = {option.name: None if option.default is MISSING else option.default for option in option_fields()}
+    return [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default) for name, default in defaults.items()
+    ]
+
+
+def takes(parameters: Iterable[inspect.Parameter]) -> Callable[[Class], Class]:
+    """Decorate a class so that `inspect.signature`, `help` and editors tell what its ``**options`` are.
+
+    Args:
+        parameters: keyword parameters that stand for ``**options`` of `__init__`.
+    """
+
+    def tell(cls: Class) -> Class:
+        init = cls.__dict__["__init__"]
+        own = [each for each in inspect.signature(init).parameters.values() if each.kind is not each.VAR_KEYWORD]
+        init.__signature__ = inspect.Signature([*own, *parameters])
+        return cls
+
+    return tell
+
+
+def is_count(value: object) -> bool:
+    """Whether a value is a whole number from 1 to the largest int64; `True` is none."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    return whole and 1 <= int(value) <= np.iinfo(np.int64).max  # type: ignore[call-overload]
+
+
+def check_counts(**counts: object) -> None:
+    """Refuse values that are no counts.
+
+    Args:
+        counts: name -> value.
+
+    Raises:
+        ConfigError: one of them is no whole number, 1 or more.
+    """
+    for name, count in counts.items():
+        if not is_count(count):
+            raise ConfigError(f"{name} = {count!r}: expected a whole number, 1 or more")
+
+
+def as_course(course: Course | str | Path | None) -> Course | None:
+    """A course, read from its file if a path was given.
+
+    Raises:
+        ConfigError: none of these.
+        CourseError: the file is no course.
+        OSError: the file cannot be opened.
+    """
+    if isinstance(course, str | Path):
+        return Course.load(course)
+    if course is not None and not isinstance(course, Course):
+        raise ConfigError(f"course = {course!r}: expected a Course or the path of a course file")
+    return course
