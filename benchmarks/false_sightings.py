@@ -18,7 +18,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from marker_accuracy import CAR, LENS, LEVELS, Hall, draw_views
+from marker_views import CAR, LENS, LEVELS, MarkerRoom, views_of_markers
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
@@ -105,21 +105,21 @@ def false_ids(images: int, seed: int) -> dict[str, Any]:
 
 def found_share(views: int, seed: int) -> dict[str, dict[str, float]]:
     """For each threshold and level of degradation: the share of real markers that are found."""
-    rng, hall = np.random.default_rng(seed), Hall()
+    rng, room = np.random.default_rng(seed), MarkerRoom()
     detectors = {threshold: Detector(valid_bit_threshold=threshold) for threshold in THRESHOLDS}
     found = {str(t): dict.fromkeys(LEVELS, 0) for t in THRESHOLDS}
-    drawn = draw_views(LENS, rng, views)
+    drawn = views_of_markers(LENS, rng, views)
     count = len(drawn["id"])
     for i in range(count):
         view = {name: float(values[i]) for name, values in drawn.items()}
         x = CAR.camera_x + view["distance"] * np.cos(view["bearing"])
         y = view["distance"] * np.sin(view["bearing"])
-        hall.show([(int(view["id"]), x, y, view["z"], view["heading"] + np.pi)])
+        room.show([(int(view["id"]), x, y, view["z"], view["heading"] + np.pi)])
         for level, (amount, corruption) in LEVELS.items():
-            image = degrade(hall.image, amount, rng, corruption)
+            image = degrade(room.image, amount, rng, corruption)
             for threshold, detector in detectors.items():
                 found[str(threshold)][level] += int(view["id"] in detector.detect(image).ids)
-    hall.close()
+    room.close()
     return {t: {level: hits / count for level, hits in levels.items()} for t, levels in found.items()}
 
 
