@@ -20,8 +20,8 @@ class Command(NamedTuple):
     throttle: float | None = None
     """In [-1, 1], + = forward."""
     steering_trim: float | None = None
-    """Steering that the car needs to run straight, as far as its machine file says so. None: as before, which the driver
-    fills in."""
+    """Steering that the car needs to run straight, as its machine file says. None: as before, which the driver fills
+    in."""
     wanted_side: float = math.nan
     """Wall that the state keeps a clearance to: +1 left, -1 right, NaN none."""
     wanted_clearance: float = math.nan

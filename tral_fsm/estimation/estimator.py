@@ -47,7 +47,7 @@ class Estimator:
         self.walls = WallFilter()
         self.gates = GateMemory()
         self.steering_offset = 0.0
-        """Steering at which the car drives straight, beside what its machine file gives: learnt from walls and gates."""
+        """Steering at which the car drives straight, beside what its file gives: learnt from walls and gates."""
         self.steering_gain = 1.0
         """Curvature that the car drives over the one that its steering should give: learnt from walls and gates."""
         self._corridor_yaw = 0.0

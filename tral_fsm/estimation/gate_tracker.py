@@ -45,8 +45,8 @@ class GateTracker:
             | 0  0  0   1        0    |          | 0             0              0      trim   0 |
             | 0  0  0   0        1    |          | 0             0              0      0      0 |
 
-    A detection measures place and heading along and across the line of sight, whose direction is (cos, sin), each with a
-    doubt that grows with the distance:
+    A detection measures place and heading along and across the line of sight, whose direction is (cos, sin), each with
+    a doubt that grows with the distance:
 
             |  cos  sin  0  0  0 |
         H = | -sin  cos  0  0  0 |           R = diag(along, across, heading)

@@ -3,9 +3,9 @@
     predict:   P = F P F' + Q
     update:    S = H P H' + R          K = P H' / S          x = K y          P = P - K (P H')'
 
-x are n unknowns and P is their covariance; F says how they move, and Q is the doubt that this adds. y is the innovation, by
-how much m measured numbers differ from the predicted ones; H says what these are of the unknowns, and R is their
-covariance. S is the covariance of the innovation, K the gain.
+x are n unknowns and P is their covariance. F says how they move, and Q is the doubt that this adds. y is the
+innovation: by how much m measured numbers differ from the predicted ones. H says what these are of the unknowns, and R
+is their covariance. S is the covariance of the innovation, K the gain.
 
 Both filters of this project estimate by how much something is wrong, and put it right at once: so x is 0 before an
 update, and K y after it. Source: Welch and Bishop, An Introduction to the Kalman Filter, 2006; Sola, Quaternion
@@ -34,7 +34,8 @@ def predict(P: Array, F: Array, Q: Array) -> Array:
         F: (n, n) how the unknowns move.
         Q: (n, n) covariance that this adds.
     """
-    return F.dot(P).dot(F.T) + Q
+    moved: Array = F.dot(P).dot(F.T) + Q
+    return moved
 
 
 def innovation(P: Array, H: Array, R: Array) -> tuple[Array, Array]:
@@ -58,7 +59,7 @@ def gate_accepts(y: Sequence[float], S: Array, sigmas: float) -> bool:
         sigmas: how many.
     """
     limit = sigmas * sigmas
-    for each, variance in zip(y, S.diagonal().tolist(), strict=True):  # a generator would take twice as long
+    for each, variance in zip(y, S.diagonal().tolist(), strict=True):  # noqa: SIM110  a generator takes twice as long
         if not each * each <= limit * variance:
             return False
     return True
