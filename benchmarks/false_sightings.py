@@ -93,8 +93,8 @@ def false_ids(images: int, seed: int) -> dict[str, Any]:
     """For each threshold and kind: the ids that were seen, and how often."""
     detectors = {threshold: Detector(valid_bit_threshold=threshold) for threshold in THRESHOLDS}
     seen: dict[str, dict[str, Counter[int]]] = {str(t): {kind: Counter() for kind in KINDS} for t in THRESHOLDS}
-    for kind, draw in KINDS.items():
-        rng = np.random.default_rng([seed, len(kind)])
+    for number, (kind, draw) in enumerate(KINDS.items()):
+        rng = np.random.default_rng([seed, number])
         for i in range(images):
             colour = cv2.merge([draw(rng)] * 3)
             image = degrade(np.asarray(colour, np.uint8), DRAWN_LEVELS[i % len(DRAWN_LEVELS)], rng)

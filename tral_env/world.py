@@ -69,10 +69,10 @@ class Step:
 
 
 def car_stream(rng: np.random.Generator) -> np.random.Generator:
-    """Generator of an episode's car and noise: one of their own, so that a course that is given changes neither.
+    """Give the generator of an episode's car and noise, which do not depend on whether its course is drawn or given.
 
     Args:
-        rng: generator of the episode; the course is drawn from it.
+        rng: generator of the episode; the course is drawn from it. Each call gives another stream.
     """
     return rng.spawn(1)[0]
 

@@ -10,7 +10,7 @@ from pydantic import Field
 from tral_fsm.conditions.base import Condition
 from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.validated import MarkerId, quantity
-from tral_fsm.estimation.detections import Detection
+from tral_fsm.estimation.detections import MIN_SUPPORT, Detection
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import State
 
@@ -22,7 +22,9 @@ class DetectionSpec(ConditionSpec):
     """Base of the specs of conditions that fire when the camera sees something."""
 
     ids: tuple[MarkerId, ...] = Field((), description="fires only for these ids; empty: for any", strict=False)
-    readings: int = Field(2, description="number of images in a row that must agree on the place", ge=2, le=100)
+    readings: int = Field(
+        MIN_SUPPORT, description="number of images in a row that must agree on the place", ge=MIN_SUPPORT, le=100
+    )
     max_age: float = quantity(0.25, "s", "largest age of the detection", gt=0.0, le=10.0)
     max_distance: float = quantity(6.0, "m", "largest distance", gt=0.0, le=20.0)
     max_ahead: float = quantity(20.0, "m", "largest distance ahead, by dead reckoning", gt=0.0, le=20.0)

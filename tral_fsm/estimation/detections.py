@@ -30,10 +30,10 @@ class Detection(NamedTuple):
     opening: float = math.nan
     """Of a gate, between its boards, m; NaN: not known yet."""
     support: int = 0
-    """Images, one after the other, that agree with this one where it is; this one counts."""
+    """Number of images in a row that agree on its place, this one included; nothing has 0."""
 
     def older(self) -> Detection:
-        """The same a tick later, which brought no new image of it; nothing stays nothing."""
+        """The same a tick later, without a new image of it; nothing stays nothing."""
         age = min(self.age + CONTROL_PERIOD_S, MAX_AGE_S)
         return Detection(self.id, self.x, self.y, self.heading, age, False, self.opening, self.support)
 
@@ -50,17 +50,20 @@ class Detection(NamedTuple):
 NOTHING = Detection()
 
 MIN_SUPPORT = 2
-"""So many images must agree before a detection is believed. Source: a detector that takes a window for a marker seldom
-does so twice at one place; benchmarks/false_sightings.py."""
+"""An estimator believes a detection on which so many images agree. Source: choice, the fewest that can agree."""
 _MAX_GAP_S = 1.0
-"""Images agree if no more time is between them, s. Source: choice, 15 images at 15 Hz."""
-_AGREE_M, _AGREE_SHARE = 0.2, 0.1
-"""Images agree if they place it within this distance, m, and this share of its range. Source: docs/perception.md, the
-errors of a marker at 6 m."""
+"""Images that are farther apart do not agree, s. Source: choice, 15 images at 15 Hz."""
+_AGREE_M = 0.2
+"""Images agree on a place within this distance and a share of the range, m. Source: choice."""
+_AGREE_SHARE = 0.1
+"""That share. Source: docs/perception.md, the error of a marker at 6 m in strongly degraded images."""
 
 
 class Agreement:
-    """Counts for each id how many images in a row agree where it is."""
+    """Counts how many images in a row agree where a gate or marker is, each id by itself.
+
+    An image that does not show an id neither confirms nor contradicts its place.
+    """
 
     __slots__ = ("_last",)
 
@@ -74,6 +77,9 @@ class Agreement:
             seen: what an image shows, in the frame of dead reckoning.
             time: when the image was exposed, s.
             range_m: from the car to it, m.
+
+        Returns:
+            The detection with its support: 1 where it contradicts the image of its id before, or is the first.
         """
         then, last = self._last.get(seen.id, (-math.inf, NOTHING))
         near = math.hypot(seen.x - last.x, seen.y - last.y) <= _AGREE_M + _AGREE_SHARE * range_m

@@ -27,9 +27,11 @@ _NEAR_GATE_M, _GATE_ANGLE = 2.0, math.radians(22.0)
 much for the camera."""
 _FRESH_S = 0.5
 """A gate seen so lately is where it was seen from the car, wherever walls say that the car points."""
-_WALLS_REACH_M, _WALL_MARGIN_M = 2.5, 0.25
-"""Walls beside the car go on so far ahead; a gate's middle behind them by more than the margin is none, m. Source:
-choice; side ultrasonics stand 0.1 m beside the car's middle."""
+_WALLS_REACH_M = 2.5
+"""Walls that are heard beside the car go on so far, m. Source: choice."""
+_WALL_MARGIN_M = 0.25
+"""The middle of a gate may lie so far behind a wall, by its range from a side ultrasonic, m. Source: choice: 0.1 m from
+the car's middle to an ultrasonic, and the error of a guess."""
 _QUARTER = math.pi / 2.0
 
 
@@ -172,7 +174,7 @@ class Estimator:
     def _detection(
         self, agreement: Agreement, number: int, seen: tuple[float, float, float], age: float, time: float
     ) -> Detection:
-        """What a new image shows, from where the car was when it was exposed; nothing until two images agree."""
+        """What a new image shows, placed from where the car was at its exposure; nothing until images agree."""
         px, py, yaw = self.odometry.pose_before(age)
         x, y, heading = seen
         cos, sin = math.cos(yaw), math.sin(yaw)
@@ -181,7 +183,7 @@ class Estimator:
         return judged if judged.support >= MIN_SUPPORT else NOTHING
 
     def _behind_wall(self, x: float, y: float) -> bool:
-        """Whether a wall that is heard beside the car stands between it and a place x, y [m] not far ahead."""
+        """Whether a wall that the car hears beside it stands between it and a near place x, y [m]."""
         odometry, (left, right, _) = self.odometry, self._walls_now
         if not self.walls.direction_known or math.hypot(x - odometry.x, y - odometry.y) > _WALLS_REACH_M:
             return False
@@ -194,7 +196,7 @@ class Estimator:
         sample = self.odometry.sample(self.odometry.pose_before(seen.age))
         known = self.gates.was_seen(number)
         self._correct_steering(*self.gates.correct(seen, sample, self.walls.trim_sigma))
-        if known:  # one detection alone may be wrong
+        if known:  # the axis of the first one alone may be wrong
             self._follow_axis(self.gates.nearest)
 
     def _follow_axis(self, gate: Detection) -> None:
