@@ -78,8 +78,8 @@ class Randomization:
     """Noise, blur and wrong exposure of the camera image: 0 none, 1 mild, 3 strong, 10 at most. Source: choice."""
 
     false_sighting_rate: Range = (0.0, 0.0)
-    """Share of images that show a marker where there is none. Source: 0.002 of textures and up to 0.02 of images of
-    windows and lamps, benchmarks/false_sightings.py."""
+    """Share of images that show a marker where there is none. Source: choice, a third and three times the 0.007 of
+    benchmarks/false_sightings.py."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
