@@ -1,7 +1,7 @@
 """A kinematic car among plane walls, seen from above: enough of a world to let a machine drive a corridor."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -108,6 +108,25 @@ class Toy:
 def one_car(driver: Driver) -> Callable[[np.ndarray], np.ndarray]:
     """What a machine answers to an observation; the driver can be looked into meanwhile."""
     return lambda observation: np.array(driver.act(observation.tolist()), np.float32)
+
+
+def showing(
+    world: Toy, act: Callable[[np.ndarray], np.ndarray], arrivals: Sequence[int], marker: int, x: float, y: float
+) -> Callable[[np.ndarray], np.ndarray]:
+    """What a car answers whose camera shows a marker that faces it at x, y in its frame.
+
+    The images arrive at these ticks, 30 ms old, and their content ages until the next one.
+    """
+
+    def answer(observation: np.ndarray) -> np.ndarray:
+        arrived = [tick for tick in arrivals if tick <= world.tick]
+        if arrived:
+            seen = {"id": marker, "x": x, "y": y, "heading": 0.0, "age": 0.03 + (world.tick - arrived[-1]) * TICK}
+            for name, value in seen.items():
+                observation[CORE_LAYOUT.column(f"marker_{name}")] = value
+        return act(observation)
+
+    return answer
 
 
 def straight(width: float, **car: float) -> Toy:

@@ -144,7 +144,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
 
     | option | what it is |
     | --- | --- |
-    | `course` | a `tral_env.course.layout.Course`, or the path of its file, for this episode |
+    | `course` | a `tral_env.course.layout.Course`, or the path of its file, for this episode; car and noise stay those of the seed |
     | `car` | values of `Randomization` parameters that are not to be drawn, such as `{"friction": 0.6}` |
     | `reset_mask` | (n,) bool, in a vector environment with `autoreset_mode="Disabled"` alone: the rows to reset |
 

@@ -68,6 +68,15 @@ class Step:
     """What the reward is the sum of, name -> (n,)."""
 
 
+def car_stream(rng: np.random.Generator) -> np.random.Generator:
+    """Give the generator of an episode's car and noise, which do not depend on whether its course is drawn or given.
+
+    Args:
+        rng: generator of the episode; the course is drawn from it. Each call gives another stream.
+    """
+    return rng.spawn(1)[0]
+
+
 class World:
     """n cars on n courses."""
 
@@ -146,10 +155,13 @@ class World:
         fixed = self._fixed if given is None else (given, build_plan(given))
         if not len(rows):
             return self._parameters()
-        drawn = [self._draw(rngs[row], fixed, cars(int(row))) for row in rows]
+        streams = list(rngs)
+        for row in rows:
+            streams[row] = car_stream(rngs[row])
+        drawn = [Drawn(*self._course(rngs[row], fixed), cars(int(row)).draw(streams[row])) for row in rows]
         if given is not None:
             self._fit([drawn[0].plan], rows, max_boxes_in_reach(drawn[0].plan))
-        self.begin(rows, drawn, rngs)
+        self.begin(rows, drawn, streams)
         return self._parameters()
 
     def begin(self, rows: Index, drawn: Sequence[Drawn], rngs: Sequence[np.random.Generator]) -> None:
@@ -199,9 +211,8 @@ class World:
             raise ConfigError(wrong) from None
         return lambda row: self._randomization.fixed(**{name: float(value[row]) for name, value in values.items()})
 
-    def _draw(self, rng: np.random.Generator, fixed: tuple[Course, Plan] | None, randomization: Randomization) -> Drawn:
-        course, plan = self._generate(rng) if fixed is None else fixed
-        return Drawn(course, plan, randomization.draw(rng))
+    def _course(self, rng: np.random.Generator, fixed: tuple[Course, Plan] | None) -> tuple[Course, Plan]:
+        return self._generate(rng) if fixed is None else fixed
 
     def _generate(self, rng: np.random.Generator) -> tuple[Course, Plan]:
         """A new course, or one of those that are kept."""

@@ -7,6 +7,8 @@ from corridors import commands, corridor
 from gymnasium.vector import AutoresetMode
 
 from tral_env.errors import ConfigError
+from tral_env.interface import CORE_LAYOUT
+from tral_env.perception.false_sightings import LIKELY_ID
 from tral_env.randomization import LEVELS
 from tral_env.vector_env import TralCorridorVectorEnv
 
@@ -30,6 +32,22 @@ def test_a_row_among_others_is_the_single_environment_bit_for_bit(nthread: int) 
         assert np.array_equal(many[0][row], observation)
         assert (many[1][row], many[2][row], many[3][row]) == (reward, terminated, truncated)
     assert episodes >= 1
+
+
+def test_rows_see_the_false_markers_of_the_single_environment() -> None:
+    often = LEVELS["default"].fixed(false_sighting_rate=0.3)
+    together = TralCorridorVectorEnv(3, scenario="straight", randomization=often)
+    single = corridor(scenario="straight", randomization=often)
+    first, _ = together.reset(seed=20)
+    observation, _ = single.reset(seed=22)
+    assert np.array_equal(first[2], observation)
+    column, ids = CORE_LAYOUT.column("marker_id"), set()
+    for action in commands(80, 3):
+        many = together.step(action)[0]
+        observation, *_ = single.step(action[2])
+        assert np.array_equal(many[2], observation)
+        ids |= {*many[:, column].astype(int).tolist()}
+    assert LIKELY_ID in ids
 
 
 def test_next_step_autoreset_equals_gymnasiums_own() -> None:

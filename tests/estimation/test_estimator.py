@@ -20,7 +20,9 @@ class TestEstimator:
                            r.ultrasonic_left_age, r.ultrasonic_front_age, r.ultrasonic_right_age)  # fmt: skip
         assert (*ranges_and_ages, r.distance, r.speed) == tuple(row[:8])
         assert (r.gate_age, r.marker_age, r.steering, r.throttle) == (row[12], row[17], row[18], row[19])
-        estimate = Estimator().update(row)
+        estimator = Estimator()
+        estimator.update(row)
+        estimate = estimator.update(row)
         ranges = (estimate.left.range, estimate.front.range, estimate.right.range)
         assert (*ranges, estimate.distance, estimate.speed) == (*row[:3], row[6], row[7])
         assert (estimate.gate.age, estimate.marker.age) == (row[12], row[17])
@@ -71,7 +73,7 @@ class TestAxis:
     def test_it_mends_a_wrong_direction_of_the_corridor(self, axis_deg: float, distance: float, believed: bool) -> None:
         bench = one_state(type="Motor", throttle=0.1)
         gate = {"gate_id": 0.0, "gate_x": distance, "gate_y": 0.0, "gate_heading": math.radians(axis_deg)}
-        for _ in range(2):
+        for _ in range(3):
             bench.tick(**gate, gate_age=0.0)
         expected = -axis_deg if believed else 0.0
         assert math.degrees(bench.estimate.heading) == pytest.approx(expected, abs=0.01)

@@ -158,7 +158,7 @@ class TestMachinesInMachines:
         def drive(second: dict[str, Any]) -> list[tuple[float, float]]:
             bench = two_states({"type": "ArucoGateFound"}, second=second)
             seen = {"gate_id": 3.0, "gate_x": 3.0, "gate_y": 0.4, "gate_heading": 0.1, "gate_age": 0.0}
-            return [bench.tick(**seen), *(bench.tick(distance=0.01 * k, speed=0.8) for k in range(200))]
+            return [bench.see(**seen), *(bench.tick(distance=0.01 * k, speed=0.8) for k in range(200))]
 
         alone = {"type": "ApproachPoint", "speed": 0.5}
         held = alone

@@ -86,7 +86,7 @@ def test_it_says_which_clearance_it_wants() -> None:
 
 def test_a_state_without_a_wall_wants_no_clearance() -> None:
     policy = load_policy("gate_scurve")
-    for _ in range(2):
+    for _ in range(3):
         policy.act(observation(1, gate_id=0, gate_x=3.0, gate_age=0.05))
     assert policy.active_states == ["gate"]
     assert np.isnan(policy.wanted_clearance).all()
@@ -96,7 +96,8 @@ def test_the_trace_tells_of_the_first_car() -> None:
     fired = []
     policy = load_policy("gate", fired.append)
     policy.reset(2)
-    policy.act(observation(2, gate_id=0, gate_x=3.0, gate_age=0.05))
+    for _ in range(2):
+        policy.act(observation(2, gate_id=0, gate_x=3.0, gate_age=0.05))
     assert [transit.transition for transit in fired] == ["gate seen, follow"]
 
 

@@ -27,7 +27,7 @@ def approach(
     seen = {"gate_id": 0.0, "gate_age": 0.0}
     for k in range(2000):
         x, y, heading = relative(pose, gate)
-        new = {**seen, "gate_x": x, "gate_y": y, "gate_heading": heading} if k == 0 or (see and k % 5 == 0) else {}
+        new = {**seen, "gate_x": x, "gate_y": y, "gate_heading": heading} if k < 2 or (see and k % 5 == 0) else {}
         steering, _ = bench.tick(distance=driven, speed=speed, steering=steering, **new)
         if getattr(bench.machine.active, "finished", False):
             break
@@ -70,9 +70,9 @@ class TestSCurve:
         bench = one_state(type="SCurve", before=0.5, straight=0.0, throttle=0.3)
         bench.tick()
         bench.machine.active.set_target(bench.estimate, (3.0, 0.5, 0.0), gate=2)
-        bench.tick(gate_id=2, gate_x=3.0, gate_y=0.4, gate_age=0.0)
+        bench.see(gate_id=2, gate_x=3.0, gate_y=0.4, gate_age=0.0)
         assert bench.machine.active.target == pytest.approx((2.5, 0.4, 0.0))
-        bench.tick(gate_id=3, gate_x=5.0, gate_y=0.0, gate_age=0.0)
+        bench.see(gate_id=3, gate_x=5.0, gate_y=0.0, gate_age=0.0)
         assert bench.machine.active.target == pytest.approx((2.5, 0.4, 0.0))
 
 

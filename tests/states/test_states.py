@@ -39,9 +39,9 @@ class TestApproachPoint:
         bench = one_state(type="ApproachPoint", before=1.0, throttle=0.3)
         bench.tick()
         bench.machine.active.set_target(bench.estimate, (3.0, 0.5, 0.0), gate=2)
-        bench.tick(gate_id=2, gate_x=3.0, gate_y=0.4, gate_age=0.0)
+        bench.see(gate_id=2, gate_x=3.0, gate_y=0.4, gate_age=0.0)
         assert bench.machine.active.point == pytest.approx((2.0, 0.4, 0.0))
-        bench.tick(gate_id=3, gate_x=5.0, gate_y=0.0, gate_age=0.0)
+        bench.see(gate_id=3, gate_x=5.0, gate_y=0.0, gate_age=0.0)
         assert bench.machine.active.point == pytest.approx((2.0, 0.4, 0.0))
 
     def test_on_the_axis_of_its_gate_it_goes_straight(self) -> None:
@@ -54,8 +54,24 @@ class TestApproachPoint:
 class TestArucoGateCenter:
     @staticmethod
     def center(**gate: float) -> Bench:
-        bench = two_states({"type": "Finished"}, {"type": "ArucoGateCenter", "throttle": 0.3, "tolerance_deg": 4.0})
-        bench.out = bench.tick(distance=0.0, gate_id=0, gate_age=0.0, **gate)  # type: ignore[attr-defined]
+        """State "a" begins with a gate in view, and ends in "b"."""
+        bench = Bench(
+            {
+                "root": "look",
+                "states": [
+                    {"id": "look", "type": "Stop"},
+                    {"id": "a", "type": "ArucoGateCenter", "throttle": 0.3, "tolerance_deg": 4.0},
+                    {"id": "b", "type": "Stop", "final": True},
+                ],
+                "transitions": [
+                    {"id": "seen", "from": "look", "to": "a", "type": "ArucoGateFound", "hand_over": False},
+                    {"id": "t", "from": "a", "to": "b", "type": "Finished"},
+                ],
+            }
+        )
+        seen = {"distance": 0.0, "gate_id": 0.0, "gate_age": 0.0, **gate}
+        bench.see(**seen)
+        bench.out = bench.tick(**seen)  # type: ignore[attr-defined]
         return bench
 
     @pytest.mark.parametrize("side", [1.0, -1.0])

@@ -13,6 +13,7 @@ from tral_env.course.frames import Frame, place_segments
 from tral_env.course.furniture import FRAME_WIDTH
 from tral_env.course.geometry import build_plan, overlap_problems
 from tral_env.course.layout import Course
+from tral_env.course.markers import STRONG_GATES
 from tral_env.course.overlap import level_half
 from tral_env.course.plan import Plan
 from tral_env.errors import ConfigError, CourseError, nearest
@@ -258,13 +259,13 @@ def _gate_at_opening(rng: np.random.Generator) -> Draft:
 
 
 def _draw_gates(
-    rng: np.random.Generator, begin: float, end: float, width: float, count: int, first_id: int
+    rng: np.random.Generator, begin: float, end: float, width: float, count: int, first: int
 ) -> Iterator[Draft]:
     for k, at in enumerate(_places(rng, begin, end, count, GATES_APART)):
         inner = _uniform(rng, 0.6, min(1.2, width - 2 * BOARD_ROOM))
         room = (width - inner) / 2 - BOARD_ROOM
         yield {
-            "id": first_id + k,
+            "id": STRONG_GATES[first + k],
             "at": at,
             "offset": _uniform(rng, -room, room),
             "width": inner,

@@ -52,9 +52,16 @@ class MarkerPoses:
 class Detector:
     """Finds the markers of DICT_4X4_50, corners refined to fractions of a pixel."""
 
-    def __init__(self) -> None:
+    def __init__(self, valid_bit_threshold: float = 0.49) -> None:
+        """Take the detector of OpenCV.
+
+        Args:
+            valid_bit_threshold: share of a cell's pixels that may have the wrong colour, `validBitIdThreshold` of
+                OpenCV, whose default stays: a stricter one misses real markers, benchmarks/false_sightings.py.
+        """
         parameters = cv2.aruco.DetectorParameters()
         parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+        parameters.validBitIdThreshold = valid_bit_threshold
         self._detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(DICTIONARY), parameters)
 
     def detect(self, image: NDArray[np.uint8]) -> MarkerCorners:

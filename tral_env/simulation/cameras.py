@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from tral_env.course.plan import Plan
 from tral_env.perception.camera_pipeline import CameraPipeline
+from tral_env.perception.false_sightings import FalseSightings
 from tral_env.simulation.parameters import CarParameters
 from tral_env.simulation.physics import Physics
 from tral_env.simulation.truth import GroundTruth
@@ -24,12 +25,14 @@ class Cameras:
         n: int,
         rate_hz: float,
         vision: Vision,
+        false_sightings: FalseSightings,
         physics: Physics,
         truth: GroundTruth,
         parameters: CarParameters,
     ) -> None:
         """Nothing seen yet."""
         self.vision = vision
+        self._false_sightings = false_sightings
         self._pipeline = CameraPipeline(n, rate_hz)
         self._physics, self._truth, self._parameters = physics, truth, parameters
         self.exposures = np.zeros(n, np.int64)
@@ -45,6 +48,9 @@ class Cameras:
     def reset(self, rows: Index) -> None:
         """Forget what cars (k,) saw, and let them look."""
         self.exposures[rows] = 0
+        for row in rows.tolist():
+            rate = float(self._parameters.drawn["false_sighting_rate"][row])
+            self._false_sightings.reset(row, rate, int(self.image_seeds[row]))
         self._pipeline.reset(rows, self._parameters.drawn["camera_latency_s"][rows])
         self.update(rows)
 
@@ -54,6 +60,7 @@ class Cameras:
         rows = self._pipeline.trigger(moving, time_s)
         if len(rows):
             seen = self.vision.see(rows, self._truth.pose[rows], self._physics.qpos[rows], self.mounting(rows))
+            self._false_sightings.add(rows, seen)
             self._pipeline.expose(rows, time_s, seen)
             self.exposures[rows] += 1
         self._pipeline.deliver(time_s)

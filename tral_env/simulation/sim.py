@@ -18,6 +18,7 @@ from tral_env.errors import ConfigError
 from tral_env.interface import STEERING, THROTTLE, Layout
 from tral_env.noise import NoiseTape
 from tral_env.perception.degrade import ImageCorruption
+from tral_env.perception.false_sightings import FalseSightings
 from tral_env.sensors.extras import Extras
 from tral_env.simulation.actuators import Actuators
 from tral_env.simulation.cameras import Cameras
@@ -76,7 +77,10 @@ class Simulation:
         self.sonars = Sonars(n, sonar, self.physics, self.truth, self.car_parameters, noise)
         self.extras = Extras(n, layout, noise)
         vision = self._vision(camera, image_faults)
-        self.cameras = Cameras(n, self.lens.rate_hz, vision, self.physics, self.truth, self.car_parameters)
+        false_sightings = FalseSightings(n, self.lens, self.car)
+        self.cameras = Cameras(
+            n, self.lens.rate_hz, vision, false_sightings, self.physics, self.truth, self.car_parameters
+        )
         self._share_arrays()
 
     def _vision(self, camera: str, image_faults: ImageCorruption | None) -> Vision:

@@ -10,7 +10,7 @@ from pydantic import Field
 from tral_fsm.conditions.base import Condition
 from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.validated import MarkerId, quantity
-from tral_fsm.estimation.detections import Detection
+from tral_fsm.estimation.detections import MIN_SUPPORT, Detection
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import State
 
@@ -22,6 +22,9 @@ class DetectionSpec(ConditionSpec):
     """Base of the specs of conditions that fire when the camera sees something."""
 
     ids: tuple[MarkerId, ...] = Field((), description="fires only for these ids; empty: for any", strict=False)
+    readings: int = Field(
+        MIN_SUPPORT, description="number of images in a row that must agree on the place", ge=MIN_SUPPORT, le=100
+    )
     max_age: float = quantity(0.25, "s", "largest age of the detection", gt=0.0, le=10.0)
     max_distance: float = quantity(6.0, "m", "largest distance", gt=0.0, le=20.0)
     max_ahead: float = quantity(20.0, "m", "largest distance ahead, by dead reckoning", gt=0.0, le=20.0)
@@ -47,7 +50,7 @@ class Seen(Condition[G]):
     def triggered(self, estimate: CarEstimate) -> bool:
         """Whether the detection is ahead, near and fresh enough."""
         spec, seen = self.spec, self.detection(estimate)
-        if seen.id < 0 or seen.age > spec.max_age or (spec.ids and seen.id not in spec.ids):
+        if seen.support < spec.readings or seen.age > spec.max_age or (spec.ids and seen.id not in spec.ids):
             return False
         x, y, _ = estimate.seen_from_here(seen)
         near = 0.0 < x <= spec.max_ahead and math.hypot(x, y) <= spec.max_distance
@@ -57,7 +60,8 @@ class Seen(Condition[G]):
         """Id, place and age of the detection."""
         seen = self.detection(estimate)
         x, y, heading = estimate.seen_from_here(seen)
-        return f"id {seen.id} at {x:.2f}, {y:+.2f} m, {math.degrees(heading):+.0f} deg, {seen.age:.2f} s old"
+        place = f"id {seen.id} at {x:.2f}, {y:+.2f} m, {math.degrees(heading):+.0f} deg"
+        return f"{place}, {seen.age:.2f} s old, {seen.support} images agree"
 
 
 class ArucoGateFoundSpec(DetectionSpec):

@@ -9,7 +9,7 @@ from tral_env.geometry import MARKER_BOARD_WIDTH_M
 from tral_env.interface import CONTROL_PERIOD_S
 from tral_fsm.control.command import IDLE, Command
 from tral_fsm.control.laws import clip
-from tral_fsm.estimation.detections import NOTHING, Detection
+from tral_fsm.estimation.detections import MIN_SUPPORT, NOTHING, Agreement, Detection
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.estimation.front_obstacle import FrontObstacleTracker
 from tral_fsm.estimation.gate_memory import GateMemory
@@ -27,6 +27,11 @@ _NEAR_GATE_M, _GATE_ANGLE = 2.0, math.radians(22.0)
 much for the camera."""
 _FRESH_S = 0.5
 """A gate seen so lately is where it was seen from the car, wherever walls say that the car points."""
+_WALLS_REACH_M = 2.5
+"""Walls that are heard beside the car go on so far, m. Source: choice."""
+_WALL_MARGIN_M = 0.25
+"""The middle of a gate may lie so far behind a wall, by its range from a side ultrasonic, m. Source: choice: 0.1 m from
+the car's middle to an ultrasonic, and the error of a guess."""
 _QUARTER = math.pi / 2.0
 
 
@@ -52,6 +57,7 @@ class Estimator:
         self._left, self._front, self._right = Sonar(), Sonar(), Sonar()
         self._front_obstacle = FrontObstacleTracker()
         self._gate_age = self._marker_age = NOTHING.age
+        self._gate_agreement, self._marker_agreement = Agreement(), Agreement()
         self._marker = NOTHING
         self._walls_now = self.walls.left.estimate, self.walls.right.estimate, self.walls.sure
 
@@ -78,7 +84,7 @@ class Estimator:
             self._find_walls(left, right)
         if front.new:
             self._front_obstacle.update(front.range, readings.distance, self.odometry.arc_length)
-        self._see(readings)
+        self._see(readings, time)
         return self._estimate(readings, time, left, front, right)
 
     def _estimate(
@@ -127,7 +133,7 @@ class Estimator:
             return  # a post is no wall
         along = odometry.yaw - less_quarters(odometry.yaw - self._corridor_yaw)
         turn, trim, gain = walls.update(wall, range_m, odometry.sample(pose), along)
-        if walls.direction_known and self._gate_age > _FRESH_S:
+        if walls.direction_known and self.gates.nearest.age > _FRESH_S:
             # What has drifted is the car's heading: so points that states remember stay where they are.
             odometry.yaw += turn
         else:
@@ -139,46 +145,58 @@ class Estimator:
         self.steering_offset = clip(self.steering_offset + trim, _MAX_TRIM)
         self.steering_gain = 1.0 + clip(self.steering_gain + gain - 1.0, _MAX_GAIN_ERROR)
 
-    def _see(self, readings: Readings) -> None:
-        """Bring what the camera has seen into the frame of dead reckoning."""
+    def _see(self, readings: Readings, time: float) -> None:
+        """Bring what the camera has seen into the frame of dead reckoning; images that disagree change nothing."""
         gates = self.gates
-        age, before = readings.gate_age, self._gate_age
-        self._gate_age = age
-        new_gate = readings.gate_id >= 0.0 and is_new(age, before)
-        if new_gate:
-            self._see_gate(readings)
-        elif gates.nearest.id >= 0:
-            gates.nearest = gates.nearest.aged(age)
-        age, before = readings.marker_age, self._marker_age
-        self._marker_age = age
-        new_marker = readings.marker_id >= 0.0 and is_new(age, before)
-        if new_marker:
+        gate = marker = NOTHING
+        if readings.gate_id >= 0.0 and is_new(readings.gate_age, self._gate_age):
+            seen = readings.gate_x, readings.gate_y, readings.gate_heading
+            gate = self._detection(self._gate_agreement, int(readings.gate_id), seen, readings.gate_age, time)
+        if readings.marker_id >= 0.0 and is_new(readings.marker_age, self._marker_age):
             seen = readings.marker_x, readings.marker_y, readings.marker_heading
-            self._marker = self._placed(int(readings.marker_id), seen, age)
+            marker = self._detection(self._marker_agreement, int(readings.marker_id), seen, readings.marker_age, time)
+        self._gate_age, self._marker_age = readings.gate_age, readings.marker_age
+        if gate.new:
+            self._see_gate(gate)
+        elif gates.nearest.id >= 0:
+            gates.nearest = gates.nearest.older()
+        if marker.new:
+            self._marker = marker
         elif self._marker.id >= 0:
-            self._marker = self._marker.aged(age)
-        if new_gate and new_marker and self._marker.id // 2 == gates.nearest.id:
-            half = math.hypot(readings.gate_x - readings.marker_x, readings.gate_y - readings.marker_y)
+            self._marker = self._marker.older()
+        if gate.new and marker.new and marker.id // 2 == gate.id:
+            half = math.hypot(gate.x - marker.x, gate.y - marker.y)
             gates.measure_opening(2.0 * half - MARKER_BOARD_WIDTH_M)
-        if gates.guess_from(self._marker, self.odometry.yaw):
+        if gates.guess_from(self._marker, self.odometry.yaw, self._behind_wall):
             self._follow_axis(gates.guess)
         gates.follow()
 
-    def _placed(self, number: int, seen: tuple[float, float, float], age: float) -> Detection:
-        """A new detection, placed from where the car was when its image was exposed."""
+    def _detection(
+        self, agreement: Agreement, number: int, seen: tuple[float, float, float], age: float, time: float
+    ) -> Detection:
+        """What a new image shows, placed from where the car was at its exposure; nothing until images agree."""
         px, py, yaw = self.odometry.pose_before(age)
         x, y, heading = seen
         cos, sin = math.cos(yaw), math.sin(yaw)
-        return Detection(number, px + cos * x - sin * y, py + sin * x + cos * y, yaw + heading, age, True)
+        placed = Detection(number, px + cos * x - sin * y, py + sin * x + cos * y, yaw + heading, age, True)
+        judged = agreement.judge(placed, time - age, math.hypot(x, y))
+        return judged if judged.support >= MIN_SUPPORT else NOTHING
 
-    def _see_gate(self, readings: Readings) -> None:
+    def _behind_wall(self, x: float, y: float) -> bool:
+        """Whether a wall that the car hears beside it stands between it and a near place x, y [m]."""
+        odometry, (left, right, _) = self.odometry, self._walls_now
+        if not self.walls.direction_known or math.hypot(x - odometry.x, y - odometry.y) > _WALLS_REACH_M:
+            return False
+        along = odometry.yaw - less_quarters(odometry.yaw - self._corridor_yaw)
+        return any(wall.range_from(x, y, along) < -_WALL_MARGIN_M for wall in (left, right))
+
+    def _see_gate(self, seen: Detection) -> None:
         """Let a new detection of a gate correct what earlier ones told of it, and learn offset and gain from it."""
-        number, age = int(readings.gate_id), readings.gate_age
-        seen = self._placed(number, (readings.gate_x, readings.gate_y, readings.gate_heading), age)
-        sample = self.odometry.sample(self.odometry.pose_before(age))
+        number = seen.id
+        sample = self.odometry.sample(self.odometry.pose_before(seen.age))
         known = self.gates.was_seen(number)
         self._correct_steering(*self.gates.correct(seen, sample, self.walls.trim_sigma))
-        if known:  # one detection alone may be wrong
+        if known:  # the axis of the first one alone may be wrong
             self._follow_axis(self.gates.nearest)
 
     def _follow_axis(self, gate: Detection) -> None:

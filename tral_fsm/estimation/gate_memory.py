@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
-from tral_env.interface import CONTROL_PERIOD_S, GATE_MARKER_IDS, MAX_AGE_S
+from tral_env.interface import GATE_MARKER_IDS
 from tral_env.se2 import wrap
 from tral_fsm.estimation.detections import NOTHING, Detection
 from tral_fsm.estimation.gate_tracker import GateTracker
@@ -41,7 +42,7 @@ class GateMemory:
         target = self.target
         if target.id < 0:
             return
-        self.target = target.aged(min(target.age + CONTROL_PERIOD_S, MAX_AGE_S))
+        self.target = target.older()
         for seen in (self.nearest, self.guess):
             if seen.new and seen.id == target.id:
                 self.target = seen
@@ -77,8 +78,13 @@ class GateMemory:
         tracker.opening = opening if math.isnan(known) else known + _OPENING_GAIN * (opening - known)
         self.nearest = self.nearest._replace(opening=tracker.opening)
 
-    def guess_from(self, marker: Detection, yaw: float) -> bool:
+    def guess_from(self, marker: Detection, yaw: float, behind_wall: Callable[[float, float], bool]) -> bool:
         """Guess from a marker where the gate is whose other marker is out of view; a car's yaw [rad] tells its side.
+
+        Args:
+            marker: the nearest one in view.
+            yaw: of the car, rad.
+            behind_wall: whether a place x, y [m] lies behind a wall, where no gate is.
 
         Returns:
             Whether there is a new guess of a gate that was never seen whole.
@@ -91,10 +97,10 @@ class GateMemory:
         )
         if not is_post:
             if self.guess.id >= 0:
-                self.guess = self.guess.aged(min(self.guess.age + CONTROL_PERIOD_S, MAX_AGE_S))
+                self.guess = self.guess.older()
             return False
         gate, is_right = divmod(marker.id, 2)
-        guess = Detection(gate, age=marker.age, new=True)
+        guess = Detection(gate, age=marker.age, new=True, support=marker.support)
         tracker = self._trackers.get(gate)
         if tracker is not None:
             self.guess = _recalled(guess, tracker)
@@ -102,6 +108,9 @@ class GateMemory:
         left = _HALF_GATE_M if is_right else -_HALF_GATE_M
         x = marker.x - left * math.sin(marker.heading)
         y = marker.y + left * math.cos(marker.heading)
+        if behind_wall(x, y):
+            self.guess = self.guess.older()
+            return False
         self.guess = guess.placed(x, y, marker.heading)
         return True
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tral_env.course.generate import generate_plan
 from tral_env.course.scene import Pool
 from tral_env.randomization import level, makes_hard_courses
-from tral_env.world import CorridorConfig, Drawn, Step, World
+from tral_env.world import CorridorConfig, Drawn, Step, World, car_stream
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
 from tral_fsm.evaluation.loop import DriveLoop, Index, Observer, Pair, row_info
@@ -108,7 +108,8 @@ class BatchRunner:
         if key not in self._drawn:
             rng = seeding.np_random(request.seed)[0]
             course, plan = generate_plan(request.scenario, rng, hard=self._hard)
-            self._drawn[key] = Drawn(course, plan, self._randomization.draw(rng)), rng
+            own = car_stream(rng)
+            self._drawn[key] = Drawn(course, plan, self._randomization.draw(own)), own
         drawn, rng = self._drawn[key]
         return drawn, copy.deepcopy(rng)
 
