@@ -43,6 +43,31 @@ class TestWalls:
         assert wall.estimate.known
         assert wall.range == pytest.approx(0.81)
 
+    @pytest.mark.parametrize("place", [0.4, 1.0, 1.6])
+    def test_so_is_its_new_place_wherever_it_is(self, place: float) -> None:
+        walls = settled()
+        for k in range(2):
+            walls.update(walls.left, place, at(1.04 + 0.04 * k), 0.0)
+            assert walls.left.range != pytest.approx(place)
+        walls.update(walls.left, place, at(1.12), 0.0)
+        assert walls.left.range == pytest.approx(place)
+
+    def test_a_wall_beyond_an_opening_is_one_from_the_reading_after_those_that_find_it(self) -> None:
+        walls = settled()
+        lost = []
+        for k in range(4):
+            walls.update(walls.left, 1.6, at(1.04 + 0.04 * k), 0.0)
+            lost.append(walls.left.lost)
+        assert lost == [1, 2, 3, 0]
+
+    def test_the_place_of_a_wall_that_is_gone_moves_with_the_car(self) -> None:
+        # the wall ends 0.8 m to the left; the car comes 0.3 m nearer, then hears one that is 0.5 m farther than it was
+        walls = settled()
+        for k in range(2):
+            walls.update(walls.left, 6.0, at(1.04 + 0.04 * k), 0.0)
+        walls.update(walls.left, 1.0, at(1.12, 0.3), 0.0)
+        assert walls.left.lost == 3
+
     def test_a_wrong_reading_moves_nothing(self) -> None:
         walls = settled()
         assert walls.update(walls.left, 0.5, at(1.04), 0.0) == NO_CORRECTION
