@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 from tral_env.geometry import FULL_LOCK, TRACK_M, WHEELBASE_M, curvature, steering_play
 from tral_env.interface import CONTROL_PERIOD_S
-from tral_env.se2 import Pose
 from tral_fsm.control.laws import clip
 from tral_fsm.control.speed import STANDING_MPS
 from tral_fsm.estimation.readings import Readings
@@ -29,7 +28,7 @@ GAIN_SIGMA = 0.08
 """Standard deviation of the steering gain before anything is known. Source: choice, between the levels of
 randomization."""
 _HISTORY_TICKS = 128
-"""Poses kept for late camera images: 1.6 s."""
+"""Samples kept for late camera images: 1.6 s."""
 _SERVO_LAG_S = 0.06
 """Time constant of the servo. Source: choice."""
 _LAG_PER_TICK = CONTROL_PERIOD_S / _SERVO_LAG_S
@@ -74,7 +73,7 @@ class OdometrySample(NamedTuple):
         return (
             _HEADING_WALK**2 * abs(self.arc_length - before.arc_length)
             + (_TURN_ERROR * (self.heading_change - before.heading_change)) ** 2
-            + _TICK_ERROR_M * (self.curvature_sq_integral - before.curvature_sq_integral)
+            + _TICK_ERROR_M * abs(self.curvature_sq_integral - before.curvature_sq_integral)
             + (_LAG_ERROR * (self.lag_heading_change - before.lag_heading_change)) ** 2
         )
 
@@ -111,7 +110,8 @@ class Odometry:
         self.wheel = 0.0
         """Where the wheels are, in units of steering, trim included."""
         self._distance = math.nan
-        self._history: deque[Pose] = deque(maxlen=_HISTORY_TICKS)
+        self._history: deque[tuple[float, ...]] = deque(maxlen=_HISTORY_TICKS)
+        """The fields of `OdometrySample` tick by tick."""
 
     def update(self, readings: Readings, offset: float, gain: float) -> None:
         """Move the pose by the way of a tick.
@@ -132,7 +132,18 @@ class Odometry:
             self.direction = -1.0 if readings.throttle < 0.0 else 1.0
         if step > 0.0:  # also false for NaN, at the first tick
             self._advance(step, lag, gain * curvature(self.wheel - offset))
-        self._history.append((self.x, self.y, self.yaw))
+        self._history.append(
+            (
+                self.x,
+                self.y,
+                self.yaw,
+                self.arc_length,
+                self.heading_change,
+                self.curvature_sq_integral,
+                self.lag_heading_change,
+                self.steering_travel,
+            )
+        )
 
     def _advance(self, step: float, lag: float, path_curvature: float) -> None:
         """Move the pose by a way [m] of the hall sensor on a circle of a curvature [1/m]."""
@@ -148,18 +159,7 @@ class Odometry:
         self.heading_change += turn
         self.curvature_sq_integral += abs(step) * path_curvature * path_curvature
 
-    def pose_before(self, age: float) -> Pose:
-        """Pose some seconds ago."""
+    def sample_before(self, age: float) -> OdometrySample:
+        """Where the car was some seconds ago."""
         back = min(int(age / CONTROL_PERIOD_S + 0.5), len(self._history) - 1)
-        return self._history[-1 - back]
-
-    def sample(self, pose: Pose) -> OdometrySample:
-        """A pose of a moment ago with the sums so far."""
-        return OdometrySample(
-            *pose,
-            self.arc_length,
-            self.heading_change,
-            self.curvature_sq_integral,
-            self.lag_heading_change,
-            self.steering_travel,
-        )
+        return OdometrySample(*self._history[-1 - back])
