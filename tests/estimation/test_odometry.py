@@ -6,6 +6,7 @@ import pytest
 from readings import Feed, one_state
 
 from tral_env.geometry import TRACK_M, curvature
+from tral_env.se2 import relative
 from tral_fsm.estimation.odometry import Odometry, OdometrySample
 from tral_fsm.estimation.readings import Readings
 
@@ -114,3 +115,34 @@ def test_doubt_about_turns_grows_in_reverse_too() -> None:
     assert bench.estimate.arc_length < 0.0
     assert doubts == sorted(doubts)
     assert doubts[-1] > 0.1
+
+
+class TestCorrectHeading:
+    """A heading that was wrong at a place turns the way to it and from it about that place."""
+
+    def test_the_place_stays_and_what_came_after_turns_about_it(self) -> None:
+        car = Car(0.5)
+        car.drive(0.4, 40)
+        then = car.odometry.sample_before(8 * TICK_S)
+        now = car.odometry.sample_before(0.0)
+        car.odometry.correct_heading(0.1, then.x, then.y)
+        corrected = car.odometry.sample_before(8 * TICK_S)
+        assert corrected == pytest.approx(then._replace(yaw=then.yaw + 0.1))
+        assert relative(corrected[:3], car.odometry.sample_before(0.0)[:3]) == pytest.approx(
+            relative(then[:3], now[:3])
+        )
+        here = car.odometry.x, car.odometry.y, car.odometry.yaw
+        assert here == car.odometry.sample_before(0.0)[:3]
+
+    def test_the_way_goes_on_in_the_corrected_direction(self) -> None:
+        car = Car()
+        car.drive(1.0, 80)
+        car.odometry.correct_heading(math.pi / 2.0, 1.0, 0.0)
+        assert car.drive(0.5, 40)[:3] == pytest.approx((1.0, 0.5, math.pi / 2.0))
+
+    def test_corrections_add_up(self) -> None:
+        car = Car(0.3)
+        for turn in (0.1, -0.3, 0.2):
+            car.drive(0.2, 20)
+            car.odometry.correct_heading(turn, car.odometry.x, car.odometry.y)
+        assert car.odometry.yaw == pytest.approx(car.odometry.heading_change)

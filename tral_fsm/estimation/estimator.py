@@ -138,7 +138,8 @@ class Estimator:
             self._corridor_yaw -= turn
         elif turn != 0.0:
             # What has drifted is the car's heading: so points that states remember stay where they are.
-            odometry.yaw += turn
+            odometry.correct_heading(turn, sample.x, sample.y)
+            walls.correct_heading(turn)
         self._correct_steering(trim, gain)
 
     def _correct_steering(self, trim: float, gain: float) -> None:

@@ -136,14 +136,16 @@ class Wall:
         return self._readings >= _MIN_STEADY
 
     def predict(self, x: float, y: float, along: float) -> None:
-        """Move to the place of a new reading."""
-        if math.isnan(self._x):
-            self._x, self._y = x, y
-            return
-        nearer = self.sign * (math.cos(along) * (y - self._y) - math.sin(along) * (x - self._x))
-        self.range -= nearer
-        self._candidate -= nearer
-        self._gone -= nearer
+        """Move to the place x, y [m] of the ultrasonic at a new reading, in a corridor of direction `along` [rad]."""
+        if not math.isnan(self._x):
+            nearer = self.sign * (math.cos(along) * (y - self._y) - math.sin(along) * (x - self._x))
+            self.range -= nearer
+            self._candidate -= nearer
+            self._gone -= nearer
+        self.put(x, y)
+
+    def put(self, x: float, y: float) -> None:
+        """The ultrasonic was at x, y [m] at the last reading."""
         self._x, self._y = x, y
 
     def accept(self, reading: float, S: Array) -> bool:
@@ -270,7 +272,8 @@ class WallFilter:
             return NO_CORRECTION
         x = sample.x + SIDE_SONAR_X_M * math.cos(sample.yaw)
         y = sample.y + SIDE_SONAR_X_M * math.sin(sample.yaw)
-        wall.predict(x, y, along)
+        self.left.predict(x, y, along)
+        self.right.predict(x, y, along)
         side, H = (_LEFT, _H_LEFT) if wall is self.left else (_RIGHT, _H_RIGHT)
         moved = wall.moved
         PH, S = kalman.innovation(self.P, H, _R)
@@ -284,6 +287,14 @@ class WallFilter:
         if abs(self._slip) > _MAX_SLIP_M:
             self.doubt_direction()
         return NO_CORRECTION
+
+    def correct_heading(self, turn: float) -> None:
+        """The car's heading at the last reading was wrong by a turn [rad], which no range tells of that reading."""
+        sample = self._sample = self._sample._replace(yaw=self._sample.yaw + turn)
+        x = sample.x + SIDE_SONAR_X_M * math.cos(sample.yaw)
+        y = sample.y + SIDE_SONAR_X_M * math.sin(sample.yaw)
+        self.left.put(x, y)
+        self.right.put(x, y)
 
     def _predict(self, sample: OdometrySample, slant: float) -> None:
         """Let the doubt grow with the way to a sample, driven at a slant (sine) to the corridor."""
