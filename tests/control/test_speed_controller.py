@@ -84,3 +84,21 @@ class TestStallRelease:
     def test_one_tick_in_which_the_car_moves_begins_the_count_anew(self, moved: float, released: bool) -> None:
         got = self.throttles(Command(throttle=-0.3), [0.0] * 79 + [moved] + [0.0])
         assert (got[80] == 0.0) is released
+
+    @pytest.mark.parametrize("between", [Command(speed=0.0, throttle=0.0), Command(throttle=0.2), IDLE])
+    def test_a_start_after_a_stop_is_like_the_first_start(self, between: Command) -> None:
+        controller, fresh = SpeedController(), SpeedController()
+        for _ in range(80):
+            controller.throttle(Command(speed=0.528), 0.0)
+        for _ in range(800):
+            controller.throttle(between, 0.0)
+        again, first = ([each.throttle(Command(speed=0.528), 0.0) for _ in range(98)] for each in (controller, fresh))
+        assert again == first
+        assert again[0] > 0.0
+
+    def test_backing_up_forgets_the_integral_too(self) -> None:
+        controller = SpeedController()
+        for _ in range(40):
+            controller.throttle(Command(speed=0.528), 0.0)
+        controller.throttle(Command(throttle=-0.3), 0.3)
+        assert controller.throttle(Command(speed=0.528), 0.0) == pytest.approx(self.AT_ONCE + self.A_TICK)

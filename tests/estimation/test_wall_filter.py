@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tral_env.geometry import SIDE_SONAR_X_M
 from tral_fsm.estimation.odometry import CURVATURE_PER_STEERING, OdometrySample
 from tral_fsm.estimation.wall_filter import NO_CORRECTION, Wall, WallFilter
 
@@ -42,6 +43,31 @@ class TestWalls:
         wall.accept(0.82, CERTAIN)
         assert wall.estimate.known
         assert wall.range == pytest.approx(0.81)
+
+    @pytest.mark.parametrize("place", [0.4, 1.0, 1.6])
+    def test_so_is_its_new_place_wherever_it_is(self, place: float) -> None:
+        walls = settled()
+        for k in range(2):
+            walls.update(walls.left, place, at(1.04 + 0.04 * k), 0.0)
+            assert walls.left.range != pytest.approx(place)
+        walls.update(walls.left, place, at(1.12), 0.0)
+        assert walls.left.range == pytest.approx(place)
+
+    def test_a_wall_beyond_an_opening_is_one_from_the_reading_after_those_that_find_it(self) -> None:
+        walls = settled()
+        lost = []
+        for k in range(4):
+            walls.update(walls.left, 1.6, at(1.04 + 0.04 * k), 0.0)
+            lost.append(walls.left.lost)
+        assert lost == [1, 2, 3, 0]
+
+    def test_the_place_of_a_wall_that_is_gone_moves_with_the_car(self) -> None:
+        # the wall ends 0.8 m to the left; the car comes 0.3 m nearer, then hears one that is 0.5 m farther than it was
+        walls = settled()
+        for k in range(2):
+            walls.update(walls.left, 6.0, at(1.04 + 0.04 * k), 0.0)
+        walls.update(walls.left, 1.0, at(1.12, 0.3), 0.0)
+        assert walls.left.lost == 3
 
     def test_a_wrong_reading_moves_nothing(self) -> None:
         walls = settled()
@@ -103,6 +129,23 @@ class TestWalls:
             for wall, start in ((walls.left, 0.8), (walls.right, 1.0)):
                 along -= walls.update(wall, start - wall.sign * slope * s, at(s), along).heading
         assert math.degrees(-along) == pytest.approx(degrees, abs=0.7)
+
+    @given(degrees=st.floats(-2.5, 2.5))
+    def test_a_corrected_heading_moves_no_range_at_its_place(self, degrees: float) -> None:
+        walls, turn, b = settled(), math.radians(degrees), SIDE_SONAR_X_M
+        walls.update(walls.left, 0.8, at(1.04, yaw=0.1), 0.0)
+        ranges = walls.left.range, walls.right.range
+        walls.correct_heading(turn)
+        x, y = 1.04 + b * math.cos(0.1 + turn), b * math.sin(0.1 + turn)
+        for wall, range_m in zip((walls.left, walls.right), ranges, strict=True):
+            assert wall.estimate.range_from(x, y, 0.0) == pytest.approx(range_m, abs=1e-12)
+
+    @given(degrees=st.floats(-2.5, 2.5))
+    def test_after_a_corrected_heading_the_next_range_is_foretold(self, degrees: float) -> None:
+        walls, turn = settled(), math.radians(degrees)
+        walls.correct_heading(turn)
+        x, y = 0.96 + 0.04 * math.cos(turn), 0.04 * math.sin(turn)
+        assert walls.update(walls.left, 0.8 - y, at(x, y, turn), 0.0) == pytest.approx(NO_CORRECTION, abs=1e-9)
 
     @given(fault=st.floats(-0.12, 0.12))
     def test_a_wrong_trim_is_learnt_within_three_metres(self, fault: float) -> None:

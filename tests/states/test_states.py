@@ -139,6 +139,15 @@ class TestStopAndIdle:
         assert bench.tick(speed=0.5, throttle=-0.3) == (0.0, 0.3)
         assert bench.tick(speed=0.5, throttle=0.3) == (0.0, 0.3)
 
+    def test_stop_keeps_the_car_straight_and_idle_leaves_the_servo_in_neutral(self) -> None:
+        steering = {}
+        for kind in ("Stop", "Idle"):
+            near = {"type": "SensorLevel", "sensor": "front", "below": 0.5}
+            bench = two_states(near, {"type": "Motor", "throttle": 0.2, "steering_trim": 0.1}, {"type": kind})
+            bench.tick(front=0.4)
+            steering[kind] = bench.tick(speed=1.0)[0]
+        assert steering == {"Stop": 0.1, "Idle": 0.0}
+
     def test_idle_does_nothing(self) -> None:
         assert one_state(type="Idle").tick(speed=1.0, left=0.1, front=0.1) == (0.0, 0.0)
 

@@ -56,19 +56,20 @@ class SpeedController:
         self._stalled_ticks = 0
 
     def throttle(self, command: Command, speed: float) -> float:
-        """Throttle of one tick.
+        """Throttle of one tick; where the speed is not regulated, what the regulator has summed up is forgotten.
 
         Args:
             command: what the state wants.
             speed: from the hall sensor, m/s.
         """
-        if command.throttle is not None:
-            own = command.speed is not None
-            return command.throttle if own or command.throttle >= 0.0 else self._released(command.throttle, speed)
-        if command.speed is None:
-            return 0.0
-        throttle, self._integral = speed_control(command.speed, speed, self._integral)
-        return self._released(throttle, speed)
+        if command.throttle is None and command.speed is not None:
+            throttle, self._integral = speed_control(command.speed, speed, self._integral)
+            return self._released(throttle, speed)
+        self._integral = 0.0
+        if command.throttle is not None and command.throttle < 0.0 and command.speed is None:
+            return self._released(command.throttle, speed)
+        self._stalled_ticks = 0
+        return command.throttle or 0.0
 
     def _released(self, throttle: float, speed: float) -> float:
         """Neutral for a while when the car stands although it is told to drive.

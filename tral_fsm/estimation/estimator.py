@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from tral_env.geometry import MARKER_BOARD_WIDTH_M
 from tral_env.interface import CONTROL_PERIOD_S
+from tral_env.se2 import compose
 from tral_fsm.control.command import IDLE, Command
 from tral_fsm.control.laws import clip
 from tral_fsm.estimation.detections import MIN_SUPPORT, NOTHING, Agreement, Detection
@@ -128,16 +129,17 @@ class Estimator:
 
     def _find_wall(self, wall: Wall, range_m: float, age: float) -> None:
         odometry, walls = self.odometry, self.walls
-        pose = odometry.pose_before(age)
-        if self.gates.beside(pose[0], pose[1]):
+        sample = odometry.sample_before(age)
+        if self.gates.beside(sample.x, sample.y):
             return  # a post is no wall
         along = odometry.yaw - less_quarters(odometry.yaw - self._corridor_yaw)
-        turn, trim, gain = walls.update(wall, range_m, odometry.sample(pose), along)
-        if walls.direction_known and self.gates.nearest.age > _FRESH_S:
-            # What has drifted is the car's heading: so points that states remember stay where they are.
-            odometry.yaw += turn
-        else:
+        turn, trim, gain = walls.update(wall, range_m, sample, along)
+        if not walls.direction_known or self.gates.nearest.age <= _FRESH_S:
             self._corridor_yaw -= turn
+        elif turn != 0.0:
+            # What has drifted is the car's heading: so points that states remember stay where they are.
+            odometry.correct_heading(turn, sample.x, sample.y)
+            walls.correct_heading(turn)
         self._correct_steering(trim, gain)
 
     def _correct_steering(self, trim: float, gain: float) -> None:
@@ -175,11 +177,9 @@ class Estimator:
         self, agreement: Agreement, number: int, seen: tuple[float, float, float], age: float, time: float
     ) -> Detection:
         """What a new image shows, placed from where the car was at its exposure; nothing until images agree."""
-        px, py, yaw = self.odometry.pose_before(age)
-        x, y, heading = seen
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        placed = Detection(number, px + cos * x - sin * y, py + sin * x + cos * y, yaw + heading, age, True)
-        judged = agreement.judge(placed, time - age, math.hypot(x, y))
+        sample = self.odometry.sample_before(age)
+        placed = Detection(number, *compose((sample.x, sample.y, sample.yaw), seen), age, True)
+        judged = agreement.judge(placed, time - age, math.hypot(seen[0], seen[1]))
         return judged if judged.support >= MIN_SUPPORT else NOTHING
 
     def _behind_wall(self, x: float, y: float) -> bool:
@@ -193,7 +193,7 @@ class Estimator:
     def _see_gate(self, seen: Detection) -> None:
         """Let a new detection of a gate correct what earlier ones told of it, and learn offset and gain from it."""
         number = seen.id
-        sample = self.odometry.sample(self.odometry.pose_before(seen.age))
+        sample = self.odometry.sample_before(seen.age)
         known = self.gates.was_seen(number)
         self._correct_steering(*self.gates.correct(seen, sample, self.walls.trim_sigma))
         if known:  # the axis of the first one alone may be wrong

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from tral_env.geometry import FULL_LOCK, TRACK_M, WHEELBASE_M, curvature, steering_play
 from tral_env.interface import CONTROL_PERIOD_S
-from tral_env.se2 import Pose
+from tral_env.se2 import compose, to_outer
 from tral_fsm.control.laws import clip
 from tral_fsm.control.speed import STANDING_MPS
 from tral_fsm.estimation.readings import Readings
@@ -29,7 +29,7 @@ GAIN_SIGMA = 0.08
 """Standard deviation of the steering gain before anything is known. Source: choice, between the levels of
 randomization."""
 _HISTORY_TICKS = 128
-"""Poses kept for late camera images: 1.6 s."""
+"""Samples kept for late camera images: 1.6 s."""
 _SERVO_LAG_S = 0.06
 """Time constant of the servo. Source: choice."""
 _LAG_PER_TICK = CONTROL_PERIOD_S / _SERVO_LAG_S
@@ -74,7 +74,7 @@ class OdometrySample(NamedTuple):
         return (
             _HEADING_WALK**2 * abs(self.arc_length - before.arc_length)
             + (_TURN_ERROR * (self.heading_change - before.heading_change)) ** 2
-            + _TICK_ERROR_M * (self.curvature_sq_integral - before.curvature_sq_integral)
+            + _TICK_ERROR_M * abs(self.curvature_sq_integral - before.curvature_sq_integral)
             + (_LAG_ERROR * (self.lag_heading_change - before.lag_heading_change)) ** 2
         )
 
@@ -89,7 +89,9 @@ class Odometry:
 
     __slots__ = (
         "_distance",
+        "_frame",
         "_history",
+        "_raw",
         "arc_length",
         "curvature_sq_integral",
         "direction",
@@ -111,7 +113,10 @@ class Odometry:
         self.wheel = 0.0
         """Where the wheels are, in units of steering, trim included."""
         self._distance = math.nan
-        self._history: deque[Pose] = deque(maxlen=_HISTORY_TICKS)
+        self._raw = self._frame = (0.0, 0.0, 0.0)
+        """The pose as it adds up, in a frame that is turned when a heading turns out to be wrong."""
+        self._history: deque[tuple[float, ...]] = deque(maxlen=_HISTORY_TICKS)
+        """The fields of `OdometrySample` tick by tick, each pose in that frame."""
 
     def update(self, readings: Readings, offset: float, gain: float) -> None:
         """Move the pose by the way of a tick.
@@ -132,7 +137,16 @@ class Odometry:
             self.direction = -1.0 if readings.throttle < 0.0 else 1.0
         if step > 0.0:  # also false for NaN, at the first tick
             self._advance(step, lag, gain * curvature(self.wheel - offset))
-        self._history.append((self.x, self.y, self.yaw))
+        self._history.append(
+            (
+                *self._raw,
+                self.arc_length,
+                self.heading_change,
+                self.curvature_sq_integral,
+                self.lag_heading_change,
+                self.steering_travel,
+            )
+        )
 
     def _advance(self, step: float, lag: float, path_curvature: float) -> None:
         """Move the pose by a way [m] of the hall sensor on a circle of a curvature [1/m]."""
@@ -141,25 +155,22 @@ class Odometry:
         turn = step * path_curvature
         self.arc_length += step
         self.lag_heading_change += CURVATURE_PER_STEERING * abs(lag * step)
-        middle = self.yaw + turn / 2.0
-        self.x += step * math.cos(middle)
-        self.y += step * math.sin(middle)
-        self.yaw += turn
+        x, y, yaw = self._raw
+        middle = yaw + turn / 2.0
+        self._raw = x + step * math.cos(middle), y + step * math.sin(middle), yaw + turn
+        self.x, self.y, self.yaw = compose(self._frame, self._raw)
         self.heading_change += turn
         self.curvature_sq_integral += abs(step) * path_curvature * path_curvature
 
-    def pose_before(self, age: float) -> Pose:
-        """Pose some seconds ago."""
+    def sample_before(self, age: float) -> OdometrySample:
+        """Where the car was some seconds ago, by what is known of its heading now."""
         back = min(int(age / CONTROL_PERIOD_S + 0.5), len(self._history) - 1)
-        return self._history[-1 - back]
+        x, y, yaw, *sums = self._history[-1 - back]
+        return OdometrySample(*compose(self._frame, (x, y, yaw)), *sums)
 
-    def sample(self, pose: Pose) -> OdometrySample:
-        """A pose of a moment ago with the sums so far."""
-        return OdometrySample(
-            *pose,
-            self.arc_length,
-            self.heading_change,
-            self.curvature_sq_integral,
-            self.lag_heading_change,
-            self.steering_travel,
-        )
+    def correct_heading(self, turn: float, x: float, y: float) -> None:
+        """The heading was wrong by a turn [rad] when the car was at x, y [m]: turn the whole way about that place."""
+        around = x, y, turn
+        left = to_outer(around, self._frame[0] - x, self._frame[1] - y)
+        self._frame = *left, self._frame[2] + turn
+        self.x, self.y, self.yaw = compose(self._frame, self._raw)

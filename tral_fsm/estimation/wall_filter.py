@@ -85,7 +85,8 @@ class WallEstimate(NamedTuple):
     y: float = math.nan
     """m."""
     lost: int = 0
-    """Readings that found no wall while the car stood parallel enough to hear one, since there was one."""
+    """Readings that found no wall while the car stood parallel enough to hear one, since there was one. A wall that is
+    found beyond an opening counts only from the next reading of it on."""
     moved: int = 0
     """Counts how often the wall was found anew at another place."""
 
@@ -135,13 +136,16 @@ class Wall:
         return self._readings >= _MIN_STEADY
 
     def predict(self, x: float, y: float, along: float) -> None:
-        """Move to the place of a new reading."""
-        if math.isnan(self._x):
-            self._x, self._y = x, y
-            return
-        nearer = self.sign * (math.cos(along) * (y - self._y) - math.sin(along) * (x - self._x))
-        self.range -= nearer
-        self._candidate -= nearer
+        """Move to the place x, y [m] of the ultrasonic at a new reading, in a corridor of direction `along` [rad]."""
+        if not math.isnan(self._x):
+            nearer = self.sign * (math.cos(along) * (y - self._y) - math.sin(along) * (x - self._x))
+            self.range -= nearer
+            self._candidate -= nearer
+            self._gone -= nearer
+        self.put(x, y)
+
+    def put(self, x: float, y: float) -> None:
+        """The ultrasonic was at x, y [m] at the last reading."""
         self._x, self._y = x, y
 
     def accept(self, reading: float, S: Array) -> bool:
@@ -157,13 +161,14 @@ class Wall:
             self._candidate = math.nan
             self._readings += 1
             return True
-        if reading > MAX_WALL_RANGE_M or error > _OPENING_M:
+        before = self._gone if math.isnan(self.range) else self.range
+        opening = reading > MAX_WALL_RANGE_M or reading - before > _OPENING_M
+        if opening:
             self._lose()
+        if reading > MAX_WALL_RANGE_M:
             self._candidate = math.nan
-        elif math.isnan(self.range) and reading - self._gone > _OPENING_M:
-            self._lose()
-        if reading <= MAX_WALL_RANGE_M:
-            self._settle(reading)
+        elif self._settle(reading) and not opening:
+            self.lost = 0
         return False
 
     def _lose(self) -> None:
@@ -175,19 +180,21 @@ class Wall:
             self.range = math.nan
             self._readings = 0
 
-    def _settle(self, reading: float) -> None:
-        """Believe in a new place of the wall once enough readings agree on it."""
+    def _settle(self, reading: float) -> bool:
+        """Believe in a new place of the wall once enough readings agree on it; gives whether they do now."""
         if abs(reading - self._candidate) <= 2.0 * _JUMP_M:
             self._support += 1
             self._candidate += (reading - self._candidate) / self._support
         else:
             self._candidate, self._support = reading, 1
-        if self._support >= _MIN_SUPPORT:
-            if 0 < self._readings < _MIN_STEADY:
-                self.slip = self.sign * (self.range - self._candidate)
-            self.range, self._readings, self.lost = self._candidate, self._support, 0
-            self._candidate, self._support = math.nan, 0
-            self.moved += 1
+        if self._support < _MIN_SUPPORT:
+            return False
+        if 0 < self._readings < _MIN_STEADY:
+            self.slip = self.sign * (self.range - self._candidate)
+        self.range, self._readings = self._candidate, self._support
+        self._candidate, self._support = math.nan, 0
+        self.moved += 1
+        return True
 
 
 class WallFilter:
@@ -265,7 +272,8 @@ class WallFilter:
             return NO_CORRECTION
         x = sample.x + SIDE_SONAR_X_M * math.cos(sample.yaw)
         y = sample.y + SIDE_SONAR_X_M * math.sin(sample.yaw)
-        wall.predict(x, y, along)
+        self.left.predict(x, y, along)
+        self.right.predict(x, y, along)
         side, H = (_LEFT, _H_LEFT) if wall is self.left else (_RIGHT, _H_RIGHT)
         moved = wall.moved
         PH, S = kalman.innovation(self.P, H, _R)
@@ -279,6 +287,14 @@ class WallFilter:
         if abs(self._slip) > _MAX_SLIP_M:
             self.doubt_direction()
         return NO_CORRECTION
+
+    def correct_heading(self, turn: float) -> None:
+        """The car's heading at the last reading was wrong by a turn [rad], which no range tells of that reading."""
+        sample = self._sample = self._sample._replace(yaw=self._sample.yaw + turn)
+        x = sample.x + SIDE_SONAR_X_M * math.cos(sample.yaw)
+        y = sample.y + SIDE_SONAR_X_M * math.sin(sample.yaw)
+        self.left.put(x, y)
+        self.right.put(x, y)
 
     def _predict(self, sample: OdometrySample, slant: float) -> None:
         """Let the doubt grow with the way to a sample, driven at a slant (sine) to the corridor."""

@@ -77,7 +77,7 @@ class Stop(State[StopSpec]):
     def tick(self, estimate: CarEstimate) -> Command:
         """Wheels straight, brake or neutral."""
         brakes = estimate.speed > ROLLING_MPS or estimate.time < self.until
-        return Command(speed=0.0, throttle=-self.spec.brake * self.direction if brakes else 0.0)
+        return Command(0.0, speed=0.0, throttle=-self.spec.brake * self.direction if brakes else 0.0)
 
 
 class IdleSpec(StateSpec):
@@ -87,4 +87,4 @@ class IdleSpec(StateSpec):
 
 
 class Idle(State[IdleSpec]):
-    """Does nothing: neutral, wheels straight."""
+    """Does nothing: motor and servo in neutral."""
