@@ -6,7 +6,7 @@ runs it; `STATES` lists them.
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from pydantic import Field, SerializeAsAny
 
@@ -51,6 +51,11 @@ class StateSpec(Spec):
         return None
 
 
+def steering_trim() -> Any:
+    """The parameter `steering_trim` of a state that moves the car."""
+    return quantity(0.0, "", "added to the steering of a car that does not run straight", ge=-1.0, le=1.0)
+
+
 class DrivingSpec(StateSpec):
     """A state that moves the car, with a speed (regulated) or with a throttle (open loop)."""
 
@@ -58,9 +63,7 @@ class DrivingSpec(StateSpec):
 
     speed: float | None = quantity(None, "m/s", "regulated by what the hall sensor measures", ge=0.0, le=5.0)
     throttle: float | None = quantity(None, "", "fixed, open loop, as in 2016", ge=-1.0, le=1.0)
-    steering_trim: float = quantity(
-        0.0, "", "added to the steering of a car that does not run straight", ge=-1.0, le=1.0
-    )
+    steering_trim: float = steering_trim()
 
 
 class TransitionSpec(Spec):
