@@ -6,6 +6,7 @@ runs it; `STATES` lists them.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from pydantic import Field, SerializeAsAny
@@ -29,6 +30,22 @@ class StateSpec(Spec):
     id: Id
     label: str = Field("", description="what the state is for, in your words")
     final: bool = Field(False, description="the machine may end here: the state needs no way out")
+
+    @classmethod
+    def can_finish(cls) -> bool:
+        """Whether states of this type can say that they are finished, at least with some parameters."""
+        return cls.finishable is not StateSpec.finishable
+
+    @classmethod
+    def can_take_target(cls) -> bool:
+        """Whether states of this type can be handed a target, at least with some parameters."""
+        return cls.targetable or cls.takes_target is not StateSpec.takes_target
+
+    @classmethod
+    def asked_of_runtime(cls) -> Mapping[str, str]:
+        """`finished` of a state that can finish, `set_target` of one that takes a target."""
+        asked = {"finished": "finishable"} if cls.can_finish() else {}
+        return asked | ({"set_target": "targetable"} if cls.can_take_target() else {})
 
     @property
     def finishable(self) -> bool:

@@ -154,6 +154,8 @@ class TurnSpec(DrivingSpec):
 class Turn(DrivingState[TurnSpec]):
     """A quarter turn measured from the corridor's direction, not from the heading that the car has at entry."""
 
+    finished = False
+
     def on_enter(self, estimate: CarEstimate) -> None:
         """Aim at a right angle to the corridor."""
         self.finished = False
@@ -189,6 +191,8 @@ class BackUpSpec(StateSpec):
 
 class BackUp(State[BackUpSpec]):
     """Drives in reverse, where the wheels turn the car the other way."""
+
+    finished = False
 
     def on_enter(self, estimate: CarEstimate) -> None:
         """Remember where the state began."""
