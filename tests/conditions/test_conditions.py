@@ -255,6 +255,17 @@ class TestCombined:
         bench = two_states({"type": "Not", "of": [self.NEAR]})
         assert [fires(bench, front=f) for f in (0.5, 2.0)] == [False, True]
 
+    @pytest.mark.parametrize("kind", ["All", "Any"])
+    def test_the_trace_tells_the_values_of_parts_that_do_not_hold(self, kind: str) -> None:
+        bench = two_states({"type": "Not", "of": [{"type": kind, "of": [self.NEAR, {"type": "Timer", "seconds": 9}]}]})
+        assert fires(bench, front=2.0)
+        assert bench.fired[0].why == f"Not({kind}(front 2.000 < 1 m; 0.000 >= 9 s))"
+
+    def test_the_trace_tells_the_part_that_holds_alone(self) -> None:
+        bench = two_states({"type": "Any", "of": [self.NEAR, self.OPEN]})
+        assert fires(bench, front=2.0, left=2.0)
+        assert bench.fired[0].why == "Any(left 2.000 > 1.5 m)"
+
     def test_a_gate_among_others_is_handed_over(self) -> None:
         bench = two_states(
             {"type": "All", "of": [self.NEAR, {"type": "ArucoGateFound"}]}, second=TestArucoGateFound.RAMP

@@ -129,6 +129,10 @@ class TestZeroTimeCycles:
         ways = [way(0, 0, 1, **ALWAYS), way(1, 1, 2, **ALWAYS), way(2, 2, 0, type="Timer", seconds=0.1)]
         assert is_good(machine(*ways, states=self.STATES))
 
+    def test_a_circle_that_a_transition_asked_before_leads_out_of_is_none(self) -> None:
+        ways = [way(0, 0, 2, **NEAR), way(1, 0, 1, **ALWAYS), way(2, 1, 0, **ALWAYS)]
+        assert is_good(machine(*ways, states=[MOTOR, {**MOTOR, "id": 1}, {"id": 2, "type": "Stop"}]))
+
 
 class TestWhatConditionsAsk:
     def test_unreachable_needs_a_state_with_a_target(self) -> None:

@@ -5,7 +5,7 @@ import types
 from collections.abc import Iterator
 from importlib.metadata import EntryPoint
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import pytest
 import toy
@@ -76,7 +76,7 @@ def test_a_state_of_another_distribution_is_known_when_a_machine_is_read(
 
 TEN_LINES = """
 import math
-from typing import Literal
+from typing import ClassVar, Literal
 from tral_fsm import Command, State, states
 from tral_fsm.definition.machine import StateSpec
 class WobbleSpec(StateSpec):
@@ -136,6 +136,35 @@ def test_a_class_without_a_type_is_refused() -> None:
 
     with pytest.raises(MachineError, match="NamelessSpec does not say its type"):
         register(Nameless)
+
+
+class TestMembersThatTheSpecAsksFor:
+    def test_a_state_that_can_finish_must_say_when(self) -> None:
+        class DoneSpec(StateSpec):
+            type: Literal["Done"] = "Done"
+
+            @property
+            def finishable(self) -> bool:
+                return self.final
+
+        class Done(State[DoneSpec]):
+            pass
+
+        with pytest.raises(MachineError, match="DoneSpec says that it is finishable, but .*Done has no 'finished'"):
+            register(Done)
+        assert "Done" not in STATES
+
+    def test_a_state_that_takes_a_target_must_have_a_method_for_it(self) -> None:
+        class GoalSpec(StateSpec):
+            targetable: ClassVar[bool] = True
+            type: Literal["Goal"] = "Goal"
+
+        class Goal(State[GoalSpec]):
+            pass
+
+        with pytest.raises(MachineError, match="GoalSpec says that it is targetable, but .*Goal has no 'set_target'"):
+            register(Goal)
+        assert "Goal" not in STATES
 
 
 def test_a_class_may_be_defined_anew_under_its_name() -> None:

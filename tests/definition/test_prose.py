@@ -3,7 +3,9 @@
 from tral_fsm.conditions.combined import AllSpec, AnySpec, NotSpec
 from tral_fsm.conditions.simple import SensorLevelSpec, TimerSpec
 from tral_fsm.definition.conditions import ConditionSpec
-from tral_fsm.definition.prose import combined, in_full
+from tral_fsm.definition.prose import combined, in_full, parameters
+from tral_fsm.definition.validated import quantity
+from tral_fsm.states.wall import FollowWallSpec
 
 WAIT = TimerSpec(seconds=2.0)
 NEAR = SensorLevelSpec(below=0.5)
@@ -32,3 +34,17 @@ def test_parts_stand_in_parentheses_only_within_others() -> None:
 
 def test_a_single_part_needs_no_parentheses() -> None:
     assert combined(AllSpec(of=(WAIT,)), type_alone, inside=True) == "Timer"
+
+
+def test_a_null_that_differs_from_the_default_is_no_value_of_its_parameter() -> None:
+    spec = FollowWallSpec(id=0, speed=0.5, d=None, max_error=None, max_angle_deg=None)
+    assert list(parameters(spec, always=False)) == ["speed 0.5 m/s", "no d", "no max error", "no max angle"]
+
+
+def test_a_null_has_no_unit() -> None:
+    class PatientSpec(ConditionSpec):
+        seconds: float | None = quantity(2.0, "s", "null: for ever")
+
+    patient = PatientSpec(type="Patient", seconds=None)
+    assert in_full(patient) == "Patient seconds null"
+    assert list(parameters(patient, always=True)) == ["no seconds"]

@@ -3,6 +3,11 @@
 import re
 from pathlib import Path
 
+import pytest
+from readings import Bench
+
+from tral_env.geometry import curvature
+from tral_fsm import FormatError
 from tral_fsm.conditions.base import RUNTIMES as CONDITION_RUNTIMES
 from tral_fsm.definition.conditions import CONDITIONS
 from tral_fsm.definition.machine import STATES
@@ -16,7 +21,7 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
 
 
-def test_the_python_examples_run_and_the_state_of_ones_own_drives() -> None:
+def test_the_python_examples_run_and_the_states_of_ones_own_drive() -> None:
     names: dict[str, object] = {"__name__": "example"}
     try:
         for block in blocks("python"):
@@ -25,9 +30,15 @@ def test_the_python_examples_run_and_the_state_of_ones_own_drives() -> None:
         assert machine.states[0].model_dump() == {
             "type": "Weave", "id": 0, "label": "", "final": True, "period": 1.5,
         }  # fmt: skip
+        with pytest.raises(FormatError, match="/states/0/period: got 0: expected more than 0"):
+            loads('{"root": 0, "states": [{"id": 0, "type": "Weave", "period": 0, "final": true}]}')
+        circle = Bench({"root": 0, "states": [{"id": 0, "type": "Circle", "throttle": 0.2, "final": True}]})
+        steering, throttle = circle.tick()
+        assert (curvature(steering), throttle) == (pytest.approx(0.5), 0.2)
     finally:
         for known in (STATES, RUNTIMES):
             known.pop("Weave", None)
+            known.pop("Circle", None)
         for known in (CONDITIONS, CONDITION_RUNTIMES):
             known.pop("FasterThan", None)
 

@@ -1,7 +1,16 @@
 """The states that drive by the estimate of the walls."""
 
+import json
+import math
+from typing import Any
+
 import pytest
-from readings import one_state
+from readings import one_state, two_states
+
+from tral_fsm import FormatError
+from tral_fsm.estimation.estimate import CarEstimate
+from tral_fsm.formats.tral_json import loads
+from tral_fsm.states.corridor import BackUp, BackUpSpec
 
 CRUISE = {"type": "FollowCorridor", "throttle": 0.2}
 
@@ -46,12 +55,6 @@ class TestStates:
             readings = {"left": 0.8 - y, "right": 0.8 + y, "distance": 0.04 * k, "speed": 0.5}
             assert told.tick(**readings) == untold.tick(**readings)
 
-    def test_reversing_it_steers_the_other_way(self) -> None:
-        bench = one_state(type="BackUp", throttle=-0.2)
-        bench.tick()
-        bench.estimator.odometry.yaw = 0.2
-        assert bench.tick()[0] > 0.5
-
     def test_brake_is_held_for_the_motor_controller(self) -> None:
         bench = one_state(type="Stop", hold=0.1)
         pushed = [bench.tick()[1] for _ in range(12)]
@@ -62,3 +65,38 @@ class TestStates:
     def test_a_turn_steers_to_its_side_with_the_lock_that_fits(self, side: str, sign: int) -> None:
         far = one_state(type="Turn", side=side, throttle=0.2, lock=0.85)
         assert far.tick()[0] == pytest.approx(sign * 0.85)
+
+
+class TestBackUp:
+    @pytest.mark.parametrize(
+        ("given", "wrong"),
+        [
+            ({"speed": 0.4}, "/states/0/speed: unknown key 'speed'"),
+            ({"throttle": 0.2}, "/states/0/throttle: got 0.2: expected less than 0"),
+            ({"throttle": 0.0}, "/states/0/throttle: got 0.0: expected less than 0"),
+            ({}, "/states/0: the key 'throttle' is missing"),
+        ],
+    )
+    def test_it_takes_a_throttle_in_reverse_gear_alone(self, given: dict[str, Any], wrong: str) -> None:
+        with pytest.raises(FormatError) as caught:
+            loads(json.dumps({"root": 0, "states": [{"id": 0, "type": "BackUp", "final": True, **given}]}))
+        assert wrong in str(caught.value)
+
+    @pytest.mark.parametrize("heading", [0.2, -0.2])
+    def test_reversing_it_steers_to_the_side_to_which_it_points(self, heading: float) -> None:
+        back_up = BackUp(BackUpSpec(id=0, throttle=-0.2))
+        estimate = CarEstimate(yaw=heading, heading=heading)
+        back_up.on_enter(estimate)
+        command = back_up.tick(estimate)
+        assert command.steering is not None
+        assert math.copysign(command.steering, heading) == command.steering
+        assert abs(command.steering) > 0.5
+        assert (command.throttle, command.speed) == (-0.2, None)
+
+    def test_it_is_finished_after_its_distance(self) -> None:
+        bench = two_states({"type": "Finished"}, {"type": "BackUp", "throttle": -0.2, "distance": 0.5})
+        bench.tick(distance=3.0)
+        bench.tick(distance=3.49)
+        assert bench.active == "a"
+        bench.tick(distance=3.5)
+        assert bench.active == "b"

@@ -54,8 +54,8 @@ def _entry(name: str, spec: type[StateSpec] | type[ConditionSpec]) -> dict[str, 
     schema = spec.model_json_schema()
     entry: dict[str, Any] = {"type": name, "description": " ".join((spec.__doc__ or "").split())}
     if issubclass(spec, StateSpec):
-        entry["finishable"] = spec.finishable is not StateSpec.finishable
-        entry["targetable"] = spec.targetable or spec.takes_target is not StateSpec.takes_target
+        entry["finishable"] = spec.can_finish()
+        entry["targetable"] = spec.can_take_target()
     required = schema.get("required", [])
     entry["parameters"] = [
         _parameter(label, members, label in required)

@@ -53,15 +53,15 @@ class Combination(Condition[C]):
             part.restart()
 
     def reasons(self, estimate: CarEstimate) -> list[Condition[Any]]:
-        """The parts that make the condition fire. It is asked right after `triggered` was true."""
+        """The parts that decide in this tick. It is asked right after `triggered`."""
         raise NotImplementedError
 
     def why(self, estimate: CarEstimate) -> str:
-        """The compared values of the parts that make the condition fire."""
+        """The compared values of the parts that decide."""
         return f"{self.spec.type}({'; '.join(part.why(estimate) for part in self.reasons(estimate))})"
 
     def hand_over(self, estimate: CarEstimate) -> Detection | None:
-        """The gate of the first part that fires and hands one over."""
+        """The gate of the first part that decides and hands one over."""
         for part in self.reasons(estimate):
             target = part.hand_over(estimate)
             if target is not None:
@@ -140,9 +140,9 @@ class AnyOf(Combination[AnySpec]):
         return False
 
     def reasons(self, estimate: CarEstimate) -> list[Condition[Any]]:
-        """The parts that hold, in the order of the file."""
+        """The parts that hold, in the order of the file; all parts if none holds, as within a Not that fires."""
         held = {id(part) for part in self.held} | {id(part) for part, ask in self.others if ask(estimate)}
-        return [part for part in self.parts if id(part) in held]
+        return [part for part in self.parts if id(part) in held] or self.parts
 
 
 class NotSpec(CombinedSpec):

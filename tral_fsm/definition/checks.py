@@ -222,11 +222,15 @@ def _shadowed(level: _Level) -> Iterator[Problem]:
 
 
 def _cycles(level: _Level) -> Iterator[Problem]:
-    """No cycle of transitions all fire at once: the machine would go round in it for ever, one state a tick."""
-    at_once: dict[Id, tuple[int, TransitionSpec]] = {}
+    """The machine goes round in no cycle for ever, one state a tick.
+
+    A state belongs to such a cycle if the first of its transitions always fires. A transition that is asked before may
+    lead out.
+    """
+    first: dict[Id, tuple[int, TransitionSpec]] = {}
     for index, way in level.transitions:
-        if way.when.always():
-            at_once.setdefault(way.source, (index, way))
+        first.setdefault(way.source, (index, way))
+    at_once = {state: (index, way) for state, (index, way) in first.items() if way.when.always()}
     done: set[Id] = set()
     for start in at_once:
         path: list[Id] = []

@@ -6,7 +6,8 @@ runs it; `STATES` lists them.
 
 from __future__ import annotations
 
-from typing import ClassVar
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 from pydantic import Field, SerializeAsAny
 
@@ -30,6 +31,22 @@ class StateSpec(Spec):
     label: str = Field("", description="what the state is for, in your words")
     final: bool = Field(False, description="the machine may end here: the state needs no way out")
 
+    @classmethod
+    def can_finish(cls) -> bool:
+        """Whether states of this type can say that they are finished, at least with some parameters."""
+        return cls.finishable is not StateSpec.finishable
+
+    @classmethod
+    def can_take_target(cls) -> bool:
+        """Whether states of this type can be handed a target, at least with some parameters."""
+        return cls.targetable or cls.takes_target is not StateSpec.takes_target
+
+    @classmethod
+    def asked_of_runtime(cls) -> Mapping[str, str]:
+        """`finished` of a state that can finish, `set_target` of one that takes a target."""
+        asked = {"finished": "finishable"} if cls.can_finish() else {}
+        return asked | ({"set_target": "targetable"} if cls.can_take_target() else {})
+
     @property
     def finishable(self) -> bool:
         """Whether the state can say that it is finished."""
@@ -51,6 +68,11 @@ class StateSpec(Spec):
         return None
 
 
+def steering_trim() -> Any:
+    """The parameter `steering_trim` of a state that moves the car."""
+    return quantity(0.0, "", "added to the steering of a car that does not run straight", ge=-1.0, le=1.0)
+
+
 class DrivingSpec(StateSpec):
     """A state that moves the car, with a speed (regulated) or with a throttle (open loop)."""
 
@@ -58,9 +80,7 @@ class DrivingSpec(StateSpec):
 
     speed: float | None = quantity(None, "m/s", "regulated by what the hall sensor measures", ge=0.0, le=5.0)
     throttle: float | None = quantity(None, "", "fixed, open loop, as in 2016", ge=-1.0, le=1.0)
-    steering_trim: float = quantity(
-        0.0, "", "added to the steering of a car that does not run straight", ge=-1.0, le=1.0
-    )
+    steering_trim: float = steering_trim()
 
 
 class TransitionSpec(Spec):

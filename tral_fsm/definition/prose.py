@@ -41,7 +41,8 @@ def in_full(condition: ConditionSpec) -> str:
         value = getattr(condition, name)
         if name == "sensor" or (name != "type" and (field.is_required() or value != field.default)):
             text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False, default=_as_json)
-            told.append(" ".join(part for part in (name.removesuffix("_deg"), text, unit_of(spec, name)) if part))
+            unit = "" if value is None else unit_of(spec, name)
+            told.append(" ".join(part for part in (name.removesuffix("_deg"), text, unit) if part))
     return " ".join(told)
 
 
@@ -58,11 +59,13 @@ def parameters(part: Spec, always: bool) -> Iterator[str]:
         value = getattr(part, name)
         if value == field.default and not (always and isinstance(value, str)):
             continue
-        alone = always and (isinstance(value, str) or len(fields) == 1)
+        alone = always and value is not None and (isinstance(value, str) or len(fields) == 1)
         yield _parameter("" if alone else name, value, unit_of(type(part), name))
 
 
 def _parameter(name: str, value: object, unit: str) -> str:
+    if value is None:
+        return f"no {_spaced(name)}"
     if isinstance(value, bool):
         return _spaced(name) if value else f"not {_spaced(name)}"
     shown = f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -51,7 +51,8 @@ class Registry(dict[str, type[T]]):
             The class, unchanged.
 
         Raises:
-            MachineError: the spec is of the wrong kind or has no type, or another spec has its type already.
+            MachineError: the spec is of the wrong kind or has no type, another spec has its type already, or the class
+                lacks a member that the spec asks for.
         """
         spec: type[Any] = runtime.spec_type
         if not issubclass(spec, self.base):
@@ -63,5 +64,11 @@ class Registry(dict[str, type[T]]):
                 f"{spec.__module__}.{spec.__qualname__} calls itself {name!r}, which {taken.__module__}."
                 f"{taken.__qualname__} does already: choose another type"
             )
+        for member, word in spec.asked_of_runtime().items():
+            if not hasattr(runtime, member):
+                raise MachineError(
+                    f"{spec.__qualname__} says that it is {word}, but {runtime.__qualname__} has no {member!r}: "
+                    f"define {member!r} in the class"
+                )
         self[name], self.runtimes[name] = spec, runtime
         return runtime

@@ -37,6 +37,11 @@ class Spec(BaseModel):
     needs: ClassVar[Mapping[str, str]] = {}
     """Parameter -> another one that it needs beside it."""
 
+    @classmethod
+    def asked_of_runtime(cls) -> Mapping[str, str]:
+        """Members that the class which runs this spec must have, and what the spec says that asks for each."""
+        return {}
+
     @model_validator(mode="after")
     def _together(self) -> Self:
         for fault in self.faults_together({name: getattr(self, name) for name in type(self).model_fields}):

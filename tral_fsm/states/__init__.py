@@ -2,7 +2,7 @@
 
 from tral_fsm.definition.machine import STATES
 from tral_fsm.states.approach_point import ApproachPoint
-from tral_fsm.states.base import State, register
+from tral_fsm.states.base import DrivingState, State, register
 from tral_fsm.states.basic import Idle, Motor, Stop
 from tral_fsm.states.corridor import BackUp, FollowCorridor, Turn
 from tral_fsm.states.fsm_state import FSMState
@@ -19,4 +19,4 @@ BUILT_IN = (
 for _state in BUILT_IN:
     register(_state)
 
-__all__ = ["BUILT_IN", "STATES", "State", "register"]
+__all__ = ["BUILT_IN", "STATES", "DrivingState", "State", "register"]

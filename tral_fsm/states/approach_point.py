@@ -55,6 +55,8 @@ class ApproachPointSpec(DrivingSpec):
 class ApproachPoint(DrivingState[ApproachPointSpec]):
     """Drives to a point by dead reckoning: on a circle through it, or, with a heading, onto its axis."""
 
+    finished = False
+
     def on_enter(self, estimate: CarEstimate) -> None:
         """Aim at the spec's point, seen from the car now."""
         spec = self.spec

@@ -34,6 +34,8 @@ class MotorSpec(DrivingSpec):
 class Motor(DrivingState[MotorSpec]):
     """Fixed steering and speed."""
 
+    finished = False
+
     def on_enter(self, estimate: CarEstimate) -> None:
         """Remember where the state began."""
         self.finished = False

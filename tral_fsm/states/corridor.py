@@ -15,10 +15,10 @@ from pydantic import Field
 from tral_env.geometry import FRONT_SONAR_X_M
 from tral_fsm.control.command import Command
 from tral_fsm.control.laws import clip, slowed, steering_for
-from tral_fsm.definition.machine import DrivingSpec
-from tral_fsm.definition.validated import Side, quantity
+from tral_fsm.definition.machine import DrivingSpec, StateSpec, steering_trim
+from tral_fsm.definition.validated import Side, quantity, required
 from tral_fsm.estimation.estimate import CarEstimate
-from tral_fsm.states.base import NO_CLEARANCE, DrivingState
+from tral_fsm.states.base import NO_CLEARANCE, DrivingState, State
 
 _QUARTER = math.pi / 2.0
 _SURE_LOCK = 0.9
@@ -154,6 +154,8 @@ class TurnSpec(DrivingSpec):
 class Turn(DrivingState[TurnSpec]):
     """A quarter turn measured from the corridor's direction, not from the heading that the car has at entry."""
 
+    finished = False
+
     def on_enter(self, estimate: CarEstimate) -> None:
         """Aim at a right angle to the corridor."""
         self.finished = False
@@ -170,10 +172,12 @@ class Turn(DrivingState[TurnSpec]):
         return self.drive(clip(steering_for(2.0 / spec.length * math.sin(clip(rest, _QUARTER))), self.lock))
 
 
-class BackUpSpec(DrivingSpec):
+class BackUpSpec(StateSpec):
     """Reverses for a distance and turns the car along the corridor. A Stop belongs before and after it."""
 
     type: Literal["BackUp"] = "BackUp"
+    throttle: float = required("", "fixed, in reverse gear, so below 0", ge=-1.0, lt=0.0)
+    steering_trim: float = steering_trim()
     distance: float = quantity(0.7, "m", "distance to reverse", gt=0.0, le=100.0)
     length: float = quantity(
         0.4, "m", "the angle to the corridor falls to 1/e over half of this length", gt=0.0, le=5.0
@@ -185,8 +189,10 @@ class BackUpSpec(DrivingSpec):
         return True
 
 
-class BackUp(DrivingState[BackUpSpec]):
+class BackUp(State[BackUpSpec]):
     """Drives in reverse, where the wheels turn the car the other way."""
+
+    finished = False
 
     def on_enter(self, estimate: CarEstimate) -> None:
         """Remember where the state began."""
@@ -195,5 +201,7 @@ class BackUp(DrivingState[BackUpSpec]):
 
     def tick(self, estimate: CarEstimate) -> Command:
         """Steer so that the car points along the corridor in the end."""
-        self.finished = estimate.distance - self.entry >= self.spec.distance
-        return self.drive(steering_for(2.0 / self.spec.length * math.sin(estimate.heading)))
+        spec = self.spec
+        self.finished = estimate.distance - self.entry >= spec.distance
+        steering = steering_for(2.0 / spec.length * math.sin(estimate.heading))
+        return Command(steering, throttle=spec.throttle, steering_trim=spec.steering_trim)

@@ -38,6 +38,8 @@ class ArucoGateCenter(DrivingState[ArucoGateCenterSpec]):
     car would turn away from it.
     """
 
+    finished = False
+
     def on_enter(self, estimate: CarEstimate) -> None:
         """Nothing is known of the gate's side yet."""
         self.finished = False

@@ -82,6 +82,8 @@ class SCurve(DrivingState[SCurveSpec]):
     the axis itself is the way.
     """
 
+    finished = False
+
     def on_enter(self, estimate: CarEstimate) -> None:
         """Plan the way to the spec's point, seen from the car now."""
         spec = self.spec

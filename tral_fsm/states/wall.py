@@ -231,6 +231,8 @@ class FollowWallRampSpec(WallSpec):
 class FollowWallRamp(WallState[FollowWallRampSpec]):
     """Wall following with a clearance that is linear in the distance driven. It is finished where the distance ends."""
 
+    finished = False
+
     def on_enter(self, estimate: CarEstimate) -> None:
         """Start from the clearance of the spec, or from the range now."""
         super().on_enter(estimate)

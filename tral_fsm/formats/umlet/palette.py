@@ -15,8 +15,8 @@ from tral_fsm.states import STATES
 FILE = "machines/palette/TRAL_State-Machine.uxf"
 """File of the palette within the package."""
 
-_REQUIRED: dict[str, Any] = {"of": [{"type": "Timer", "seconds": 1.0}], "machine": "wall"}
-"""Examples for parameters that are no numbers and have no default."""
+_REQUIRED: dict[str, Any] = {"of": [{"type": "Timer", "seconds": 1.0}], "machine": "wall", "throttle": -0.3}
+"""Examples for parameters that have no default and do not allow 1."""
 _COLUMNS, _GAP, _ARROW = 2, 30, 60
 _WIDTH = 320
 
