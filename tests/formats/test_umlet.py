@@ -112,6 +112,56 @@ class TestText:
         assert read(text, "a") == expected()
 
 
+class TestNothingIsDropped:
+    """What a person wrote is read or told, wherever it stands."""
+
+    def test_parameters_behind_a_second_rule_are_read(self) -> None:
+        go = element("UMLState", STATES["go"], 'go\n--\nid: 0\ntype: Motor\n--\nthrottle: 0.2\nbg=red\n--\nlabel: "on"')
+        got = read(diagram(go, state("rest"), ROOT, arrow(ALWAYS)), "a")
+        assert got == expected(states=[{**EXPECTED["states"][0], "label": "on"}, EXPECTED["states"][1]])
+
+    def test_a_parameter_on_both_sides_of_a_rule_is_told(self) -> None:
+        go = element("UMLState", STATES["go"], f"go\n--\n{TEXTS['go']}\n--\nthrottle: 7.5")
+        assert "UMLState 'go' (element 1): got 'throttle' twice, again in line 7 of its text" in problems(
+            diagram(go, state("rest"), ROOT, arrow(ALWAYS))
+        )
+
+    def test_other_words_behind_a_second_rule_are_told(self) -> None:
+        go = element("UMLState", STATES["go"], f"go\n--\n{TEXTS['go']}\n--\nslow down")
+        assert "got 'slow down' in line 7 of its text" in problems(diagram(go))[0]
+
+    @pytest.mark.parametrize(
+        "line", ["lt=-> id: 0, type: Always", "lt=->   id: 0\ntype: Always", "lt=->\nlw=2 id: 0\ntype: Always"]
+    )
+    def test_what_stands_behind_a_setting_is_read(self, line: str) -> None:
+        assert read(diagram(TWO, ROOT, arrow(line)), "a") == expected()
+
+    def test_words_behind_a_setting_are_told(self) -> None:
+        told = problems(diagram(TWO, ROOT, arrow("lt=-> always\n" + ALWAYS[5:])))
+        assert told == ["Relation '0' (element 5): got 'always' in line 1 of its text, expected: name: value"]
+
+    def test_a_comment_behind_a_setting_is_one(self) -> None:
+        assert read(diagram(TWO, ROOT, arrow("lt=-> // dashed?\n" + ALWAYS[5:])), "a") == expected()
+
+    def test_a_type_with_an_equals_sign_is_told(self) -> None:
+        go = state("go", "id: 0\ntype=Motor")
+        assert "got 'type=Motor' in line 4 of its text, expected: name: value" in problems(diagram(go))[0]
+
+    def test_other_words_in_the_text_of_the_diagram_are_told(self) -> None:
+        told = problems(diagram(TWO, ROOT, arrow(ALWAYS), text="// a comment\nfontfamily=Serif //or another\nroot: 0"))
+        assert told == [
+            "diagram: got 'root: 0' in line 3 of its text. Allowed: name, description, units, comments (//)"
+        ]
+
+    def test_a_tag_that_comes_twice_is_told(self) -> None:
+        go = state("go").replace("</element>", "<panel_attributes>p: 7</panel_attributes></element>")
+        assert "element 1: got <panel_attributes> twice" in problems(diagram(go))
+
+    def test_a_second_diagram_in_the_json_form_is_told(self) -> None:
+        once = json.loads(xml2json(diagram(TWO, ROOT, arrow(ALWAYS))))
+        assert "got 'states' beside 'diagram', expected one diagram" in problems(json.dumps({**once, "states": []}))[0]
+
+
 class TestRoot:
     def test_a_state_may_say_that_it_is_the_root(self) -> None:
         assert (
@@ -223,7 +273,7 @@ class TestTold:
             ([TWO, arrow(ALWAYS + "order: first")], "Relation '0' (element 3): got order: 'first', expected a number"),
             ([TWO, state("rest")], "UMLState 'rest' (element 3) /id: got id 1, which UMLState 'rest' (element 2) has"),
             ([TWO, ROOT, arrow("lt=->\nid: 2")], "Relation '2' (element 5) /type: got no type of transition"),
-            ([TWO, arrow("lt=->")], "Relation (element 3) /type: got no type of transition"),
+            ([TWO, arrow("lt=->")], "Relation 'go' > 'rest' (element 3) /type: got no type of transition"),
         ],
     )
     def test_each_problem_names_its_element(self, elements: list[str], message: str) -> None:

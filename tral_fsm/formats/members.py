@@ -69,7 +69,8 @@ def _member(
         if _END.match(text, end):
             return name, value, end
     except json.JSONDecodeError as error:
-        fault = f"{error.msg} in line {_line(text, error.pos)} of its text"
+        told = "Unterminated string" if "control character" in error.msg else error.msg  # the only one left is \\n
+        fault = f"{told} in line {_line(text, error.pos)} of its text"
     except (RecursionError, ValueError):
         fault = f"nested too deeply, or too long a number, in line {_line(text, at)} of its text"
     if fault and text[at : at + 1] in ('"', "{", "["):

@@ -9,6 +9,7 @@ import json
 from collections import Counter
 from typing import Any
 
+from tral_env import json_text
 from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.machine import MachineDefinition, StateSpec
 from tral_fsm.definition.validated import Spec
@@ -57,9 +58,8 @@ def parse(text: str, problems: Problems) -> Any:
     try:
         return json.loads(text, object_pairs_hook=members, parse_constant=constant)
     except json.JSONDecodeError as error:
-        twice = error.msg == "Extra data" and text[error.pos] in "{["
-        hint = ": two files in one? Appending (>>) to a file does that, replace it (>)" if twice else ""
-        problems.complain("", f"not JSON: {error.msg} at line {error.lineno}, column {error.colno}{hint}")
+        place = f"line {error.lineno}, column {error.colno}"
+        problems.complain("", f"not JSON: {error.msg} at {place}{json_text.reason(error)}")
     except RecursionError:
         problems.complain("", "nested too deeply")
     except ValueError:

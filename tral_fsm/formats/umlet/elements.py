@@ -24,10 +24,13 @@ _INITIAL, _FINAL, _SPECIAL = "InitialState", "FinalState", "UMLSpecialState"
 _COMMENT = ("UMLNote", "Note", "Text", "UMLFrame", "Frame")
 """Elements without a meaning for the machine."""
 _SETTING = re.compile(
-    r"\s*(?:lt|m1|m2|r1|r2|q1|q2|bg|fg|lw|layer|group|halign|valign|fontsize|fontfamily|style|elementstyle"
-    r"|transparency|symbol|type|template|autoresize|customelement)\s*=.*"
+    r"\s*(?:"
+    r"(?:lt|bg|fg|lw|layer|group|halign|valign|fontsize|style|elementstyle|transparency|symbol|autoresize"
+    r"|cbase|cpos|m1pos|m2pos|r1pos|r2pos)\s*=\s*(?:\[[^\]]*\]|[^\s\[])*(?P<rest>.*)"
+    r"|(?:c|m1|m2|r1|r2|q1|q2|fontfamily|template|customelement)\s*=.*"
+    r")"
 )
-"""A line of text that sets UMLet's drawing. Source: UMLet."""
+"""A line of text that sets UMLet's drawing; `rest` is what stands behind a setting of one word. Source: UMLet."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +112,8 @@ class _Reading:
         """Number of the element that names a root -> id of the root."""
         self.at: dict[int, int] = {}
         """Number of an element -> index of its state."""
+        self.titles: dict[int, str] = {}
+        """Number of an element -> title of its state."""
         self.outlines: list[_Outline] = []
 
     def machine(self) -> Plain:
@@ -141,13 +146,19 @@ class _Reading:
         return x, y, width, height
 
     def head(self) -> dict[str, Any]:
-        """Members of the machine in the text of the diagram; the rest of it is for UMLet."""
-        lines = [line.strip().removeprefix("//").strip() for line in self.diagram.text.split("\n")]
-        said = [line for line in lines if re.match(r'"?(?:name|description|units)"?[ \t]*:', line)]
+        """Members of the machine in the text of the diagram, beside what is for UMLet."""
+        said = []
+        for number, line in enumerate(self.diagram.text.split("\n"), 1):
+            plain_line = line.strip().removeprefix("//").strip()
+            if re.match(r'"?(?:name|description|units)"?[ \t]*:', plain_line):
+                said.append(plain_line)
+            elif line.strip() and without_drawing(line).strip():
+                got = f"got {line.strip()[:60]!r} in line {number} of its text"
+                self.complain("", f"{got}. Allowed: name, description, units, comments (//)")
         return members.parse("\n".join(said), lambda fault: self.complain("", fault))
 
     def state(self, number: int, element: Element) -> None:
-        """A state: title, rule, parameters, rule."""
+        """A state: title, rule, parameters."""
         title, body = sections(element.text)
         pointer = f"/states/{len(self.states)}"
         self.places[pointer] = (
@@ -155,7 +166,7 @@ class _Reading:
         )
         found = members.parse(body, lambda fault: self.complain(pointer, fault))
         if not found:
-            self.complain(pointer, "got no parameters: they stand between two lines --")
+            self.complain(pointer, "got no parameters: they stand below a line --")
         if "id" not in found and title:
             found["id"] = members.word(title)
         if "root" in found:
@@ -165,17 +176,19 @@ class _Reading:
             elif is_root is not False:
                 self.complain(pointer, f"got root: {is_root!r}, expected true or false")
         self.at[number] = len(self.states)
+        self.titles[number] = title
         self.states.append(found)
 
     def arrow(self, number: int, element: Element) -> None:
         """A transition, or the arrow of an initial or final node."""
-        body = "\n".join("" if _is_drawing(line) else line for line in element.text.split("\n"))
+        body = "\n".join(map(without_drawing, element.text.split("\n")))
         pointer = f"/transitions/{len(self.transitions)}"
-        self.places[pointer] = f"Relation (element {number})"
-        found = members.parse(body, lambda fault: self.complain(pointer, fault))
-        if "id" in found:
-            self.places[pointer] = f"Relation '{str(found['id'])[:60]}' (element {number})"
+        faults: list[str] = []
+        found = members.parse(body, faults.append)
         tail, head = self.ends(element)
+        self.places[pointer] = self.arrow_place(number, found, tail, head)
+        for fault in faults:
+            self.complain(pointer, fault)
         kinds = [end.kind if end else "" for end in (tail, head)]
         if not found and any(kind in _COMMENT for kind in kinds):
             return  # the line of a comment
@@ -188,6 +201,23 @@ class _Reading:
             self.end(pointer, found, key, end if directed else None, why)
         self.orders.append(found.pop("order", None))
         self.transitions.append(found)
+
+    def arrow_place(self, number: int, found: dict[str, Any], tail: _Outline | None, head: _Outline | None) -> str:
+        """An arrow in words: by its id, else by the states at its ends."""
+        if "id" in found:
+            return f"Relation '{str(found['id'])[:60]}' (element {number})"
+        ends = [self.end_name(found.get(key), end) for key, end in (("from", tail), ("to", head))]
+        if ends == ["?", "?"]:
+            return f"Relation (element {number})"
+        return f"Relation {ends[0]} > {ends[1]} (element {number})"
+
+    def end_name(self, said: Any, drawn: _Outline | None) -> str:
+        """Name of the state at an end of an arrow, or the kind of another element there."""
+        if drawn is not None and drawn.number in self.at:
+            said = self.titles[drawn.number] or self.states[self.at[drawn.number]].get("id", said)
+        if said is not None:
+            return f"'{str(said)[:40]}'"
+        return drawn.kind if drawn else "?"
 
     def node(self, pointer: str, found: dict[str, Any], tail: _Outline | None, head: _Outline | None) -> None:
         """An arrow from the initial node names the root, an arrow to a final node a state that may end."""
@@ -276,18 +306,25 @@ def _special(element: Element) -> str:
 
 
 def sections(text: str) -> tuple[str, str]:
-    """Title and parameters of a state's text; blank lines before the parameters keep their line numbers."""
-    lines = ["" if _is_drawing(line) else line for line in text.replace("\r\n", "\n").split("\n")]
+    """Title and parameters of a state's text: above and below its first rule; a further rule is only a line.
+
+    Blank lines before the parameters keep their line numbers.
+    """
+    lines = [without_drawing(line) for line in text.replace("\r\n", "\n").split("\n")]
     rules = [index for index, line in enumerate(lines) if line.strip() == "--"]
     first = rules[0] if rules else len(lines)
-    last = rules[1] if len(rules) > 1 else len(lines)
     title = " ".join(" ".join(lines[:first]).split())
-    return title, "\n" * (first + 1) + "\n".join(lines[first + 1 : last])
+    below = ["" if line.strip() == "--" else line for line in lines[first + 1 :]]
+    return title, "\n" * (first + 1) + "\n".join(below)
 
 
-def _is_drawing(line: str) -> bool:
-    """Whether a line is a comment, or sets UMLet's drawing."""
-    return line.lstrip().startswith("//") or _SETTING.fullmatch(line) is not None
+def without_drawing(line: str) -> str:
+    """A line of text without a comment and without what sets UMLet's drawing; the rest behind a setting stays."""
+    if line.lstrip().startswith("//"):
+        return ""
+    setting = _SETTING.fullmatch(line)
+    rest = line if setting is None else (setting["rest"] or "").strip()
+    return "" if setting is not None and rest.startswith("//") else rest
 
 
 def _direction(text: str) -> str:
