@@ -235,8 +235,9 @@ class TestScxml:
     def test_the_first_state_is_the_root_unless_initial_names_one(self) -> None:
         text = write(WALL, "scxml")
         assert read(text.replace(' initial="s0"', ""), "a") == WALL
-        within = "<initial><transition target='s0'/></initial><tral:machine"
-        assert read(text.replace(' initial="s0"', "").replace("<tral:machine", within), "a") == WALL
+        within = "<initial><transition target='s0'/></initial><final"
+        assert read(text.replace(' initial="s0"', "").replace("<final", within, 1), "a") == WALL
+        assert "scxml (line 2): got 2 initial states, expected one" in message(text.replace("<final", within, 1))
         assert "/root" in message(text.replace('initial="s0"', 'initial="s9"'))
 
     def test_what_a_machine_has_not_is_told_with_its_line(self) -> None:
@@ -258,6 +259,54 @@ class TestScxml:
             (0, "on", "in", "Finished"), (1, "in", "off", "Always"),
         ]  # fmt: skip
         assert found.states[2].final
+
+    def test_charts_of_before_with_conditions_as_elements_are_read(self) -> None:
+        older = """<scxml xmlns="http://www.w3.org/2005/07/scxml" xmlns:tral="urn:tral:machine" version="1.0"
+            initial="s0">
+          <tral:machine tral:name="two" tral:description="as before"/>
+          <state id="s0" tral:id="0" tral:type="FollowWallRamp" tral:target="0.7" tral:distance="2"
+              tral:speed="0.5">
+            <transition event="Any" target="s1" tral:id="3" tral:type="Any">
+              <tral:condition tral:type="Finished"/><tral:condition tral:type="Timer" tral:seconds="9"/>
+            </transition>
+          </state>
+          <final id="s1" tral:id="1" tral:type="Stop"/></scxml>"""
+        found = read(older, "a")
+        assert (found.name, found.description, found.root) == ("two", "as before", 0)
+        assert (found.states[0].id, found.states[0].target) == (0, 0.7)  # type: ignore[attr-defined]
+        assert [part.type for part in found.transitions[0].when.parts] == ["Finished", "Timer"]
+        assert read(write(found, "scxml"), "b") == found
+
+    @pytest.mark.parametrize(
+        ("body", "told"),
+        [
+            (
+                '<state id="a" tral:type="Stop" brake="0.5"/>',
+                "got the attribute 'brake': parameters are in a namespace",
+            ),
+            (
+                '<state id="a" tral:type="Stop">brake: 0.5</state>',
+                "state 'a' (line 2): got the text 'brake: 0.5' in it",
+            ),
+            (
+                '<state id="a" tral:type="Stop"/><transition target="a"/>',
+                "got <transition> in it. Allowed: state, final",
+            ),
+            ('<state id="a" tral:id="b" tral:id_="c" tral:type="Stop"/>', "got tral:id and tral:id_, expected one of"),
+            (
+                '<state id="a" tral:type="Stop"><transition event="Timer" tral:type="Always" target="a"/></state>',
+                "got the event 'Timer', but tral:type says 'Always'",
+            ),
+            ('<state id="a" tral:type="Stop"/><tral:machine tral:root="b"/>', "got tral:root of a machine. Allowed:"),
+            (
+                '<state id="a" tral:type="Stop"><transition tral:type="Any" tral:of="[]" target="a">'
+                '<tral:condition tral:type="Always"/></transition></state>',
+                "got tral:of beside <tral:condition>",
+            ),
+        ],
+    )
+    def test_nothing_that_is_written_is_dropped(self, body: str, told: str) -> None:
+        assert told in self.told(body)
 
     def test_two_targets_are_told_once(self) -> None:
         told = self.told('<state id="a" tral:type="Stop"><transition target="a b"/></state>')

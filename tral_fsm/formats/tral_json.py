@@ -90,6 +90,11 @@ def state_json(state: StateSpec) -> dict[str, Any]:
     return {"id": own.pop("id"), "type": state.type, **own}
 
 
+def condition_json(condition: ConditionSpec) -> dict[str, Any]:
+    """A condition as plain JSON values, as a part of another one stands in a file."""
+    return {"type": condition.type, **members(condition)}
+
+
 def members(spec: Spec) -> dict[str, Any]:
     """Members of a part that differ from their defaults, as plain JSON values, without the type."""
     found = {}
@@ -104,5 +109,5 @@ def _plain(value: Any) -> Any:
     if isinstance(value, MachineDefinition):
         return as_json(value)
     if isinstance(value, ConditionSpec):
-        return {"type": value.type, **members(value)}
+        return condition_json(value)
     return [_plain(item) for item in value] if isinstance(value, tuple) else value
