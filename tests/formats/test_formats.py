@@ -221,8 +221,22 @@ class TestPictures:
     def test_plantuml(self) -> None:
         lines = write(self.MACHINE, "plantuml").splitlines()
         assert (lines[0], lines[1], lines[-1]) == ("@startuml", "title two", "@enduml")
-        assert 'state "a &#34;b&#34;&#59; c" as s0' in lines
+        assert 'state "a &#34;b&#34;&#59; c" as s0 {' in lines
+        assert '  state "0" as s0_0' in lines
         assert "s0 --> s1 : x: y: (Finished and SensorLevel sensor front below 0.5 m)" in lines
+
+    @pytest.mark.parametrize(
+        ("label", "coded"),
+        [
+            ("5 $ a\\nb", "5 <U+0024> a<U+005C>nb"),
+            ("<U+0024> &#36;", "&#60;U+0024&#62; &#38;&#35;36&#59;"),
+            ("my__name__", "my_&#95;name_&#95;"),
+            ("--[[a]]", "-&#45;[&#91;a]&#93;"),
+        ],
+    )
+    def test_signs_that_plantuml_would_act_on_are_codes(self, label: str, coded: str) -> None:
+        machine = {"root": 0, "states": [{"id": 0, "type": "Stop", "label": label}]}
+        assert f'state "{coded}" as s0' in write(read(json.dumps(machine), "a"), "plantuml").splitlines()
 
 
 class TestScxml:
