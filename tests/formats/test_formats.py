@@ -326,6 +326,22 @@ class TestScxml:
         told = self.told('<state id="a" tral:type="Stop"><transition target="a b"/></state>')
         assert told == "transition (line 2): got 2 targets, expected one"
 
+    def test_a_plain_chart_says_first_what_helps_and_then_a_line_for_each_element(self) -> None:
+        body = """<state id="idle"><onentry/><onexit/><transition event="button" target="busy"/></state>
+          <state id="busy"><transition event="done" target="idle"/></state>"""
+        assert self.told(body).splitlines() == [
+            "scxml (line 1): a plain chart: no state has a tral:type. `tral fsm states` lists the types, and "
+            "`tral fsm new my.scxml` writes a machine to begin with",
+            "onentry (line 2): got <onentry> in it. Allowed: transition",
+            "state 'busy' (line 3) /type: got no type of state",
+            'transition (line 2) /type: got "button", which is no type of transition',
+            'transition (line 3) /type: got "done", which is no type of transition',
+        ]
+
+    def test_a_decimal_comma_is_guessed(self) -> None:
+        told = self.told('<state id="a" tral:type="Stop" tral:brake="0,5"/>')
+        assert told == "state 'a' (line 2) /brake: got \"0,5\": expected a number. A decimal comma? Write 0.5"
+
     def test_problems_name_element_and_line(self) -> None:
         told = self.told('<state id="a" tral:type="Stopp"/>\n<state id="b" tral:type="Stop" tral:brake="2"/>')
         assert "state 'a' (line 2) /type: got \"Stopp\"" in told

@@ -252,7 +252,85 @@ class TestWhere:
         assert order(None, 2, 1) == [2, 1, 0]
 
 
+class TestPlainCharts:
+    """State charts that were drawn without the palette."""
+
+    def test_what_helps_comes_first_then_a_line_for_each_element(self) -> None:
+        idle = element("UMLState", STATES["go"], "Idle\n--\nentry / beep\nexit / stop beeping")
+        busy = element("UMLState", STATES["rest"], "Busy")
+        told = problems(diagram(idle, busy, ROOT, arrow("lt=->\nbutton [on] / light\nr1=once")))
+        assert told == [
+            "diagram: a plain chart: no state has a `type:`. Drag states and transitions from the palette "
+            "(TRAL_State-Machine.uxf), or begin with `tral fsm new my.uxf`",
+            "UMLState 'Idle' (element 1): got 'entry / beep' in line 3 of its text, expected: name: value",
+            "UMLState 'Busy' (element 2): got no parameters: they stand below a line --",
+            "Relation 'Idle' > 'Busy' (element 5): got 'button [on] / light' in line 2 of its text, "
+            "expected: name: value",
+        ]
+
+    def test_a_state_within_a_state_is_named(self) -> None:
+        outer = element("UMLState", (0, 0, 500, 300), "Running")
+        inner = element("UMLState", (50, 50, 100, 60), "Fast")
+        assert problems(diagram(outer, inner))[0].endswith(
+            "States within states are not read ('Fast' in 'Running'): an FSMState holds a machine"
+        )
+
+    def test_a_large_one_says_it_too(self) -> None:
+        many = [element("UMLState", (200 * n, 0, 100, 60), f"s{n}\n--\ndo / a\ndo / b\ndo / c") for n in range(60)]
+        told = problems(diagram(*many))
+        assert "a plain chart" in told[0]
+
+    def test_a_chart_with_a_type_is_told_in_full(self) -> None:
+        told = problems(diagram(state("go"), element("UMLState", STATES["rest"], "Busy"), ROOT, arrow(ALWAYS)))
+        assert "a plain chart" not in told[0]
+
+
+class TestIds:
+    def test_a_transition_needs_no_id(self) -> None:
+        assert read(diagram(TWO, ROOT, arrow("lt=->\ntype: Always")), "a") == expected()
+
+    def test_further_copies_from_the_palette_are_numbered(self) -> None:
+        motor = "id: Motor\ntype: Motor\nspeed: 0.5\ndistance: 1"
+        first, second = state("go", motor), state("rest", motor)
+        first, second = first.replace("go\n", "Motor\n", 1), second.replace("rest\n", "Motor\n", 1)
+        ways = [
+            arrow("lt=->\nid: Finished\ntype: Finished"),
+            arrow("lt=->\nid: Finished\ntype: Finished", "210;10;10;10", (90, 40, 220, 20)),
+        ]
+        got = read(diagram(first, second, ROOT, *ways), "a")
+        assert [part.id for part in got.states] == ["Motor", "Motor 2"]
+        assert [(way.id, way.source, way.target) for way in got.transitions] == [
+            ("Finished", "Motor", "Motor 2"),
+            (0, "Motor 2", "Motor"),
+        ]
+
+    def test_a_copy_with_a_title_of_its_own_has_it_as_its_id(self) -> None:
+        stop = "id: Stop\ntype: Stop"
+        got = read(diagram(state("go", stop), state("rest", stop + "\nroot: true"), arrow("lt=<-\ntype: Always")), "a")
+        assert [part.id for part in got.states] == ["Stop", "rest"]
+        assert got.root == "rest"
+
+    def test_an_id_of_your_own_that_repeats_is_told(self) -> None:
+        told = problems(
+            diagram(state("go", "id: a\ntype: Stop"), state("rest", "id: a\ntype: Stop"), ROOT, arrow(ALWAYS))
+        )
+        assert "got id 'a', which UMLState 'go' (element 1) has already" in told[0]
+
+
 class TestTold:
+    @pytest.mark.parametrize(
+        "line", ["cbase=0.2", "cpos=4,-10", "c=see here", "m1pos=5,5", "m2pos=5,5", "r1pos=5,5", "r2pos=5,5"]
+    )
+    def test_where_umlet_puts_a_label_says_nothing(self, line: str) -> None:
+        assert read(diagram(TWO, ROOT, arrow(f"lt=->\n{line}\n{ALWAYS[6:]}")), "a") == expected()
+
+    def test_a_decimal_comma_is_guessed(self) -> None:
+        told = problems(diagram(state("go", "id: 0\ntype: Motor\nthrottle: 0,2\nfinal: true"), ROOT))
+        assert told == [
+            "UMLState 'go' (element 1): 'throttle': got 0,2 in line 5 of its text: a decimal comma? Then write 0.2, or "
+            "several values in brackets"
+        ]
+
     @pytest.mark.parametrize(
         ("elements", "message"),
         [

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from tral_fsm.definition.machine import MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.definition.prose import combined, in_full
 
-
 _PLANTUML = re.compile(r"([$\\])|(?<=_)_|(?<=-)-|(?<==)=|(?<=\[)\[|(?<=\])\]|[^\w .,()\[\]+=:-]")
 """Signs that mean something in PlantUML; the first group are those of which a code `&#36;` makes it fail."""
 

@@ -14,7 +14,7 @@ from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.machine import MachineDefinition, StateSpec
 from tral_fsm.definition.validated import Spec
 from tral_fsm.formats import units2016
-from tral_fsm.formats.plain import Plain, Problems
+from tral_fsm.formats.plain import MIN_PLAIN_STATES, Plain, Problems
 from tral_fsm.formats.reader import definition
 
 
@@ -69,6 +69,13 @@ def parse(text: str, problems: Problems) -> Any:
 
 def plain(value: Any, problems: Problems) -> Plain:
     """Values of a TRAL JSON file; those of 2016 are converted to today's units."""
+    states = value.get("states") if isinstance(value, dict) else None
+    listed = [state for state in states if isinstance(state, dict)] if isinstance(states, list) else []
+    if len(listed) >= MIN_PLAIN_STATES and not any("type" in state for state in listed):
+        problems.plain_chart = (
+            'a plain chart: no state has a "type". `tral fsm states` lists the types, and `tral fsm new my.json` '
+            "writes a machine to begin with"
+        )
     return Plain(units2016.modern(value, problems))
 
 

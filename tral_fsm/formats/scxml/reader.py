@@ -9,10 +9,11 @@ are elements, can still be read.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 from tral_fsm.formats.members import word
-from tral_fsm.formats.plain import Plain, Problems
+from tral_fsm.formats.plain import MIN_PLAIN_STATES, Plain, Problems
 from tral_fsm.formats.units2016 import with_ids
 from tral_fsm.formats.xml_tree import Node
 
@@ -46,6 +47,14 @@ def plain(root: Node, problems: Problems) -> Plain:
         root: the file.
         problems: takes the problems of the file.
     """
+    atoms = [
+        node for node in _all(root) if node.tag == _STATE and not any(c.tag in (_STATE, _FINAL) for c in node.children)
+    ]
+    if len(atoms) >= MIN_PLAIN_STATES and all(_ours(node, "type") is None for node in atoms):
+        problems.plain_chart = (
+            "a plain chart: no state has a tral:type. `tral fsm states` lists the types, and `tral fsm new my.scxml` "
+            "writes a machine to begin with"
+        )
     reading = _Reading(problems)
     return Plain(reading.machine(root, ""), reading.places)
 
@@ -110,7 +119,7 @@ class _Reading:
         if node.tag == _FINAL:
             found |= {"type": "Stop", "final": True}
         found |= {key: value for key, value in self.members(node).items() if not key.startswith(HEAD)}
-        if any(child.tag in (_STATE, _FINAL) for child in node.children):
+        if _holds_states(node):
             found = {"type": "FSMState", **found, "machine": self.machine(node, f"{pointer}/machine")}
         else:
             self.strangers(node, pointer, (_TRANSITION,))
@@ -181,6 +190,17 @@ class _Reading:
             if child.tag not in known:
                 allowed = ", ".join(tag.rpartition("}")[2] for tag in known)
                 self.complain(pointer, f"got <{child.tag.rpartition('}')[2]}> in it. Allowed: {allowed}", child)
+
+
+def _holds_states(node: Node) -> bool:
+    return any(child.tag in (_STATE, _FINAL) for child in node.children)
+
+
+def _all(node: Node) -> Iterator[Node]:
+    """An element and all elements in it."""
+    yield node
+    for child in node.children:
+        yield from _all(child)
 
 
 def _place(node: Node) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Sequence
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tral_fsm.formats import members, units2016
-from tral_fsm.formats.plain import Plain, Problems
+from tral_fsm.formats.plain import MIN_PLAIN_STATES, Plain, Problems
 
 MAX_GAP_PX = 9.0
 """Largest gap between the end of an arrow and the outline of its state, px at 100 %. Source: UMLet."""
@@ -31,6 +32,13 @@ _SETTING = re.compile(
     r")"
 )
 """A line of text that sets UMLet's drawing; `rest` is what stands behind a setting of one word. Source: UMLet."""
+
+
+_HAS_TYPE = re.compile(r'^[ \t]*"?type"?[ \t]*[:=]|[\s,{]"?type"?[ \t]*:', re.MULTILINE)
+_PLAIN_CHART = (
+    "a plain chart: no state has a `type:`. Drag states and transitions from the palette (TRAL_State-Machine.uxf), or "
+    "begin with `tral fsm new my.uxf`"
+)
 
 
 @dataclass(frozen=True)
@@ -76,6 +84,12 @@ class _Outline:
             return math.hypot(across, down)
         return min(point[0] - x, x + width - point[0], point[1] - y, y + height - point[1])
 
+    def holds(self, other: _Outline) -> bool:
+        """Whether another element is drawn within this one."""
+        (x, y, width, height), (a, b, across, down) = self.box, other.box
+        larger = width * height > across * down
+        return larger and x <= a and y <= b and a + across <= x + width and b + down <= y + height
+
 
 def plain(diagram: Diagram, problems: Problems) -> Plain:
     """The machine that a diagram shows.
@@ -119,6 +133,9 @@ class _Reading:
     def machine(self) -> Plain:
         """The machine; states come first, since arrows point at them."""
         kinds = {number: _special(element) for number, element in enumerate(self.diagram.elements, 1)}
+        texts = [element.text for number, element in enumerate(self.diagram.elements, 1) if kinds[number] in _STATE]
+        if len(texts) >= MIN_PLAIN_STATES and not any(map(_HAS_TYPE.search, texts)):
+            self.problems.plain_chart = _PLAIN_CHART
         for number, element in enumerate(self.diagram.elements, 1):
             kind = kinds[number]
             if kind in _STATE:
@@ -128,10 +145,14 @@ class _Reading:
                 self.problems.complain("", f"got {kind[:60]!r}. Allowed: {allowed}", f"element {number}")
             if kind not in _ARROW and element.box is not None:
                 self.outlines.append(_Outline(kind, number, self.scaled(element.box)))
+        self.repeated_states()
+        if self.problems.plain_chart:
+            self.problems.plain_chart += self.nested()
         for number, element in enumerate(self.diagram.elements, 1):
             if kinds[number] in _ARROW:
                 self.arrow(number, element)
         self.in_order()
+        self.transitions = units2016.with_ids(_without_repeated(self.transitions))
         value = {**self.head(), "states": self.states, "transitions": self.transitions}
         value["root"] = self.root()
         return Plain(units2016.modern(value, self.problems), self.places)
@@ -178,6 +199,35 @@ class _Reading:
         self.at[number] = len(self.states)
         self.titles[number] = title
         self.states.append(found)
+
+    def repeated_states(self) -> None:
+        """Let a further copy of a state of the palette, whose id is its type, have its title or a number as its id."""
+        taken = {str(state.get("id")) for state in self.states}
+        seen: set[str] = set()
+        for number, index in self.at.items():
+            state = self.states[index]
+            name = str(state.get("id"))
+            if name in seen and name == state.get("type"):
+                title = self.titles[number]
+                copies = (f"{name} {count}" for count in itertools.count(2))
+                state["id"] = title if title and title not in taken else next(c for c in copies if c not in taken)
+                taken.add(str(state["id"]))
+                if number in self.roots:
+                    self.roots[number] = state["id"]
+            seen.add(name)
+
+    def nested(self) -> str:
+        """States that are drawn within other ones, in words."""
+        states = [outline for outline in self.outlines if outline.number in self.at]
+        found = [
+            f"'{self.titles[inner.number][:40]}' in '{self.titles[outer.number][:40]}'"
+            for inner in states
+            for outer in states
+            if inner is not outer and outer.holds(inner)
+        ]
+        more = f" and {len(found) - 3} more" if len(found) > 3 else ""
+        told = f". States within states are not read ({', '.join(found[:3])}{more}): an FSMState holds a machine"
+        return told if found else ""
 
     def arrow(self, number: int, element: Element) -> None:
         """A transition, or the arrow of an initial or final node."""
@@ -294,6 +344,18 @@ class _Reading:
         elif not ids:
             self.missing("", "root", 'let an initial node point to it, or give one state "root": true')
         return next(iter(self.roots.values()), None)
+
+
+def _without_repeated(transitions: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Transitions in which a further copy of one of the palette, whose id is its type, has no id."""
+    seen: set[str] = set()
+    found = []
+    for transition in transitions:
+        name = str(transition.get("id"))
+        copy = name in seen and name == transition.get("type")
+        found.append({key: value for key, value in transition.items() if key != "id"} if copy else transition)
+        seen.add(name)
+    return found
 
 
 def _special(element: Element) -> str:
