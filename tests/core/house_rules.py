@@ -14,7 +14,7 @@ from pathlib import Path
 Imports = Mapping[str, Set[str]]
 Rule = Callable[[Imports], list[str]]
 
-WAIST = {"tral_env.interface", "tral_env.geometry", "tral_env.se2", "tral_env.errors"}
+WAIST = {"tral_env.interface", "tral_env.geometry", "tral_env.se2", "tral_env.errors", "tral_env.json_text"}
 WAIST_NEEDS = {"numpy", "gymnasium.spaces"}
 
 PHYSICS = {"mujoco"}

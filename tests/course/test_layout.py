@@ -56,6 +56,28 @@ def test_an_unknown_example_names_those_there_are():
         example_path("defualt")
 
 
+def test_a_key_that_stands_twice_is_told_with_its_place():
+    twice = '{"name": "a", "segments": [{"length": 9, "gates": [{"id": 1, "at": 3}], "gates": []}], "name": "b"}'
+    assert problems(twice) == [
+        "file.json: 2 problems",
+        "/name: is there twice. Allowed: each key once",
+        "/segments/0/gates: is there twice. Allowed: each key once",
+    ]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_a_file_may_begin_with_a_byte_order_mark(encoding: str, tmp_path: Path):
+    file = tmp_path / "a.json"
+    file.write_text(json.dumps({**PLAIN, "name": "Gänge"}, ensure_ascii=False), encoding=encoding)
+    assert Course.load(file).name == "Gänge"
+    assert Course.parse("\ufeff" + json.dumps(PLAIN)) == course()
+
+
+def test_a_decimal_comma_is_guessed():
+    (told,) = problems('{"name": "a", "segments": [{"length": 9,5}]}')
+    assert told.endswith(": a decimal comma? JSON writes 0.8")
+
+
 def test_members_with_their_default_value_are_not_written():
     assert json.loads(course().to_json()) == {"name": "plain", "segments": [{"length": 10.0}]}
 

@@ -221,8 +221,22 @@ class TestPictures:
     def test_plantuml(self) -> None:
         lines = write(self.MACHINE, "plantuml").splitlines()
         assert (lines[0], lines[1], lines[-1]) == ("@startuml", "title two", "@enduml")
-        assert 'state "a &#34;b&#34;&#59; c" as s0' in lines
+        assert 'state "a &#34;b&#34;&#59; c" as s0 {' in lines
+        assert '  state "0" as s0_0' in lines
         assert "s0 --> s1 : x: y: (Finished and SensorLevel sensor front below 0.5 m)" in lines
+
+    @pytest.mark.parametrize(
+        ("label", "coded"),
+        [
+            ("5 $ a\\nb", "5 <U+0024> a<U+005C>nb"),
+            ("<U+0024> &#36;", "&#60;U+0024&#62; &#38;&#35;36&#59;"),
+            ("my__name__", "my_&#95;name_&#95;"),
+            ("--[[a]]", "-&#45;[&#91;a]&#93;"),
+        ],
+    )
+    def test_signs_that_plantuml_would_act_on_are_codes(self, label: str, coded: str) -> None:
+        machine = {"root": 0, "states": [{"id": 0, "type": "Stop", "label": label}]}
+        assert f'state "{coded}" as s0' in write(read(json.dumps(machine), "a"), "plantuml").splitlines()
 
 
 class TestScxml:
@@ -235,8 +249,9 @@ class TestScxml:
     def test_the_first_state_is_the_root_unless_initial_names_one(self) -> None:
         text = write(WALL, "scxml")
         assert read(text.replace(' initial="s0"', ""), "a") == WALL
-        within = "<initial><transition target='s0'/></initial><tral:machine"
-        assert read(text.replace(' initial="s0"', "").replace("<tral:machine", within), "a") == WALL
+        within = "<initial><transition target='s0'/></initial><final"
+        assert read(text.replace(' initial="s0"', "").replace("<final", within, 1), "a") == WALL
+        assert "scxml (line 2): got 2 initial states, expected one" in message(text.replace("<final", within, 1))
         assert "/root" in message(text.replace('initial="s0"', 'initial="s9"'))
 
     def test_what_a_machine_has_not_is_told_with_its_line(self) -> None:
@@ -259,9 +274,73 @@ class TestScxml:
         ]  # fmt: skip
         assert found.states[2].final
 
+    def test_charts_of_before_with_conditions_as_elements_are_read(self) -> None:
+        older = """<scxml xmlns="http://www.w3.org/2005/07/scxml" xmlns:tral="urn:tral:machine" version="1.0"
+            initial="s0">
+          <tral:machine tral:name="two" tral:description="as before"/>
+          <state id="s0" tral:id="0" tral:type="FollowWallRamp" tral:target="0.7" tral:distance="2"
+              tral:speed="0.5">
+            <transition event="Any" target="s1" tral:id="3" tral:type="Any">
+              <tral:condition tral:type="Finished"/><tral:condition tral:type="Timer" tral:seconds="9"/>
+            </transition>
+          </state>
+          <final id="s1" tral:id="1" tral:type="Stop"/></scxml>"""
+        found = read(older, "a")
+        assert (found.name, found.description, found.root) == ("two", "as before", 0)
+        assert (found.states[0].id, found.states[0].target) == (0, 0.7)  # type: ignore[attr-defined]
+        assert [part.type for part in found.transitions[0].when.parts] == ["Finished", "Timer"]
+        assert read(write(found, "scxml"), "b") == found
+
+    @pytest.mark.parametrize(
+        ("body", "told"),
+        [
+            (
+                '<state id="a" tral:type="Stop" brake="0.5"/>',
+                "got the attribute 'brake': parameters are in a namespace",
+            ),
+            (
+                '<state id="a" tral:type="Stop">brake: 0.5</state>',
+                "state 'a' (line 2): got the text 'brake: 0.5' in it",
+            ),
+            (
+                '<state id="a" tral:type="Stop"/><transition target="a"/>',
+                "got <transition> in it. Allowed: state, final",
+            ),
+            ('<state id="a" tral:id="b" tral:id_="c" tral:type="Stop"/>', "got tral:id and tral:id_, expected one of"),
+            (
+                '<state id="a" tral:type="Stop"><transition event="Timer" tral:type="Always" target="a"/></state>',
+                "got the event 'Timer', but tral:type says 'Always'",
+            ),
+            ('<state id="a" tral:type="Stop"/><tral:machine tral:root="b"/>', "got tral:root of a machine. Allowed:"),
+            (
+                '<state id="a" tral:type="Stop"><transition tral:type="Any" tral:of="[]" target="a">'
+                '<tral:condition tral:type="Always"/></transition></state>',
+                "got tral:of beside <tral:condition>",
+            ),
+        ],
+    )
+    def test_nothing_that_is_written_is_dropped(self, body: str, told: str) -> None:
+        assert told in self.told(body)
+
     def test_two_targets_are_told_once(self) -> None:
         told = self.told('<state id="a" tral:type="Stop"><transition target="a b"/></state>')
         assert told == "transition (line 2): got 2 targets, expected one"
+
+    def test_a_plain_chart_says_first_what_helps_and_then_a_line_for_each_element(self) -> None:
+        body = """<state id="idle"><onentry/><onexit/><transition event="button" target="busy"/></state>
+          <state id="busy"><transition event="done" target="idle"/></state>"""
+        assert self.told(body).splitlines() == [
+            "scxml (line 1): a plain chart: no state has a tral:type. `tral fsm states` lists the types, and "
+            "`tral fsm new my.scxml` writes a machine to begin with",
+            "onentry (line 2): got <onentry> in it. Allowed: transition",
+            "state 'busy' (line 3) /type: got no type of state",
+            'transition (line 2) /type: got "button", which is no type of transition',
+            'transition (line 3) /type: got "done", which is no type of transition',
+        ]
+
+    def test_a_decimal_comma_is_guessed(self) -> None:
+        told = self.told('<state id="a" tral:type="Stop" tral:brake="0,5"/>')
+        assert told == "state 'a' (line 2) /brake: got \"0,5\": expected a number. A decimal comma? Write 0.5"
 
     def test_problems_name_element_and_line(self) -> None:
         told = self.told('<state id="a" tral:type="Stopp"/>\n<state id="b" tral:type="Stop" tral:brake="2"/>')

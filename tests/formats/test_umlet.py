@@ -112,6 +112,56 @@ class TestText:
         assert read(text, "a") == expected()
 
 
+class TestNothingIsDropped:
+    """What a person wrote is read or told, wherever it stands."""
+
+    def test_parameters_behind_a_second_rule_are_read(self) -> None:
+        go = element("UMLState", STATES["go"], 'go\n--\nid: 0\ntype: Motor\n--\nthrottle: 0.2\nbg=red\n--\nlabel: "on"')
+        got = read(diagram(go, state("rest"), ROOT, arrow(ALWAYS)), "a")
+        assert got == expected(states=[{**EXPECTED["states"][0], "label": "on"}, EXPECTED["states"][1]])
+
+    def test_a_parameter_on_both_sides_of_a_rule_is_told(self) -> None:
+        go = element("UMLState", STATES["go"], f"go\n--\n{TEXTS['go']}\n--\nthrottle: 7.5")
+        assert "UMLState 'go' (element 1): got 'throttle' twice, again in line 7 of its text" in problems(
+            diagram(go, state("rest"), ROOT, arrow(ALWAYS))
+        )
+
+    def test_other_words_behind_a_second_rule_are_told(self) -> None:
+        go = element("UMLState", STATES["go"], f"go\n--\n{TEXTS['go']}\n--\nslow down")
+        assert "got 'slow down' in line 7 of its text" in problems(diagram(go))[0]
+
+    @pytest.mark.parametrize(
+        "line", ["lt=-> id: 0, type: Always", "lt=->   id: 0\ntype: Always", "lt=->\nlw=2 id: 0\ntype: Always"]
+    )
+    def test_what_stands_behind_a_setting_is_read(self, line: str) -> None:
+        assert read(diagram(TWO, ROOT, arrow(line)), "a") == expected()
+
+    def test_words_behind_a_setting_are_told(self) -> None:
+        told = problems(diagram(TWO, ROOT, arrow("lt=-> always\n" + ALWAYS[5:])))
+        assert told == ["Relation '0' (element 5): got 'always' in line 1 of its text, expected: name: value"]
+
+    def test_a_comment_behind_a_setting_is_one(self) -> None:
+        assert read(diagram(TWO, ROOT, arrow("lt=-> // dashed?\n" + ALWAYS[5:])), "a") == expected()
+
+    def test_a_type_with_an_equals_sign_is_told(self) -> None:
+        go = state("go", "id: 0\ntype=Motor")
+        assert "got 'type=Motor' in line 4 of its text, expected: name: value" in problems(diagram(go))[0]
+
+    def test_other_words_in_the_text_of_the_diagram_are_told(self) -> None:
+        told = problems(diagram(TWO, ROOT, arrow(ALWAYS), text="// a comment\nfontfamily=Serif //or another\nroot: 0"))
+        assert told == [
+            "diagram: got 'root: 0' in line 3 of its text. Allowed: name, description, units, comments (//)"
+        ]
+
+    def test_a_tag_that_comes_twice_is_told(self) -> None:
+        go = state("go").replace("</element>", "<panel_attributes>p: 7</panel_attributes></element>")
+        assert "element 1: got <panel_attributes> twice" in problems(diagram(go))
+
+    def test_a_second_diagram_in_the_json_form_is_told(self) -> None:
+        once = json.loads(xml2json(diagram(TWO, ROOT, arrow(ALWAYS))))
+        assert "got 'states' beside 'diagram', expected one diagram" in problems(json.dumps({**once, "states": []}))[0]
+
+
 class TestRoot:
     def test_a_state_may_say_that_it_is_the_root(self) -> None:
         assert (
@@ -202,7 +252,85 @@ class TestWhere:
         assert order(None, 2, 1) == [2, 1, 0]
 
 
+class TestPlainCharts:
+    """State charts that were drawn without the palette."""
+
+    def test_what_helps_comes_first_then_a_line_for_each_element(self) -> None:
+        idle = element("UMLState", STATES["go"], "Idle\n--\nentry / beep\nexit / stop beeping")
+        busy = element("UMLState", STATES["rest"], "Busy")
+        told = problems(diagram(idle, busy, ROOT, arrow("lt=->\nbutton [on] / light\nr1=once")))
+        assert told == [
+            "diagram: a plain chart: no state has a `type:`. Drag states and transitions from the palette "
+            "(TRAL_State-Machine.uxf), or begin with `tral fsm new my.uxf`",
+            "UMLState 'Idle' (element 1): got 'entry / beep' in line 3 of its text, expected: name: value",
+            "UMLState 'Busy' (element 2): got no parameters: they stand below a line --",
+            "Relation 'Idle' > 'Busy' (element 5): got 'button [on] / light' in line 2 of its text, "
+            "expected: name: value",
+        ]
+
+    def test_a_state_within_a_state_is_named(self) -> None:
+        outer = element("UMLState", (0, 0, 500, 300), "Running")
+        inner = element("UMLState", (50, 50, 100, 60), "Fast")
+        assert problems(diagram(outer, inner))[0].endswith(
+            "States within states are not read ('Fast' in 'Running'): an FSMState holds a machine"
+        )
+
+    def test_a_large_one_says_it_too(self) -> None:
+        many = [element("UMLState", (200 * n, 0, 100, 60), f"s{n}\n--\ndo / a\ndo / b\ndo / c") for n in range(60)]
+        told = problems(diagram(*many))
+        assert "a plain chart" in told[0]
+
+    def test_a_chart_with_a_type_is_told_in_full(self) -> None:
+        told = problems(diagram(state("go"), element("UMLState", STATES["rest"], "Busy"), ROOT, arrow(ALWAYS)))
+        assert "a plain chart" not in told[0]
+
+
+class TestIds:
+    def test_a_transition_needs_no_id(self) -> None:
+        assert read(diagram(TWO, ROOT, arrow("lt=->\ntype: Always")), "a") == expected()
+
+    def test_further_copies_from_the_palette_are_numbered(self) -> None:
+        motor = "id: Motor\ntype: Motor\nspeed: 0.5\ndistance: 1"
+        first, second = state("go", motor), state("rest", motor)
+        first, second = first.replace("go\n", "Motor\n", 1), second.replace("rest\n", "Motor\n", 1)
+        ways = [
+            arrow("lt=->\nid: Finished\ntype: Finished"),
+            arrow("lt=->\nid: Finished\ntype: Finished", "210;10;10;10", (90, 40, 220, 20)),
+        ]
+        got = read(diagram(first, second, ROOT, *ways), "a")
+        assert [part.id for part in got.states] == ["Motor", "Motor 2"]
+        assert [(way.id, way.source, way.target) for way in got.transitions] == [
+            ("Finished", "Motor", "Motor 2"),
+            (0, "Motor 2", "Motor"),
+        ]
+
+    def test_a_copy_with_a_title_of_its_own_has_it_as_its_id(self) -> None:
+        stop = "id: Stop\ntype: Stop"
+        got = read(diagram(state("go", stop), state("rest", stop + "\nroot: true"), arrow("lt=<-\ntype: Always")), "a")
+        assert [part.id for part in got.states] == ["Stop", "rest"]
+        assert got.root == "rest"
+
+    def test_an_id_of_your_own_that_repeats_is_told(self) -> None:
+        told = problems(
+            diagram(state("go", "id: a\ntype: Stop"), state("rest", "id: a\ntype: Stop"), ROOT, arrow(ALWAYS))
+        )
+        assert "got id 'a', which UMLState 'go' (element 1) has already" in told[0]
+
+
 class TestTold:
+    @pytest.mark.parametrize(
+        "line", ["cbase=0.2", "cpos=4,-10", "c=see here", "m1pos=5,5", "m2pos=5,5", "r1pos=5,5", "r2pos=5,5"]
+    )
+    def test_where_umlet_puts_a_label_says_nothing(self, line: str) -> None:
+        assert read(diagram(TWO, ROOT, arrow(f"lt=->\n{line}\n{ALWAYS[6:]}")), "a") == expected()
+
+    def test_a_decimal_comma_is_guessed(self) -> None:
+        told = problems(diagram(state("go", "id: 0\ntype: Motor\nthrottle: 0,2\nfinal: true"), ROOT))
+        assert told == [
+            "UMLState 'go' (element 1): 'throttle': got 0,2 in line 5 of its text: a decimal comma? Then write 0.2, or "
+            "several values in brackets"
+        ]
+
     @pytest.mark.parametrize(
         ("elements", "message"),
         [
@@ -223,7 +351,7 @@ class TestTold:
             ([TWO, arrow(ALWAYS + "order: first")], "Relation '0' (element 3): got order: 'first', expected a number"),
             ([TWO, state("rest")], "UMLState 'rest' (element 3) /id: got id 1, which UMLState 'rest' (element 2) has"),
             ([TWO, ROOT, arrow("lt=->\nid: 2")], "Relation '2' (element 5) /type: got no type of transition"),
-            ([TWO, arrow("lt=->")], "Relation (element 3) /type: got no type of transition"),
+            ([TWO, arrow("lt=->")], "Relation 'go' > 'rest' (element 3) /type: got no type of transition"),
         ],
     )
     def test_each_problem_names_its_element(self, elements: list[str], message: str) -> None:

@@ -177,3 +177,17 @@ def test_unknown_name_and_missing_file_are_refused(tmp_path):
         load_calibration("tt02")
     with pytest.raises(CalibrationError, match="cannot read the calibration"):
         load_calibration(tmp_path / "none.json")
+
+
+def test_a_key_that_stands_twice_is_told_with_its_place():
+    text = changed().replace('"steering": {', '"steering": {"trim_us": 5, "trim_us": 6, ', 1)
+    with pytest.raises(
+        CalibrationError, match=r"'a' cannot be used, 1 problem\(s\):\n  steering.trim_us: is there twice"
+    ):
+        parse_calibration(text, "a")
+
+
+def test_a_file_may_begin_with_a_byte_order_mark(tmp_path):
+    file = tmp_path / "mine.json"
+    file.write_text(changed(), encoding="utf-8-sig")
+    assert load_calibration(file) == parse_calibration(changed(), "a")

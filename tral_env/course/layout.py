@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from tral_env import json_text
 from tral_env.errors import CourseError, nearest, problem_report
 
 Side = Literal["left", "right"]
@@ -182,7 +183,7 @@ class Course(Part):
             OSError: the file cannot be opened.
         """
         try:
-            text = Path(path).read_text(encoding="utf-8")
+            text = json_text.read(path)
         except UnicodeDecodeError as error:
             raise CourseError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None
         return cls.parse(text, source=str(path))
@@ -194,12 +195,16 @@ class Course(Part):
         Raises:
             CourseError: as for `load`.
         """
+        text = text.removeprefix("\ufeff")
         try:
-            json.loads(text)
+            repeated = json_text.repeated_keys(text)
         except json.JSONDecodeError as error:
-            raise CourseError(f"{source}: not JSON: {error.msg} at line {error.lineno}, column {error.colno}") from None
+            place = f"line {error.lineno}, column {error.colno}{json_text.reason(error)}"
+            raise CourseError(f"{source}: not JSON: {error.msg} at {place}") from None
         except (ValueError, RecursionError) as error:  # an integer of thousands of digits, endless nesting
             raise CourseError(f"{source}: not readable: {error}") from None
+        if repeated:
+            raise _report(source, (f"{pointer}: is there twice. Allowed: each key once" for pointer in repeated))
         try:
             course = cls.model_validate_json(text, strict=True)
         except ValidationError as error:

@@ -10,6 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from tral_env import json_text
 from tral_env.errors import CalibrationError, nearest, problem_list
 from tral_env.hardware.calibration import CarCalibration, SteeringCalibration, ThrottleCalibration
 
@@ -50,7 +51,7 @@ def load_calibration(source: str | Path | CarCalibration) -> CarCalibration:
             )
         return parse_calibration((_FOLDER / f"{source}{_SUFFIX}").read_text("utf-8"), source)
     try:
-        text = Path(source).read_text("utf-8")
+        text = json_text.read(source)
     except (OSError, UnicodeDecodeError) as error:
         raise CalibrationError(f"cannot read the calibration '{source}': {error}") from error
     return parse_calibration(text, str(source))
@@ -66,19 +67,28 @@ def parse_calibration(text: str, where: str) -> CarCalibration:
     Raises:
         CalibrationError: see `load_calibration`.
     """
+    text = text.removeprefix("\ufeff")
     try:
-        json.loads(text)
-        return CarCalibration.model_validate_json(text)
+        repeated = json_text.repeated_keys(text)
+        if not repeated:
+            return CarCalibration.model_validate_json(text)
     except json.JSONDecodeError as error:
-        raise CalibrationError(f"{where}:{error.lineno}:{error.colno}: not JSON: {error.msg}") from error
+        told = f"{error.msg}{json_text.reason(error)}"
+        raise CalibrationError(f"{where}:{error.lineno}:{error.colno}: not JSON: {told}") from error
     except RecursionError as error:
         raise CalibrationError(f"{where}: nested too deeply") from error
     except ValidationError as error:
         problems = [problem for detail in error.errors() for problem in _problems(detail)]
-        head = f"calibration '{where}' cannot be used, {len(problems)} problem(s):"
-        raise CalibrationError(problem_list(head, problems)) from error
+        raise _report(where, problems) from error
     except ValueError as error:  # an integer of thousands of digits
         raise CalibrationError(f"{where}: not readable: {error}") from error
+    raise _report(where, [f"{pointer[1:].replace('/', '.')}: is there twice" for pointer in repeated])
+
+
+def _report(where: str, problems: list[str]) -> CalibrationError:
+    return CalibrationError(
+        problem_list(f"calibration '{where}' cannot be used, {len(problems)} problem(s):", problems)
+    )
 
 
 def _problems(detail: Any) -> Iterable[str]:

@@ -82,7 +82,7 @@ def read(content: str | bytes, source: str, suffix: str = "") -> MachineDefiniti
     except MachineError as error:
         raise FormatError(source, [Problem("", str(error))]) from error
     except EnoughProblemsError:
-        raise FormatError(source, told(problems.found, plain.places)) from None
+        raise FormatError(source, told(problems, plain.places)) from None
     return definition(plain, source, problems)
 
 

@@ -15,6 +15,8 @@ _BLANK = re.compile(r"\s*")
 _KEY = re.compile(r'(?:("(?:[^"\\\n]|\\.)*")|([^\W\d]\w*))[ \t]*:[ \t]*')
 _END = re.compile(r"[ \t]*(?:[,\n]|\Z)")
 _NEXT = re.compile(r',[ \t]*(?:"[^"\n]*"|[^\W\d]\w*)[ \t]*:')
+_COMMA = re.compile(r"[-+]?\d+,\d+(?=[ \t]*(?:[,\n]|\Z))")
+"""A number with a decimal comma."""
 _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f]")
 
 
@@ -63,13 +65,20 @@ def _member(
     """Name, value, and end of a member; after a name in quotes the value may stand in the next line, as in JSON."""
     name = str(word(key[1])) if key[1] else key[2]
     at = _past(_BLANK, text, key.end()) if key[1] else key.end()
+    comma = _COMMA.match(text, at)
+    if comma:
+        right = comma[0].replace(",", ".")
+        hint = f"write {right}, or several values in brackets"
+        complain(f"{name!r}: got {comma[0]} in line {_line(text, at)} of its text: a decimal comma? Then {hint}")
+        return name, float(right), comma.end()
     fault = ""
     try:
         value, end = decoder.raw_decode(text, at)
         if _END.match(text, end):
             return name, value, end
     except json.JSONDecodeError as error:
-        fault = f"{error.msg} in line {_line(text, error.pos)} of its text"
+        told = "Unterminated string" if "control character" in error.msg else error.msg  # the only one left is \\n
+        fault = f"{told} in line {_line(text, error.pos)} of its text"
     except (RecursionError, ValueError):
         fault = f"nested too deeply, or too long a number, in line {_line(text, at)} of its text"
     if fault and text[at : at + 1] in ('"', "{", "["):

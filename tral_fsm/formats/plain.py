@@ -12,7 +12,11 @@ from tral_fsm.definition.checks import Problem
 MAX_PROBLEMS = 100
 """Largest number of problems that are reported for a file. Source: choice."""
 
+MIN_PLAIN_STATES = 2
+"""A chart with fewer states is told problem by problem. Source: choice."""
+
 _POINTER = re.compile(r"/(?:states|transitions)/\d+")
+_PART = re.compile(r".*/(?:states|transitions)/\d+")
 
 
 class EnoughProblemsError(Exception):
@@ -24,6 +28,8 @@ class Problems:
     """Problems of a file, up to `MAX_PROBLEMS`."""
 
     found: list[Problem] = field(default_factory=list)
+    plain_chart: str = ""
+    """What helps first with a chart in which no state has a type, such as one that another program drew."""
 
     def complain(self, pointer: str, message: str, place: str = "") -> None:
         """Add a problem.
@@ -62,3 +68,15 @@ def located(problem: Problem, places: Mapping[str, str]) -> Problem:
     machine = re.sub(r"/(?:states|transitions)/\d+(?:/(?!machine/).*)?$", "", problem.pointer)
     message = _POINTER.sub(lambda found: places.get(machine + found[0], found[0]), problem.message)
     return Problem(problem.pointer, message, f"{places[at]} {rest}".rstrip())
+
+
+def condensed(problems: Problems) -> list[Problem]:
+    """What helps first, then the first problem of each part, without the types that there are."""
+    parts: dict[str, Problem] = {}
+    for problem in problems.found:
+        part = _PART.match(problem.pointer)
+        short = problem
+        if problem.pointer.endswith("/type"):
+            short = Problem(problem.pointer, problem.message.partition(":")[0], problem.place)
+        parts.setdefault(part[0] if part else f"{problem.place} {problem.message}", short)
+    return [Problem("", problems.plain_chart), *parts.values()]

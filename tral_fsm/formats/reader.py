@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
@@ -17,7 +18,7 @@ from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.machine import MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.definition.plugins import load_plugins
 from tral_fsm.definition.validated import Id, Spec
-from tral_fsm.formats.plain import MAX_PROBLEMS, EnoughProblemsError, Plain, Problems, located
+from tral_fsm.formats.plain import MAX_PROBLEMS, EnoughProblemsError, Plain, Problems, condensed, located
 from tral_fsm.states import STATES
 
 M = TypeVar("M", bound=Spec)
@@ -51,13 +52,14 @@ def definition(plain: Plain, source: str, problems: Problems | None = None) -> M
     with contextlib.suppress(EnoughProblemsError):
         machine = Reader(found).machine(plain.value, "", 0)
     if found.found or machine is None:
-        raise FormatError(source, told(found.found, plain.places))
+        raise FormatError(source, told(found, plain.places))
     return machine
 
 
-def told(problems: Iterable[Problem], places: Mapping[str, str]) -> list[Problem]:
-    """Problems with their places, each once, and at most `MAX_PROBLEMS`."""
-    found = list(dict.fromkeys(located(problem, places) for problem in problems))
+def told(problems: Problems, places: Mapping[str, str]) -> list[Problem]:
+    """Problems with their places, each once, and at most `MAX_PROBLEMS`; of a plain chart one for each part."""
+    listed = condensed(problems) if problems.plain_chart else problems.found
+    found = list(dict.fromkeys(located(problem, places) for problem in listed))
     if len(found) < MAX_PROBLEMS:
         return found
     return [*found[:MAX_PROBLEMS], Problem("", f"there may be more than these {MAX_PROBLEMS} problems")]
@@ -216,7 +218,7 @@ class Reader:
         elif fault["type"] == "value_error":
             self.complain(at, _of_validator(fault))
         elif not any(p.pointer == at for p in self.problems.found):
-            self.complain(at, f"got {_show(got)}: {_expected(fault)}{_hint_2016(got)}")
+            self.complain(at, f"got {_show(got)}: {_expected(fault)}{_hint(got)}")
 
 
 def _id(value: Any) -> Id | None:
@@ -270,10 +272,13 @@ def _expected(fault: Mapping[str, Any]) -> str:
     return known.format(**fault.get("ctx", {})) if known else str(fault["msg"])
 
 
-def _hint_2016(got: Any) -> str:
-    """Hint for a number in quotes, as in files of 2016."""
+def _hint(got: Any) -> str:
+    """Hint for a number in quotes, as in files of 2016, or with a decimal comma."""
+    text = got if isinstance(got, str) else ""
+    if re.fullmatch(r"\s*[-+]?\d+,\d+\s*", text):
+        return f". A decimal comma? Write {text.strip().replace(',', '.')}"
     try:
-        float(got if isinstance(got, str) else "x")
+        float(text)
     except ValueError:
         return ""
     return '. Numbers stand without quotes, but in files that say "units": "2016"'

@@ -9,11 +9,12 @@ import json
 from collections import Counter
 from typing import Any
 
+from tral_env import json_text
 from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.machine import MachineDefinition, StateSpec
 from tral_fsm.definition.validated import Spec
 from tral_fsm.formats import units2016
-from tral_fsm.formats.plain import Plain, Problems
+from tral_fsm.formats.plain import MIN_PLAIN_STATES, Plain, Problems
 from tral_fsm.formats.reader import definition
 
 
@@ -57,9 +58,8 @@ def parse(text: str, problems: Problems) -> Any:
     try:
         return json.loads(text, object_pairs_hook=members, parse_constant=constant)
     except json.JSONDecodeError as error:
-        twice = error.msg == "Extra data" and text[error.pos] in "{["
-        hint = ": two files in one? Appending (>>) to a file does that, replace it (>)" if twice else ""
-        problems.complain("", f"not JSON: {error.msg} at line {error.lineno}, column {error.colno}{hint}")
+        place = f"line {error.lineno}, column {error.colno}"
+        problems.complain("", f"not JSON: {error.msg} at {place}{json_text.reason(error)}")
     except RecursionError:
         problems.complain("", "nested too deeply")
     except ValueError:
@@ -69,6 +69,13 @@ def parse(text: str, problems: Problems) -> Any:
 
 def plain(value: Any, problems: Problems) -> Plain:
     """Values of a TRAL JSON file; those of 2016 are converted to today's units."""
+    states = value.get("states") if isinstance(value, dict) else None
+    listed = [state for state in states if isinstance(state, dict)] if isinstance(states, list) else []
+    if len(listed) >= MIN_PLAIN_STATES and not any("type" in state for state in listed):
+        problems.plain_chart = (
+            'a plain chart: no state has a "type". `tral fsm states` lists the types, and `tral fsm new my.json` '
+            "writes a machine to begin with"
+        )
     return Plain(units2016.modern(value, problems))
 
 
@@ -90,6 +97,11 @@ def state_json(state: StateSpec) -> dict[str, Any]:
     return {"id": own.pop("id"), "type": state.type, **own}
 
 
+def condition_json(condition: ConditionSpec) -> dict[str, Any]:
+    """A condition as plain JSON values, as a part of another one stands in a file."""
+    return {"type": condition.type, **members(condition)}
+
+
 def members(spec: Spec) -> dict[str, Any]:
     """Members of a part that differ from their defaults, as plain JSON values, without the type."""
     found = {}
@@ -104,5 +116,5 @@ def _plain(value: Any) -> Any:
     if isinstance(value, MachineDefinition):
         return as_json(value)
     if isinstance(value, ConditionSpec):
-        return {"type": value.type, **members(value)}
+        return condition_json(value)
     return [_plain(item) for item in value] if isinstance(value, tuple) else value

@@ -10,8 +10,8 @@ from xml.sax.saxutils import quoteattr
 
 from tral_fsm.definition.machine import MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.formats.members import word
-from tral_fsm.formats.scxml.reader import OURS, W3C
-from tral_fsm.formats.tral_json import members
+from tral_fsm.formats.scxml.reader import HEAD, OURS, TAKEN, W3C
+from tral_fsm.formats.tral_json import condition_json, members
 from tral_fsm.formats.xml_tree import is_legal, json_text
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*", re.ASCII)
@@ -25,13 +25,14 @@ def dumps(machine: MachineDefinition) -> str:
         machine: the definition.
 
     Returns:
-        XML text. An id that is no XML id (numbers, blanks) stands in `tral:id`, and `s0`, `s1`, ... replace it.
+        XML text. An id that is no XML id (numbers, blanks) stands in `tral:id_`, and `s0`, `s1`, ... replace it.
+        Programs that drop namespaces find no name twice in an element, and no element of ours.
     """
     body = "\n".join(f"  {line}" for line in _machine(machine, ""))
     initial = _names(machine, "")[machine.root]
     return (
         f'<?xml version="1.0" encoding="UTF-8"?>\n<scxml xmlns="{W3C}" xmlns:tral="{OURS}" version="1.0" '
-        f'datamodel="null" initial="{initial}">\n{body}\n</scxml>\n'
+        f'datamodel="null" initial="{initial}"{_head(machine)}>\n{body}\n</scxml>\n'
     )
 
 
@@ -50,9 +51,6 @@ def _names(machine: MachineDefinition, prefix: str) -> dict[int | str, str]:
 def _machine(machine: MachineDefinition, prefix: str) -> Iterator[str]:
     """Lines of a machine."""
     names = _names(machine, prefix)
-    head = {name: getattr(machine, name) for name in ("name", "description") if getattr(machine, name)}
-    if head:
-        yield f"<tral:machine{_ours(head)}/>"
     owned = [t for state in machine.states for t in machine.transitions if t.source == state.id]
     order = {t.id: index for index, t in enumerate(machine.transitions)} if owned != [*machine.transitions] else {}
     for state in machine.states:
@@ -60,11 +58,17 @@ def _machine(machine: MachineDefinition, prefix: str) -> Iterator[str]:
         yield from _state(state, leaving, names, order)
 
 
+def _head(machine: MachineDefinition) -> str:
+    """Attributes of the element around a machine."""
+    said = {HEAD + name: getattr(machine, name) for name in ("name", "description") if getattr(machine, name)}
+    return _ours(said)
+
+
 def _state(
     state: StateSpec, leaving: list[TransitionSpec], names: dict[int | str, str], order: dict[int | str, int]
 ) -> Iterator[str]:
     name = names[state.id]
-    values = {"type": state.type, **members(state)}
+    values = members(state)
     own_id = {} if values.pop("id") == name else {"id": state.id}
     inner = state.inner if isinstance(state.inner, MachineDefinition) else None
     tag = "final" if state.final and not leaving and inner is None else "state"
@@ -74,28 +78,22 @@ def _state(
     lines: list[str] = []
     if inner is not None:
         values.pop("machine")
-        initial = f' initial="{_names(inner, f"{name}.")[inner.root]}"'
+        initial = f' initial="{_names(inner, f"{name}.")[inner.root]}"{_head(inner)}'
         lines += _machine(inner, f"{name}.")
     for transition in leaving:
         lines += _transition(transition, names, order)
-    start = f'<{tag} id="{name}"{initial}{_ours({**own_id, **values})}'
+    kind = f" tral:type={quoteattr(_text(state.type))}"
+    start = f'<{tag} id="{name}"{initial}{_ours(own_id)}{kind}{_ours(values)}'
     yield from _element(start, tag, lines)
 
 
 def _transition(transition: TransitionSpec, names: dict[int | str, str], order: dict[int | str, int]) -> Iterator[str]:
-    event = "" if transition.when.type == "Always" else f' event="{transition.when.type}"'
+    """An element without content, because content of a transition is executed. The event is the condition's type."""
+    when = condition_json(transition.when)
+    kind = when.pop("type")
+    event = "" if kind == "Always" else f' event="{kind}"' if _NAME.fullmatch(kind) else _ours({"type": kind})
     place = {"order": order[transition.id]} if order else {}
-    when = {"type": transition.when.type, **members(transition.when)}
-    start = f'<transition{event} target="{names[transition.target]}"'
-    yield from _condition(start, "transition", {"id": transition.id, **place, **when})
-
-
-def _condition(start: str, tag: str, values: Mapping[str, Any]) -> Iterator[str]:
-    """An element; the parts of a combined condition are elements within it."""
-    parts = values.get("of", ())
-    own = {key: value for key, value in values.items() if key != "of"}
-    lines = [line for part in parts for line in _condition("<tral:condition", "tral:condition", part)]
-    yield from _element(f"{start}{_ours(own)}", tag, lines)
+    yield f'<transition{event} target="{names[transition.target]}"{_ours({"id": transition.id, **place, **when})}/>'
 
 
 def _element(start: str, tag: str, lines: list[str]) -> Iterator[str]:
@@ -109,7 +107,8 @@ def _element(start: str, tag: str, lines: list[str]) -> Iterator[str]:
 
 def _ours(values: Mapping[str, Any]) -> str:
     """Attributes of the namespace of parameters."""
-    return "".join(f" tral:{key}={quoteattr(_text(value))}" for key, value in values.items())
+    named = ((f"{key}_" if key in TAKEN else key, value) for key, value in values.items())
+    return "".join(f" tral:{key}={quoteattr(_text(value))}" for key, value in named)
 
 
 def _text(value: Any) -> str:

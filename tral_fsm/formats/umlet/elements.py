@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Sequence
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tral_fsm.formats import members, units2016
-from tral_fsm.formats.plain import Plain, Problems
+from tral_fsm.formats.plain import MIN_PLAIN_STATES, Plain, Problems
 
 MAX_GAP_PX = 9.0
 """Largest gap between the end of an arrow and the outline of its state, px at 100 %. Source: UMLet."""
@@ -24,10 +25,20 @@ _INITIAL, _FINAL, _SPECIAL = "InitialState", "FinalState", "UMLSpecialState"
 _COMMENT = ("UMLNote", "Note", "Text", "UMLFrame", "Frame")
 """Elements without a meaning for the machine."""
 _SETTING = re.compile(
-    r"\s*(?:lt|m1|m2|r1|r2|q1|q2|bg|fg|lw|layer|group|halign|valign|fontsize|fontfamily|style|elementstyle"
-    r"|transparency|symbol|type|template|autoresize|customelement)\s*=.*"
+    r"\s*(?:"
+    r"(?:lt|bg|fg|lw|layer|group|halign|valign|fontsize|style|elementstyle|transparency|symbol|autoresize"
+    r"|cbase|cpos|m1pos|m2pos|r1pos|r2pos)\s*=\s*(?:\[[^\]]*\]|[^\s\[])*(?P<rest>.*)"
+    r"|(?:c|m1|m2|r1|r2|q1|q2|fontfamily|template|customelement)\s*=.*"
+    r")"
 )
-"""A line of text that sets UMLet's drawing. Source: UMLet."""
+"""A line of text that sets UMLet's drawing; `rest` is what stands behind a setting of one word. Source: UMLet."""
+
+
+_HAS_TYPE = re.compile(r'^[ \t]*"?type"?[ \t]*[:=]|[\s,{]"?type"?[ \t]*:', re.MULTILINE)
+_PLAIN_CHART = (
+    "a plain chart: no state has a `type:`. Drag states and transitions from the palette (TRAL_State-Machine.uxf), or "
+    "begin with `tral fsm new my.uxf`"
+)
 
 
 @dataclass(frozen=True)
@@ -73,6 +84,12 @@ class _Outline:
             return math.hypot(across, down)
         return min(point[0] - x, x + width - point[0], point[1] - y, y + height - point[1])
 
+    def holds(self, other: _Outline) -> bool:
+        """Whether another element is drawn within this one."""
+        (x, y, width, height), (a, b, across, down) = self.box, other.box
+        larger = width * height > across * down
+        return larger and x <= a and y <= b and a + across <= x + width and b + down <= y + height
+
 
 def plain(diagram: Diagram, problems: Problems) -> Plain:
     """The machine that a diagram shows.
@@ -109,11 +126,16 @@ class _Reading:
         """Number of the element that names a root -> id of the root."""
         self.at: dict[int, int] = {}
         """Number of an element -> index of its state."""
+        self.titles: dict[int, str] = {}
+        """Number of an element -> title of its state."""
         self.outlines: list[_Outline] = []
 
     def machine(self) -> Plain:
         """The machine; states come first, since arrows point at them."""
         kinds = {number: _special(element) for number, element in enumerate(self.diagram.elements, 1)}
+        texts = [element.text for number, element in enumerate(self.diagram.elements, 1) if kinds[number] in _STATE]
+        if len(texts) >= MIN_PLAIN_STATES and not any(map(_HAS_TYPE.search, texts)):
+            self.problems.plain_chart = _PLAIN_CHART
         for number, element in enumerate(self.diagram.elements, 1):
             kind = kinds[number]
             if kind in _STATE:
@@ -123,10 +145,14 @@ class _Reading:
                 self.problems.complain("", f"got {kind[:60]!r}. Allowed: {allowed}", f"element {number}")
             if kind not in _ARROW and element.box is not None:
                 self.outlines.append(_Outline(kind, number, self.scaled(element.box)))
+        self.repeated_states()
+        if self.problems.plain_chart:
+            self.problems.plain_chart += self.nested()
         for number, element in enumerate(self.diagram.elements, 1):
             if kinds[number] in _ARROW:
                 self.arrow(number, element)
         self.in_order()
+        self.transitions = units2016.with_ids(_without_repeated(self.transitions))
         value = {**self.head(), "states": self.states, "transitions": self.transitions}
         value["root"] = self.root()
         return Plain(units2016.modern(value, self.problems), self.places)
@@ -141,13 +167,19 @@ class _Reading:
         return x, y, width, height
 
     def head(self) -> dict[str, Any]:
-        """Members of the machine in the text of the diagram; the rest of it is for UMLet."""
-        lines = [line.strip().removeprefix("//").strip() for line in self.diagram.text.split("\n")]
-        said = [line for line in lines if re.match(r'"?(?:name|description|units)"?[ \t]*:', line)]
+        """Members of the machine in the text of the diagram, beside what is for UMLet."""
+        said = []
+        for number, line in enumerate(self.diagram.text.split("\n"), 1):
+            plain_line = line.strip().removeprefix("//").strip()
+            if re.match(r'"?(?:name|description|units)"?[ \t]*:', plain_line):
+                said.append(plain_line)
+            elif line.strip() and without_drawing(line).strip():
+                got = f"got {line.strip()[:60]!r} in line {number} of its text"
+                self.complain("", f"{got}. Allowed: name, description, units, comments (//)")
         return members.parse("\n".join(said), lambda fault: self.complain("", fault))
 
     def state(self, number: int, element: Element) -> None:
-        """A state: title, rule, parameters, rule."""
+        """A state: title, rule, parameters."""
         title, body = sections(element.text)
         pointer = f"/states/{len(self.states)}"
         self.places[pointer] = (
@@ -155,7 +187,7 @@ class _Reading:
         )
         found = members.parse(body, lambda fault: self.complain(pointer, fault))
         if not found:
-            self.complain(pointer, "got no parameters: they stand between two lines --")
+            self.complain(pointer, "got no parameters: they stand below a line --")
         if "id" not in found and title:
             found["id"] = members.word(title)
         if "root" in found:
@@ -165,17 +197,48 @@ class _Reading:
             elif is_root is not False:
                 self.complain(pointer, f"got root: {is_root!r}, expected true or false")
         self.at[number] = len(self.states)
+        self.titles[number] = title
         self.states.append(found)
+
+    def repeated_states(self) -> None:
+        """Let a further copy of a state of the palette, whose id is its type, have its title or a number as its id."""
+        taken = {str(state.get("id")) for state in self.states}
+        seen: set[str] = set()
+        for number, index in self.at.items():
+            state = self.states[index]
+            name = str(state.get("id"))
+            if name in seen and name == state.get("type"):
+                title = self.titles[number]
+                copies = (f"{name} {count}" for count in itertools.count(2))
+                state["id"] = title if title and title not in taken else next(c for c in copies if c not in taken)
+                taken.add(str(state["id"]))
+                if number in self.roots:
+                    self.roots[number] = state["id"]
+            seen.add(name)
+
+    def nested(self) -> str:
+        """States that are drawn within other ones, in words."""
+        states = [outline for outline in self.outlines if outline.number in self.at]
+        found = [
+            f"'{self.titles[inner.number][:40]}' in '{self.titles[outer.number][:40]}'"
+            for inner in states
+            for outer in states
+            if inner is not outer and outer.holds(inner)
+        ]
+        more = f" and {len(found) - 3} more" if len(found) > 3 else ""
+        told = f". States within states are not read ({', '.join(found[:3])}{more}): an FSMState holds a machine"
+        return told if found else ""
 
     def arrow(self, number: int, element: Element) -> None:
         """A transition, or the arrow of an initial or final node."""
-        body = "\n".join("" if _is_drawing(line) else line for line in element.text.split("\n"))
+        body = "\n".join(map(without_drawing, element.text.split("\n")))
         pointer = f"/transitions/{len(self.transitions)}"
-        self.places[pointer] = f"Relation (element {number})"
-        found = members.parse(body, lambda fault: self.complain(pointer, fault))
-        if "id" in found:
-            self.places[pointer] = f"Relation '{str(found['id'])[:60]}' (element {number})"
+        faults: list[str] = []
+        found = members.parse(body, faults.append)
         tail, head = self.ends(element)
+        self.places[pointer] = self.arrow_place(number, found, tail, head)
+        for fault in faults:
+            self.complain(pointer, fault)
         kinds = [end.kind if end else "" for end in (tail, head)]
         if not found and any(kind in _COMMENT for kind in kinds):
             return  # the line of a comment
@@ -188,6 +251,23 @@ class _Reading:
             self.end(pointer, found, key, end if directed else None, why)
         self.orders.append(found.pop("order", None))
         self.transitions.append(found)
+
+    def arrow_place(self, number: int, found: dict[str, Any], tail: _Outline | None, head: _Outline | None) -> str:
+        """An arrow in words: by its id, else by the states at its ends."""
+        if "id" in found:
+            return f"Relation '{str(found['id'])[:60]}' (element {number})"
+        ends = [self.end_name(found.get(key), end) for key, end in (("from", tail), ("to", head))]
+        if ends == ["?", "?"]:
+            return f"Relation (element {number})"
+        return f"Relation {ends[0]} > {ends[1]} (element {number})"
+
+    def end_name(self, said: Any, drawn: _Outline | None) -> str:
+        """Name of the state at an end of an arrow, or the kind of another element there."""
+        if drawn is not None and drawn.number in self.at:
+            said = self.titles[drawn.number] or self.states[self.at[drawn.number]].get("id", said)
+        if said is not None:
+            return f"'{str(said)[:40]}'"
+        return drawn.kind if drawn else "?"
 
     def node(self, pointer: str, found: dict[str, Any], tail: _Outline | None, head: _Outline | None) -> None:
         """An arrow from the initial node names the root, an arrow to a final node a state that may end."""
@@ -266,6 +346,18 @@ class _Reading:
         return next(iter(self.roots.values()), None)
 
 
+def _without_repeated(transitions: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Transitions in which a further copy of one of the palette, whose id is its type, has no id."""
+    seen: set[str] = set()
+    found = []
+    for transition in transitions:
+        name = str(transition.get("id"))
+        copy = name in seen and name == transition.get("type")
+        found.append({key: value for key, value in transition.items() if key != "id"} if copy else transition)
+        seen.add(name)
+    return found
+
+
 def _special(element: Element) -> str:
     """Kind of an element; that of a UMLSpecialState includes its type."""
     if element.kind != _SPECIAL:
@@ -276,18 +368,25 @@ def _special(element: Element) -> str:
 
 
 def sections(text: str) -> tuple[str, str]:
-    """Title and parameters of a state's text; blank lines before the parameters keep their line numbers."""
-    lines = ["" if _is_drawing(line) else line for line in text.replace("\r\n", "\n").split("\n")]
+    """Title and parameters of a state's text: above and below its first rule; a further rule is only a line.
+
+    Blank lines before the parameters keep their line numbers.
+    """
+    lines = [without_drawing(line) for line in text.replace("\r\n", "\n").split("\n")]
     rules = [index for index, line in enumerate(lines) if line.strip() == "--"]
     first = rules[0] if rules else len(lines)
-    last = rules[1] if len(rules) > 1 else len(lines)
     title = " ".join(" ".join(lines[:first]).split())
-    return title, "\n" * (first + 1) + "\n".join(lines[first + 1 : last])
+    below = ["" if line.strip() == "--" else line for line in lines[first + 1 :]]
+    return title, "\n" * (first + 1) + "\n".join(below)
 
 
-def _is_drawing(line: str) -> bool:
-    """Whether a line is a comment, or sets UMLet's drawing."""
-    return line.lstrip().startswith("//") or _SETTING.fullmatch(line) is not None
+def without_drawing(line: str) -> str:
+    """A line of text without a comment and without what sets UMLet's drawing; the rest behind a setting stays."""
+    if line.lstrip().startswith("//"):
+        return ""
+    setting = _SETTING.fullmatch(line)
+    rest = line if setting is None else (setting["rest"] or "").strip()
+    return "" if setting is not None and rest.startswith("//") else rest
 
 
 def _direction(text: str) -> str:

@@ -15,6 +15,8 @@ from tral_fsm.formats.xml_tree import Node
 
 _MAX_POINTS_TEXT = 10_000
 """Longest text of an arrow's points; a longer one is not read. Source: choice."""
+_ONCE = ("zoom_level", "help_text", "id", "type", "coordinates", "panel_attributes", "additional_attributes")
+"""Tags that stand once in a diagram or an element."""
 ROOTS = ("diagram", "umlet_diagram")
 """Tags of a whole file, new and legacy."""
 
@@ -30,7 +32,12 @@ def plain(root: Node, problems: Problems) -> Plain:
     if zoom is None or zoom <= 0.0:
         problems.complain("", f"got zoom_level {root.child_text('zoom_level')[:30]!r}, expected a number above 0")
         zoom = FULL_ZOOM
-    elements = [_element(node) for node in _elements(root)]
+    nodes = list(_elements(root))
+    for index, node in enumerate((root, *nodes)):
+        for tag in _ONCE:
+            if sum(1 for _ in node.all(tag)) > 1:
+                problems.complain("", f"got <{tag}> twice", f"element {index}" if index else "diagram")
+    elements = [_element(node) for node in nodes]
     return understand(Diagram(elements, zoom, root.child_text("help_text")), problems)
 
 

@@ -23,7 +23,10 @@ def plain(value: Any, problems: Problems) -> Plain:
         value: plain JSON values for which `is_one` holds.
         problems: takes the problems of the file.
     """
-    root = next(value[name] for name in ROOTS if name in value)
+    name = next(name for name in ROOTS if name in value)
+    root = value[name]
+    for other in value.keys() - {name}:
+        problems.complain("", f"got {other[:60]!r} beside {name!r}, expected one diagram")
     if not isinstance(root, dict):
         if root is not None:
             problems.complain("/diagram", f"got {type(root).__name__}, expected an object")

@@ -1,0 +1,68 @@
+"""JSON files that a person writes: a key that stands twice is found, because the first of its values would be lost."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+_BYTE_ORDER_MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
+
+
+class _Object(dict[str, Any]):
+    """An object, and the keys that stand in it more than once."""
+
+    repeated: tuple[str, ...] = ()
+
+
+def read(path: str | Path) -> str:
+    """Text of a file in UTF-8, or in UTF-16 with a byte order mark.
+
+    Raises:
+        OSError: the file cannot be opened.
+        UnicodeDecodeError: it is no such text.
+    """
+    content = Path(path).read_bytes()
+    marked = (name for mark, name in _BYTE_ORDER_MARKS.items() if content.startswith(mark) and content != mark)
+    return content.decode(next(marked, "utf-8"))
+
+
+def repeated_keys(text: str) -> list[str]:
+    """JSON pointers of the keys that stand more than once in their object, in the order of the text.
+
+    Raises:
+        json.JSONDecodeError: the text is no JSON.
+        ValueError: it has a whole number of thousands of digits.
+        RecursionError: it is nested too deeply.
+    """
+    return list(_pointers(json.loads(text, object_pairs_hook=_members), ""))
+
+
+def reason(error: json.JSONDecodeError) -> str:
+    """What may have led to a text that is no JSON, as the end of an error message; empty: not known."""
+    text, at = error.doc, error.pos
+    if error.msg == "Extra data" and text[at] in "{[":
+        return ": two files in one? Appending (>>) to a file does that, replace it (>)"
+    before = text[:at].rstrip()
+    if before.endswith(",") and before[-2:-1].isdigit() and text[at : at + 1].isdigit():
+        return ": a decimal comma? JSON writes 0.8"
+    return ""
+
+
+def _members(pairs: list[tuple[str, Any]]) -> _Object:
+    found = _Object(pairs)
+    if len(found) < len(pairs):
+        found.repeated = tuple(key for key, count in Counter(key for key, _ in pairs).items() if count > 1)
+    return found
+
+
+def _pointers(value: Any, pointer: str) -> Iterator[str]:
+    if isinstance(value, _Object):
+        yield from (f"{pointer}/{key}" for key in value.repeated)
+        for key, item in value.items():
+            yield from _pointers(item, f"{pointer}/{key}")
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            yield from _pointers(item, f"{pointer}/{index}")
