@@ -11,6 +11,7 @@ from typing import ClassVar
 from pydantic import Field, SerializeAsAny
 
 from tral_fsm.definition.conditions import ConditionSpec
+from tral_fsm.definition.needs import HALL, NOTHING
 from tral_fsm.definition.registry import Registry
 from tral_fsm.definition.validated import Id, Spec, quantity
 
@@ -50,6 +51,11 @@ class StateSpec(Spec):
         """The machine that the state holds, or the name of a packaged one; None: the state holds none."""
         return None
 
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """Readings without which the state does not do what it says, as `tral_env.interface.CORE_FIELDS` names them."""
+        return NOTHING
+
 
 class DrivingSpec(StateSpec):
     """A state that moves the car, with a speed (regulated) or with a throttle (open loop)."""
@@ -61,6 +67,11 @@ class DrivingSpec(StateSpec):
     steering_trim: float = quantity(
         0.0, "", "added to the steering of a car that does not run straight", ge=-1.0, le=1.0
     )
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """A speed is regulated on the hall sensor; a throttle needs nothing."""
+        return NOTHING if self.speed is None else HALL
 
 
 class TransitionSpec(Spec):

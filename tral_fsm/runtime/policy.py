@@ -32,6 +32,8 @@ class MachinePolicy:
             FormatError: the definition cannot run.
         """
         self.definition = definition
+        self.needed_readings = library.needed_readings(definition)
+        """Names of the readings without which the machine cannot drive, see `tral_env.interface.check_readings`."""
         self._trace = trace
         self._drivers: list[Driver] = []
         self.reset()
@@ -121,7 +123,7 @@ class MachinePolicy:
 
     @property
     def active_states(self) -> list[str]:
-        """Name of the active state of each car."""
+        """Name of the active state of each car, or "stopped: " and why the watch has stopped it."""
         return [driver.active_path for driver in self._drivers]
 
     @property
