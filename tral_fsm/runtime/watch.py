@@ -19,6 +19,9 @@ MIN_THROTTLE = 0.05
 """More throttle than this tells the car to drive. Source: ArduPilot Rover, CRASH_CHECK_THROTTLE_MIN."""
 MAX_STANDSTILL_S = 2.0
 """A car may stand for so long in all while it is told to drive. Source: ArduPilot Rover, CRASH_CHECK_TRIGGER_SEC."""
+ROLLING_ON_MPS, DRIVEN_THROTTLE, MAX_PAUSE_S = 0.3, 0.1, 0.5
+"""A car that counted a tick at this speed, and has had more than this throttle since, counts the next one within this
+time: it would at a sixth of the speed. Source: choice; at 0.1 the motor begins to turn the wheels."""
 BRAKE = 0.3
 """Throttle against the direction of travel with which the car stops. Source: that of the state Stop."""
 BLIND_BRAKE_S = 1.0
@@ -33,11 +36,12 @@ class Watch:
 
     - An ultrasonic that the machine needs is silent: its age exceeds `MAX_SILENCE_S`; after a reset it gets as long for
       its first reading.
+    - The hall sensor stops counting although the car was rolling and is driven on.
     - The car is told to drive, but does not move: the hall sensor is dead, or the car is stuck. Pauses do not count, so
       that the neutral in which a stalled car tries again does not hide it.
     """
 
-    __slots__ = ("_distance", "_needs_hall", "_pushed", "_ranges", "_speed_known", "_stopped", "_ticks", "reason")
+    __slots__ = ("_distance", "_needs_hall", "_paused", "_pushed", "_ranges", "_rolled", "_speed_known", "_stopped", "_ticks", "reason")
 
     def __init__(self, needed: frozenset[str]) -> None:
         """Watch what a machine needs.
@@ -59,6 +63,10 @@ class Watch:
         self._pushed = 0
         """Ticks without motion in which the car was told to drive."""
         self._distance = 0.0
+        self._rolled = 0.0
+        """Speed at which the distance grew last, if the car has been driven on since, m/s."""
+        self._paused = 0
+        """Ticks since then."""
         self._stopped = 0
         self._speed_known = self._needs_hall
 
@@ -82,19 +90,29 @@ class Watch:
                 if row[column] > MAX_SILENCE_S:
                     self.reason = f"{name} silent for {min(row[column], silent):.1f} s"
                     return self.reason
-        self._watch_motion(row, command, throttle)
+        self._watch_hall(row, command, throttle)
         return self.reason
 
-    def _watch_motion(self, row: Sequence[float], command: Command, throttle: float) -> None:
-        distance = row[_DISTANCE]
-        if distance != self._distance or row[_SPEED] >= MOVING_MPS:
-            self._distance = distance
+    def _watch_hall(self, row: Sequence[float], command: Command, throttle: float) -> None:
+        distance, speed = row[_DISTANCE], row[_SPEED]
+        if distance != self._distance:
+            self._distance, self._rolled = distance, speed
+            self._paused = self._pushed = 0
+            return
+        if speed >= MOVING_MPS:
             self._pushed = 0
-        elif (throttle > MIN_THROTTLE or throttle < -MIN_THROTTLE) and self._is_driving(command):
-            self._pushed += 1
-            if self._pushed * CONTROL_PERIOD_S > MAX_STANDSTILL_S:
-                self._speed_known = False
-                self.reason = f"told to drive for {MAX_STANDSTILL_S:g} s, but distance and speed do not change"
+        driving = (throttle > MIN_THROTTLE or throttle < -MIN_THROTTLE) and self._is_driving(command)
+        self._pushed += driving
+        self._paused += 1
+        if not driving or throttle <= DRIVEN_THROTTLE:
+            self._rolled = 0.0
+        if self._rolled >= ROLLING_ON_MPS and self._paused * CONTROL_PERIOD_S > MAX_PAUSE_S:
+            self._blame_hall(f"no hall tick for {MAX_PAUSE_S:g} s of driving on from {self._rolled:.1f} m/s")
+        elif self._pushed * CONTROL_PERIOD_S > MAX_STANDSTILL_S:
+            self._blame_hall(f"told to drive for {MAX_STANDSTILL_S:g} s, but distance and speed do not change")
+
+    def _blame_hall(self, reason: str) -> None:
+        self._speed_known, self.reason = False, reason
 
     def _is_driving(self, command: Command) -> bool:
         """Whether a command with a throttle is to move the car, and the hall sensor is there to see it: a Stop brakes,
