@@ -233,6 +233,11 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         return single
 
     @property
+    def provided_readings(self) -> frozenset[str]:
+        """Names of the fields that the car measures: all of the observation."""
+        return frozenset(self.world.layout.names)
+
+    @property
     def plan(self) -> Plan:
         """Geometry of the course that is driven.
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from gymnasium import spaces
@@ -29,6 +29,8 @@ MAX_AGE_S = 10.0
 """A reading of this age or older, or one that never came, has this age."""
 NO_ECHO_M = 6.0
 """What an ultrasonic reads when no echo came back: more than any range it can measure (5 m)."""
+MAX_DISTANCE_M = 100e3
+"""The odometer stops here; float32 resolves 8 mm there, a third of a hall tick, and 0.1 mm at 1 km."""
 NOTHING_SEEN_ID = -1.0
 """Id of a gate or marker when none has been seen yet."""
 
@@ -95,7 +97,7 @@ CORE_FIELDS: tuple[Field, ...] = (
         name="distance",
         unit="m",
         low=0.0,
-        high=1000.0,
+        high=MAX_DISTANCE_M,
         missing=0.0,
         meaning="distance travelled since reset, counted by the hall sensor, which knows no direction",
     ),
@@ -303,3 +305,27 @@ class Policy(Protocol):
             (2,) or (n, 2): steering, throttle.
         """
         ...
+
+
+def check_readings(policy: Policy, env: Any) -> None:
+    """Refuse a policy that needs readings which its car does not have. Call it before the first reset.
+
+    Args:
+        policy: says what it needs in `needed_readings`, names of fields; one that does not is not checked.
+        env: says what it has in `provided_readings`, also below wrappers; one that does not is not checked.
+
+    Raises:
+        ConfigError: a needed reading is missing.
+    """
+    needed = getattr(policy, "needed_readings", None)
+    provided = getattr(getattr(env, "unwrapped", env), "provided_readings", None)
+    if needed is None or provided is None:
+        return
+    missing = [field.name for field in CORE_FIELDS if field.name in needed and field.name not in provided]
+    if missing:
+        has = [name for name in provided if not name.endswith("_age") and name not in ("steering", "throttle")]
+        raise ConfigError(
+            f"the policy needs {', '.join(missing)}, which this car does not read; it reads "
+            f"{', '.join(sorted(has)) or 'nothing'}: add the sensor (sensors=SensorGroup(...)), or choose a machine "
+            "that does without, such as one with a throttle instead of a speed where the hall sensor is missing"
+        )

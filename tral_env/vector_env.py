@@ -64,6 +64,11 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         self._everyone = np.arange(num_envs)
         self._done = np.zeros(num_envs, bool)
 
+    @property
+    def provided_readings(self) -> frozenset[str]:
+        """Names of the fields that the cars measure: all of the observation."""
+        return frozenset(self.world.layout.names)
+
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:

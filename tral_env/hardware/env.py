@@ -18,7 +18,7 @@ from tral_env.hardware.calibration import CarCalibration, checked, limit_slew, p
 from tral_env.hardware.calibration_file import load_calibration
 from tral_env.hardware.i2c import Smbus
 from tral_env.hardware.pwm import Pca9685, PulseOutput, Recorder
-from tral_env.hardware.sensors import Sensors
+from tral_env.hardware.sensors import Sensors, provided_by
 from tral_env.hardware.sonar import SonarArray
 from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ, Layout, action_space
 
@@ -37,7 +37,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     Action: steering (+1 = full left) and throttle (+1 = full forward), brought into [-1, 1], turned into pulses by the
     calibration. Observation: the fields of `tral_env.interface.CORE_LAYOUT`; a field without a sensor is "nothing
-    seen"; steering and throttle are the command as applied, after the slew limit. Reward 0.0: the car cannot see its
+    seen", and `tral_env.interface.check_readings` refuses a policy that needs it; steering and throttle are the command as applied, after the slew limit. Reward 0.0: the car cannot see its
     progress. Never terminated; truncated after `max_duration_s`, with the car in neutral.
 
     A step sends the pulses at once, then sleeps until its period of 1/80 s is over, then reads the sensors. A step that
@@ -98,6 +98,12 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         except BaseException:
             self.output.close()
             raise
+
+    @property
+    def provided_readings(self) -> frozenset[str] | None:
+        """Names of the fields that the car measures; None: its sensors do not say. See `interface.check_readings`."""
+        provided = provided_by(self.sensors)
+        return None if provided is None else provided | {"steering", "throttle"}
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

@@ -15,7 +15,11 @@ from tral_env.sensors.hall import EdgeSpeed
 
 
 class Sensors(Protocol):
-    """A source of readings, named as in `tral_env.interface.CORE_FIELDS`."""
+    """A source of readings, named as in `tral_env.interface.CORE_FIELDS`.
+
+    It should also have `provided_readings`, the names of all readings that it may give, as a frozenset: then
+    `tral_env.interface.check_readings` can refuse a policy that needs more.
+    """
 
     def start(self) -> None:
         """Begin anew; the environment calls it at each reset.
@@ -39,12 +43,27 @@ class Sensors(Protocol):
         """Let go of the device; a second call does nothing."""
 
 
+def provided_by(sensors: Sensors | None) -> frozenset[str] | None:
+    """Names of the readings that sensors may give; None: they do not say."""
+    if sensors is None:
+        return frozenset()
+    provided: frozenset[str] | None = getattr(sensors, "provided_readings", None)
+    return provided
+
+
 class SensorGroup(Physical):
     """Several sensors as one."""
 
     def __init__(self, *members: Sensors) -> None:
         """Group sensors; of a reading that two of them name, the later sensor's counts."""
         self._members = members
+
+    @property
+    def provided_readings(self) -> frozenset[str] | None:
+        """Names of the readings of all sensors; None: one of them does not say."""
+        named = [provided_by(member) for member in self._members]
+        known = [names for names in named if names is not None]
+        return frozenset().union(*known) if len(known) == len(named) else None
 
     def start(self) -> None:
         """Begin anew with each sensor."""
@@ -77,6 +96,8 @@ class HallCounter(Physical):
     The model is that of the simulated sensor, `tral_env.sensors.hall.EdgeSpeed`, for one wheel. Give `edge` to the
     program that watches the pin, for example as ``when_activated`` of gpiozero.
     """
+
+    provided_readings = frozenset({"distance", "speed"})
 
     def __init__(self, config: HallConfig | None = None, clock: Callable[[], float] = time.monotonic) -> None:
         """Count from zero.

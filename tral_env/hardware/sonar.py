@@ -113,6 +113,11 @@ class SonarArray(Physical):
         self._together, self._sleep = firing == "together", sleep
         self._forget()
 
+    @property
+    def provided_readings(self) -> frozenset[str]:
+        """Names of the ranges and ages of the rangers."""
+        return frozenset(f"ultrasonic_{side}{what}" for side in self._rangers for what in ("", "_age"))
+
     def start(self) -> None:
         """Configure each ranger, which may have to finish a ranging first, and forget all readings."""
         self._forget()

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from tral_fsm.conditions.base import Condition
 from tral_fsm.definition.conditions import ConditionSpec
+from tral_fsm.definition.needs import GATE, MARKER
 from tral_fsm.definition.validated import MarkerId, quantity
 from tral_fsm.estimation.detections import MIN_SUPPORT, Detection
 from tral_fsm.estimation.estimate import CarEstimate
@@ -91,6 +92,12 @@ class ArucoGateFoundSpec(DetectionSpec):
         """As the file says in `hand_over`."""
         return self.hand_over
 
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """Gates, and single markers where one post is enough or the opening counts."""
+        single = self.one_post or self.narrower_than is not None
+        return GATE | MARKER if single else GATE
+
 
 class ArucoGateFound(Seen[ArucoGateFoundSpec]):
     """Fires when the car sees a gate, and hands the gate over."""
@@ -130,6 +137,11 @@ class MarkerFoundSpec(DetectionSpec):
     """Fires when the car sees a single marker ahead."""
 
     type: Literal["MarkerFound"] = "MarkerFound"
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """Single markers."""
+        return MARKER
 
 
 class MarkerFound(Seen[MarkerFoundSpec]):

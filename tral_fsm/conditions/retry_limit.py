@@ -8,6 +8,7 @@ from pydantic import Field
 
 from tral_fsm.conditions.base import Condition
 from tral_fsm.definition.conditions import ConditionSpec
+from tral_fsm.definition.needs import DISTANCE
 from tral_fsm.definition.validated import quantity
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import State
@@ -21,6 +22,11 @@ class RetryLimitSpec(ConditionSpec):
     within: float = quantity(
         2.0, "m", "entries count within this distance of the first one, along the way", gt=0.0, le=1000.0
     )
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """The way between two entries."""
+        return DISTANCE
 
 
 class RetryLimit(Condition[RetryLimitSpec]):

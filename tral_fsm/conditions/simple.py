@@ -10,6 +10,7 @@ from pydantic import Field
 from tral_env.interface import NO_ECHO_M
 from tral_fsm.conditions.base import Condition
 from tral_fsm.definition.conditions import ConditionSpec
+from tral_fsm.definition.needs import DISTANCE, ultrasonic
 from tral_fsm.definition.validated import SonarName, quantity, required
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import State
@@ -44,6 +45,11 @@ class DistanceSpec(ConditionSpec):
     def always(self) -> bool:
         """Whether there is no distance to drive."""
         return self.distance == 0.0
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """The hall sensor counts the distance."""
+        return DISTANCE
 
 
 class Distance(Condition[DistanceSpec]):
@@ -99,6 +105,11 @@ class TurnedSpec(ConditionSpec):
     type: Literal["Turned"] = "Turned"
     angle_deg: float = required("deg", "angle since entry", gt=0.0, le=3600.0)
 
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """Dead reckoning."""
+        return DISTANCE
+
 
 class Turned(Condition[TurnedSpec]):
     """Fires after a turn by dead reckoning."""
@@ -130,6 +141,11 @@ class AlignedSpec(ConditionSpec):
 
     type: Literal["Aligned"] = "Aligned"
     angle_deg: float = quantity(12.0, "deg", "largest angle to that direction", gt=0.0, le=45.0)
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """Dead reckoning, and a wall to know the corridor by, which the states that follow one ask for."""
+        return DISTANCE
 
 
 class Aligned(Condition[AlignedSpec]):
@@ -186,6 +202,11 @@ class UnreachableSpec(ConditionSpec):
         le=60.0,
     )
 
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """Dead reckoning."""
+        return DISTANCE
+
 
 class Unreachable(Condition[UnreachableSpec]):
     """Fires when its owner has said for long enough why it cannot come to its target."""
@@ -218,6 +239,11 @@ class SensorLevelSpec(ConditionSpec):
     above: float | None = quantity(None, "m", "fires when the range is above", ge=0.0, lt=NO_ECHO_M)
     below: float | None = quantity(None, "m", "fires when the range is below", gt=0.0, le=NO_ECHO_M)
     readings: int = Field(1, description="number of readings in a row that must agree", ge=1, le=100)
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """The range of its sensor."""
+        return ultrasonic(self.sensor)
 
 
 class SensorLevel(Condition[SensorLevelSpec]):

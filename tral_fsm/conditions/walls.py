@@ -11,6 +11,7 @@ from tral_env.geometry import FRONT_SONAR_X_M, SIDE_SONAR_X_M
 from tral_env.interface import NO_ECHO_M
 from tral_fsm.conditions.base import Condition
 from tral_fsm.definition.conditions import ConditionSpec
+from tral_fsm.definition.needs import DISTANCE, HALL, SIDES, ultrasonic
 from tral_fsm.definition.validated import Side, quantity
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.estimation.front_obstacle import FrontObstacle
@@ -25,6 +26,11 @@ class OpeningSpec(ConditionSpec):
     readings: int = Field(
         2, description="number of readings without a wall since the last one with a wall", ge=2, le=100
     )
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """The range of its side, and the way between two readings."""
+        return ultrasonic(self.side) | DISTANCE
 
 
 class Opening(Condition[OpeningSpec]):
@@ -76,6 +82,19 @@ class ObstacleAheadSpec(ConditionSpec):
         gt=0.0,
     )
 
+    @property
+    def anything(self) -> bool:
+        """Whether any obstacle counts, wherever it was first heard and however far aside it is."""
+        return self.heard_above == 0.0 and self.heard_below >= NO_ECHO_M and self.aside_below is None
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """The front range; a stopping distance needs the speed, an obstacle that is followed the way."""
+        front = ultrasonic("front")
+        if self.below is None:
+            return front | HALL
+        return front if self.anything else front | DISTANCE
+
 
 class ObstacleAhead(Condition[ObstacleAheadSpec]):
     """Asks the tracker of the front obstacle.
@@ -89,7 +108,7 @@ class ObstacleAhead(Condition[ObstacleAheadSpec]):
     def __init__(self, spec: ObstacleAheadSpec, owner: State[Any]) -> None:
         super().__init__(spec, owner)
         self.below = spec.below
-        self.anything = spec.heard_above == 0.0 and spec.heard_below >= NO_ECHO_M and spec.aside_below is None
+        self.anything = spec.anything
 
     def level(self, estimate: CarEstimate) -> float:
         """Range below which the condition fires, m."""
@@ -129,6 +148,11 @@ class MoreRoomSpec(ConditionSpec):
 
     type: Literal["MoreRoom"] = "MoreRoom"
     side: Side = Field("left", description="the side that has more room")
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """Both side ranges, and the way between two readings."""
+        return SIDES | DISTANCE
 
 
 class MoreRoom(Condition[MoreRoomSpec]):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from tral_fsm.definition.needs import NOTHING
 from tral_fsm.definition.registry import Registry
 from tral_fsm.definition.validated import Spec
 
@@ -35,6 +36,14 @@ class ConditionSpec(Spec):
     def hands_over(self) -> bool:
         """Whether the condition may hand a gate to the next state."""
         return False
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """Readings without which the condition cannot tell, as `tral_env.interface.CORE_FIELDS` names them.
+
+        Those of its parts are added.
+        """
+        return NOTHING
 
     def always(self) -> bool:
         """Whether the condition holds in every tick, whatever the car reads."""

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 from pydantic import Field, SerializeAsAny
 
 from tral_fsm.definition.conditions import ConditionSpec
+from tral_fsm.definition.needs import HALL, NOTHING
 from tral_fsm.definition.registry import Registry
 from tral_fsm.definition.validated import Id, Spec, quantity
 
@@ -67,6 +68,11 @@ class StateSpec(Spec):
         """The machine that the state holds, or the name of a packaged one; None: the state holds none."""
         return None
 
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """Readings without which the state does not do what it says, as `tral_env.interface.CORE_FIELDS` names them."""
+        return NOTHING
+
 
 def steering_trim() -> Any:
     """The parameter `steering_trim` of a state that moves the car."""
@@ -81,6 +87,11 @@ class DrivingSpec(StateSpec):
     speed: float | None = quantity(None, "m/s", "regulated by what the hall sensor measures", ge=0.0, le=5.0)
     throttle: float | None = quantity(None, "", "fixed, open loop, as in 2016", ge=-1.0, le=1.0)
     steering_trim: float = steering_trim()
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """A speed is regulated on the hall sensor; a throttle needs nothing."""
+        return NOTHING if self.speed is None else HALL
 
 
 class TransitionSpec(Spec):

@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.interface import Policy
+from tral_env.interface import Policy, check_readings
 from tral_env.world import Step
 from tral_fsm.evaluation.episode import NO_WISH, Episode, Tick, TickRecorder
 from tral_fsm.evaluation.loop import DriveLoop, Pair
@@ -40,7 +40,11 @@ def drive(
 
     Returns:
         The episode with its trace.
+
+    Raises:
+        ConfigError: the policy needs a reading that the env does not have.
     """
+    check_readings(policy, env)
     car, recorder = _GymCar(env, seed, options), TickRecorder()
     policy.reset(1)
     loop = DriveLoop(1, car, _PolicyCrew(policy), lambda step, row: car.info)

@@ -9,6 +9,7 @@ from tral_env.errors import MachineError, nearest
 from tral_fsm import formats
 from tral_fsm.definition import checks, packaged
 from tral_fsm.definition.checks import FormatError, Problem
+from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.formats import FORMATS, read_file, tral_json
 from tral_fsm.formats.plain import located
@@ -75,6 +76,29 @@ def check_inner(machine: MachineDefinition, around: tuple[str, ...] = ()) -> lis
         around: names of the machines around it, the outermost first.
     """
     return checks.check_inner(machine, names(), by_name, around)
+
+
+def needed_readings(machine: MachineDefinition) -> frozenset[str]:
+    """Readings without which a machine cannot drive as its file says: those of all its parts, inner machines included.
+
+    Args:
+        machine: a definition that can run.
+
+    Returns:
+        Names out of `tral_env.interface.CORE_FIELDS`.
+    """
+    needed: set[str] = set()
+    for state in machine.states:
+        needed |= state.readings_needed
+        inner = by_name(state.inner) if isinstance(state.inner, str) else state.inner
+        if inner is not None:
+            needed |= needed_readings(inner)
+    conditions: list[ConditionSpec] = [transition.when for transition in machine.transitions]
+    while conditions:
+        condition = conditions.pop()
+        needed |= condition.readings_needed
+        conditions += condition.parts
+    return frozenset(needed)
 
 
 def _may_be_read(path: Path) -> bool:

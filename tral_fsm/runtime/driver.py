@@ -11,7 +11,9 @@ from tral_fsm.control.speed import SpeedController
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.estimation.estimator import Estimator
+from tral_fsm.formats import library
 from tral_fsm.runtime.machine import Machine, Trace
+from tral_fsm.runtime.watch import Watch
 
 
 class Driver:
@@ -29,17 +31,21 @@ class Driver:
             FormatError: the definition cannot run.
         """
         self.machine = Machine(definition, trace, checked=checked)
+        self.watch = Watch(library.needed_readings(definition))
         self.reset()
 
     def reset(self) -> None:
         """Start anew at a new place."""
         self.machine.restart()
+        self.watch.reset()
         self.estimator = Estimator()
         self.speed_controller = SpeedController()
         self.estimate = CarEstimate()
         """What the machine was given last."""
         self.command = IDLE
-        """What the machine answered last."""
+        """What the machine answered last; after the watch has stopped the car, what it answered."""
+        self._throttle = 0.0
+        self._direction = 1.0
 
     def act(self, row: Sequence[float]) -> tuple[float, float]:
         """One tick.
@@ -51,11 +57,16 @@ class Driver:
             Steering and throttle.
         """
         self.estimate = estimate = self.estimator.update(row, self.command)
-        command = self.machine.tick(estimate)
+        if self.watch.update(row, self.command, self._throttle):
+            command = self.watch.stop(estimate.speed, self._direction)
+        else:
+            self._direction = estimate.direction
+            command = self.machine.tick(estimate)
         if command.steering_trim is None:
             command = command._replace(steering_trim=self.command.steering_trim)
         self.command = command
-        return self._steering(command), self.speed_controller.throttle(command, estimate.speed)
+        self._throttle = self.speed_controller.throttle(command, estimate.speed)
+        return self._steering(command), self._throttle
 
     def _steering(self, command: Command) -> float:
         """Steering in [-1, 1] that the real car needs for a command: command / gain + given trim + learnt offset."""
@@ -66,8 +77,9 @@ class Driver:
 
     @property
     def active_path(self) -> str:
-        """Name of the active state, with those of inner machines behind a slash."""
-        return self.machine.active_path
+        """Name of the active state, with those of inner machines behind a slash; or why the watch stopped the car."""
+        reason = self.watch.reason
+        return f"stopped: {reason}" if reason else self.machine.active_path
 
     @property
     def wanted_clearance(self) -> tuple[float, float]:

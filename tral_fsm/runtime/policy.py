@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.errors import MachineError
+from tral_env.interface import CORE_LAYOUT
 from tral_fsm.definition.machine import MachineDefinition
-from tral_fsm.estimation.readings import Readings
 from tral_fsm.formats import library
 from tral_fsm.runtime.driver import Driver
 from tral_fsm.runtime.machine import Trace
+from tral_fsm.runtime.observations import as_array, checked_rows
 
-_SEEN = len(Readings._fields)
+_DISTANCE = CORE_LAYOUT.column("distance")
 
 
 class MachinePolicy:
@@ -32,6 +33,8 @@ class MachinePolicy:
             FormatError: the definition cannot run.
         """
         self.definition = definition
+        self.needed_readings = library.needed_readings(definition)
+        """Names of the readings without which the machine cannot drive, see `tral_env.interface.check_readings`."""
         self._trace = trace
         self._drivers: list[Driver] = []
         self.reset()
@@ -62,6 +65,8 @@ class MachinePolicy:
     def act(self, observation: NDArray[np.floating]) -> NDArray[np.float32]:
         """Run one tick of every machine.
 
+        A car whose distance has fallen begins a new episode: its machine starts again.
+
         Args:
             observation: (d,) or (n, d), the columns of `tral_env.interface.Layout`.
 
@@ -69,19 +74,15 @@ class MachinePolicy:
             (2,) or (n, 2) float32: steering, throttle.
 
         Raises:
-            MachineError: the observation's rows or columns do not fit.
+            ConfigError: the observation is none: no array, of another shape, NaN, or out of its bounds.
         """
-        single = observation.ndim == 1
-        rows = observation[None] if single else observation
-        if rows.ndim != 2 or len(rows) != len(self._drivers) or rows.shape[1] < _SEEN:
-            raise MachineError(
-                f"observation has shape {observation.shape}, expected ({len(self._drivers)}, {_SEEN} or more): "
-                "call reset(n) with the number of cars first"
-            )
-        readings = rows[:, :_SEEN].tolist()
-        commands = [driver.act(row) for row, driver in zip(readings, self._drivers, strict=True)]
+        commands = []
+        for row, driver in zip(checked_rows(observation, len(self._drivers)).tolist(), self._drivers, strict=True):
+            if row[_DISTANCE] < driver.estimate.distance:
+                driver.reset()
+            commands.append(driver.act(row))
         action = np.array(commands, np.float32)
-        return action[0] if single else action
+        return action[0] if observation.ndim == 1 else action
 
     def predict(
         self,
@@ -95,12 +96,18 @@ class MachinePolicy:
         Args:
             observation: (d,) or (n, d).
             state: returned unchanged, since each machine keeps its own.
-            episode_start: (n,) true for cars whose episode begins now.
+            episode_start: (n,) true for cars whose episode begins now. Without it a new episode is known by its
+                distance, which has fallen; so give it where a car may end an episode without having moved.
             deterministic: not used, since a machine always is.
 
         Returns:
             Action (2,) or (n, 2), and the state.
+
+        Raises:
+            ConfigError: the observation is none, see `act`.
+            MachineError: `episode_start` is not one truth value for each car.
         """
+        observation = as_array(observation)
         n = 1 if observation.ndim == 1 else len(observation)
         if n != len(self._drivers):
             self.reset(n)
@@ -121,7 +128,7 @@ class MachinePolicy:
 
     @property
     def active_states(self) -> list[str]:
-        """Name of the active state of each car."""
+        """Name of the active state of each car, or "stopped: " and why the watch has stopped it."""
         return [driver.active_path for driver in self._drivers]
 
     @property

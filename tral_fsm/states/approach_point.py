@@ -13,6 +13,7 @@ from tral_fsm.control.biarc import out_of_reach
 from tral_fsm.control.command import Command
 from tral_fsm.control.laws import line, pursuit
 from tral_fsm.definition.machine import DrivingSpec
+from tral_fsm.definition.needs import DISTANCE
 from tral_fsm.definition.validated import quantity
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import NO_GATE, DrivingState
@@ -50,6 +51,11 @@ class ApproachPointSpec(DrivingSpec):
     def finishable(self) -> bool:
         """The state is finished on arrival."""
         return True
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """Dead reckoning leads to the point."""
+        return super().readings_needed | DISTANCE
 
 
 class ApproachPoint(DrivingState[ApproachPointSpec]):

@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 
 from tral_fsm.control.command import Command
 from tral_fsm.definition.machine import DrivingSpec, StateSpec
+from tral_fsm.definition.needs import DISTANCE, NOTHING
 from tral_fsm.definition.validated import quantity
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import DrivingState, State
@@ -29,6 +30,11 @@ class MotorSpec(DrivingSpec):
     def finishable(self) -> bool:
         """The state is finished after its distance, if it has one."""
         return self.distance is not None
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """A distance is counted by the hall sensor."""
+        return super().readings_needed | (NOTHING if self.distance is None else DISTANCE)
 
 
 class Motor(DrivingState[MotorSpec]):
@@ -66,6 +72,11 @@ class StopSpec(StateSpec):
     def may_end(self) -> bool:
         """A stopped car may stay."""
         return True
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """The brake works while the car rolls; one that holds for a time works without a speed too."""
+        return NOTHING if self.brake == 0.0 or self.hold > 0.0 else frozenset({"speed"})
 
 
 class Stop(State[StopSpec]):

@@ -16,6 +16,7 @@ from tral_env.geometry import FRONT_SONAR_X_M
 from tral_fsm.control.command import Command
 from tral_fsm.control.laws import clip, slowed, steering_for
 from tral_fsm.definition.machine import DrivingSpec, StateSpec, steering_trim
+from tral_fsm.definition.needs import DISTANCE, NOTHING, SIDES, ultrasonic
 from tral_fsm.definition.validated import Side, quantity, required
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import NO_CLEARANCE, DrivingState, State
@@ -54,6 +55,11 @@ class FollowCorridorSpec(DrivingSpec):
     )
     slow_front: float | None = quantity(None, "m", "front range below which the car slows down", gt=0.0, le=5.0)
     slow_speed: float = quantity(0.3, "m/s", "speed at half of slow_front and below", ge=0.0, le=5.0)
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """Both walls, the way between two readings, and the front range if something ahead slows the car."""
+        return super().readings_needed | DISTANCE | SIDES | (NOTHING if self.slow_front is None else ultrasonic("front"))
 
 
 class FollowCorridor(DrivingState[FollowCorridorSpec]):
@@ -150,6 +156,11 @@ class TurnSpec(DrivingSpec):
         """The state is finished when the car has turned."""
         return True
 
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """Dead reckoning tells how far the car has turned."""
+        return super().readings_needed | DISTANCE
+
 
 class Turn(DrivingState[TurnSpec]):
     """A quarter turn measured from the corridor's direction, not from the heading that the car has at entry."""
@@ -187,6 +198,11 @@ class BackUpSpec(StateSpec):
     def finishable(self) -> bool:
         """The state is finished after its distance."""
         return True
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """The hall sensor counts the distance."""
+        return super().readings_needed | DISTANCE
 
 
 class BackUp(State[BackUpSpec]):

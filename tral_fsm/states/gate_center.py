@@ -8,6 +8,7 @@ from typing import Literal
 from tral_env.interface import MAX_AGE_S
 from tral_fsm.control.command import Command
 from tral_fsm.definition.machine import DrivingSpec
+from tral_fsm.definition.needs import DISTANCE, GATE
 from tral_fsm.definition.validated import quantity
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import DrivingState
@@ -27,6 +28,11 @@ class ArucoGateCenterSpec(DrivingSpec):
     def finishable(self) -> bool:
         """The state is finished when the car is aligned."""
         return True
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """The gate, and dead reckoning to it."""
+        return super().readings_needed | DISTANCE | GATE
 
 
 class ArucoGateCenter(DrivingState[ArucoGateCenterSpec]):

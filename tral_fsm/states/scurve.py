@@ -16,6 +16,7 @@ from tral_fsm.control.biarc import Biarc, along, beside, biarc, out_of_reach
 from tral_fsm.control.command import Command
 from tral_fsm.control.laws import curvature_onto, steering_for
 from tral_fsm.definition.machine import DrivingSpec
+from tral_fsm.definition.needs import HALL
 from tral_fsm.definition.validated import quantity
 from tral_fsm.estimation.detections import Detection
 from tral_fsm.estimation.estimate import CarEstimate
@@ -73,6 +74,11 @@ class SCurveSpec(DrivingSpec):
     def finishable(self) -> bool:
         """The state is finished on arrival."""
         return True
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """Dead reckoning leads along the arcs, and the way is looked up ahead by the speed."""
+        return super().readings_needed | HALL
 
 
 class SCurve(DrivingState[SCurveSpec]):

@@ -13,6 +13,7 @@ from tral_env.se2 import Pose
 from tral_fsm.control.command import Command
 from tral_fsm.control.laws import clip, damping, pid, pid_rate, ramp, slowed, steering_for
 from tral_fsm.definition.machine import DrivingSpec
+from tral_fsm.definition.needs import DISTANCE, NOTHING, SIDES, ultrasonic
 from tral_fsm.definition.validated import Side, quantity
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.estimation.sonar import SonarReading
@@ -61,6 +62,12 @@ class WallSpec(DrivingSpec):
     )
     slow_front: float | None = quantity(None, "m", "front range below which the car slows down", gt=0.0, le=5.0)
     slow_speed: float = quantity(0.3, "m/s", "speed at half of slow_front and below", ge=0.0, le=5.0)
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """The range of the followed side, and of others if they change the clearance or the speed."""
+        ranges = SIDES if self.at_most_half else ultrasonic(self.side)
+        return super().readings_needed | ranges | (NOTHING if self.slow_front is None else ultrasonic("front"))
 
 
 W = TypeVar("W", bound=WallSpec)
@@ -226,6 +233,11 @@ class FollowWallRampSpec(WallSpec):
     def finishable(self) -> bool:
         """The state is finished at the end of its distance."""
         return True
+
+    @property
+    def readings_needed(self) -> frozenset[str]:
+        """The clearance changes with the distance."""
+        return super().readings_needed | DISTANCE
 
 
 class FollowWallRamp(WallState[FollowWallRampSpec]):
