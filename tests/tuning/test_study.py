@@ -163,6 +163,8 @@ def test_a_race_has_something_of_each_scenario_in_its_first_round() -> None:
 def test_courses_of_the_report_must_be_new() -> None:
     with pytest.raises(ConfigError, match="seeds 4 to 5 are for tuning and for the report"):
         check_apart(TASK, Settings(report_seeds=(4, 5, 6)))  # finals of seeds 0, 1 have 2 to 5
+    with pytest.raises(ConfigError, match="seeds 0, 4 to 5 are for tuning"):
+        check_apart(TASK, Settings(report_seeds=(0, 4, 5, 9)))
 
 
 def trial(values: tuple[float, ...], cost: float, parts: tuple[float, ...] = (0, 0, 0, 0, 0)) -> Trial:
@@ -221,6 +223,7 @@ def test_without_optuna_the_remedy_is_said(monkeypatch: pytest.MonkeyPatch) -> N
         ({"objectives": ("clearance",), "sampler": "nsga2"}, "expected two or more"),
         ({"objectives": ("clarity", "time"), "sampler": "nsga2"}, "unknown objective 'clarity'"),
         ({"budget": 0}, "budget = 0: expected a whole number, 1 or more"),
+        ({"sampler": "cma"}, "unknown sampler 'cma': did you mean 'cmaes'"),
         ({"population": 2}, "population = 2: expected 4 or more"),
         ({"seed": -1}, "seed = -1: expected a whole number"),
         ({"sampler": "nsga2", "objectives": ("time", "time")}, "two or more different ones"),
