@@ -51,18 +51,17 @@ class Settings:
     """Seed of the sampler."""
 
     def __post_init__(self) -> None:
-        for name in ("budget", "finalists", "final_seeds"):
+        for name, low in (("budget", 1), ("finalists", 1), ("final_seeds", 1), ("population", 4), ("seed", 0)):
             value = getattr(self, name)
-            if value is None:
+            if value is None and name in ("final_seeds", "population"):
                 continue
-            if not isinstance(value, int) or value < 1:
-                raise ConfigError(f"{name} = {value!r}: expected a whole number, 1 or more")
-        if self.population is not None and self.population < 4:
-            raise ConfigError(f"population = {self.population!r}: expected 4 or more")
-        if not isinstance(self.seed, int) or self.seed < 0:
-            raise ConfigError(f"seed = {self.seed!r}: expected a whole number, 0 or more")
+            if not isinstance(value, int) or value < low:
+                raise ConfigError(f"{name} = {value!r}: expected a whole number, {low} or more")
         if self.sampler not in SAMPLERS:
             raise ConfigError(f"unknown sampler '{self.sampler}': {nearest(self.sampler, SAMPLERS)}")
+        self._check_objectives()
+
+    def _check_objectives(self) -> None:
         for name in self.objectives:
             if name not in OBJECTIVES:
                 raise ConfigError(f"unknown objective '{name}'. Allowed: {', '.join(OBJECTIVES)}")
