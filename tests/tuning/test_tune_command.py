@@ -141,9 +141,7 @@ def test_classical_gains_are_printed_without_a_search(tmp_path: Path, monkeypatc
     assert not (tmp_path / "runs").exists()
 
 
-def test_classical_gains_as_json_are_the_only_thing_on_stdout(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_classical_gains_as_json_are_the_only_thing_on_stdout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(experiments, "relay", lambda speed: None)
     result = tral("tune", "--classical", "--json", "--policy", file_of(TWO_WALLS, tmp_path))
     found = json.loads(result.stdout)

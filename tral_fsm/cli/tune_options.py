@@ -62,7 +62,7 @@ Classical = Annotated[
         "--classical", help="Print gains of classical control and the margins of the machine's own; no search."
     ),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print tune.json, or the --classical gains, as JSON and nothing else.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else; the files are written too.")]
 
 
 @dataclass(frozen=True, kw_only=True)
