@@ -19,10 +19,10 @@ from rich.table import Table
 
 from tral_env.errors import ConfigError, TralError
 from tral_fsm import load_machine
-from tral_fsm.bench.host import host
 from tral_fsm.evaluation.batch import MAX_ROWS, BatchRunner
 from tral_fsm.evaluation.choices import check_families
 from tral_fsm.evaluation.episode import EpisodeRequest
+from tral_fsm.evaluation.host import host
 from tral_fsm.evaluation.pool import ProcessPool, spawned
 from tral_fsm.evaluation.results import prepare_folder, print_figures, write_json
 

@@ -16,9 +16,9 @@ import typer
 from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 from tral_env.perception import opengl
-from tral_fsm.bench.host import versions
 from tral_fsm.cli import tune_options as options
 from tral_fsm.cli.tune_show import Bar, print_result
+from tral_fsm.evaluation.host import versions
 from tral_fsm.evaluation.results import prepare_folder, write_json
 
 if TYPE_CHECKING:

@@ -85,7 +85,7 @@ def append(path: Path, line: Record) -> None:
 
 def begin_run(path: Path, settings: Any, machines: Mapping[str, str] | None = None) -> None:
     """Append the line of a run: settings (a dataclass), digests of the machines by name, and the computer."""
-    from tral_fsm.bench.host import host
+    from tral_fsm.evaluation.host import host
 
     named = {} if machines is None else {"machines": dict(machines)}
     append(path, {"kind": "run", "settings": asdict(settings), **named, "host": host()})
