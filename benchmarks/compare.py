@@ -23,8 +23,8 @@ from rich.table import Table
 
 from tral_env.errors import MissingExtraError, TralError
 from tral_fsm import load_policy
-from tral_fsm.bench.host import host
 from tral_fsm.evaluation.choices import Randomization, check_families
+from tral_fsm.evaluation.host import host
 from tral_fsm.evaluation.results import prepare_folder, print_figures, write_json
 from tral_fsm.evaluation.rollout import drive
 from tral_fsm.evaluation.seeds import parse_seeds

@@ -25,7 +25,7 @@ from rich.table import Table
 
 from tral_env.perception.aruco import Detector
 from tral_env.perception.degrade import degrade
-from tral_fsm.bench.host import host
+from tral_fsm.evaluation.host import host
 
 Image = NDArray[np.uint8]
 

@@ -24,7 +24,7 @@ from rich.console import Console
 from tral_env.perception.gate import Detection, nearest_gate_and_marker
 from tral_env.perception.projected import Scenery
 from tral_env.se2 import wrap
-from tral_fsm.bench.host import host
+from tral_fsm.evaluation.host import host
 
 RESULTS = Path(__file__).parent / "results" / "gate_accuracy.json"
 DISTANCES = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0)

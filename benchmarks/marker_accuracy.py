@@ -43,7 +43,7 @@ from tral_env.perception.aruco import marker_poses
 from tral_env.perception.degrade import degrade
 from tral_env.perception.detection_model import DETECTION_MODEL
 from tral_env.perception.projected import Scenery
-from tral_fsm.bench.host import host
+from tral_fsm.evaluation.host import host
 
 RESULTS = Path(__file__).parent / "results" / "marker_accuracy.json"
 LENSES = {"default": LENS, "wide": WIDE_LENS, "320 x 240": LENS.scaled(320, 240), "1280 x 960": LENS.scaled(1280, 960)}

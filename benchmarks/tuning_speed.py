@@ -19,10 +19,10 @@ from rich.table import Table
 
 from tral_env.errors import ConfigError, TralError
 from tral_fsm import load_machine
-from tral_fsm.bench.host import host
-from tral_fsm.evaluation.batch import ROWS, BatchRunner
+from tral_fsm.evaluation.batch import MAX_ROWS, BatchRunner
 from tral_fsm.evaluation.choices import check_families
 from tral_fsm.evaluation.episode import EpisodeRequest
+from tral_fsm.evaluation.host import host
 from tral_fsm.evaluation.pool import ProcessPool, spawned
 from tral_fsm.evaluation.results import prepare_folder, print_figures, write_json
 
@@ -71,7 +71,7 @@ def measure(policy: str, scenario: str, drives: int, rows: int, ready: Any = Non
     runner = BatchRunner([scenario], rows=rows, stuck_s=10.0)
     for job in jobs[:SEEDS]:
         runner.draw(job)
-    physics = runner.world.sim.physics
+    physics = runner.prepare(drives).sim.physics
     physics.batch = timed = Timed(physics.batch)
     if ready is not None:
         ready.wait()
@@ -134,7 +134,7 @@ def main(
     ),
     drives: Annotated[int, typer.Option(min=1, help="Number of drives in each process.")] = 384,
     processes: Annotated[int, typer.Option(min=1)] = os.cpu_count() or 1,
-    rows: Annotated[int, typer.Option(min=1, help="Number of drives at once in each process.")] = ROWS,
+    rows: Annotated[int, typer.Option(min=1, help="Largest number of drives at once in each process.")] = MAX_ROWS,
     out: Path | None = None,
 ) -> None:
     """Measure drives a minute."""

@@ -13,7 +13,7 @@ from courses import FOLLOW_THEN_CRASH, blind
 
 from tral_env.errors import ConfigError
 from tral_fsm import load_machine
-from tral_fsm.evaluation.batch import BatchRunner
+from tral_fsm.evaluation.batch import BatchRunner, complete
 from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult, TickRecorder
 from tral_fsm.evaluation.rollout import drive
 from tral_fsm.runtime.policy import MachinePolicy
@@ -101,6 +101,18 @@ def test_a_car_that_gets_nowhere_is_given_up() -> None:
 
     with pytest.raises(KeyboardInterrupt):  # still driving after 3.75 s
         patient.drive([standing], [EpisodeRequest(0, "straight", 0)], enough)
+
+
+def test_the_simulation_has_no_more_rows_than_there_are_drives() -> None:
+    runner = BatchRunner(["straight"], rows=3)
+    two = runner.prepare(2)
+    assert (two.n, runner.prepare(1).n, runner.prepare(5).n) == (2, 2, 3)
+
+
+def test_a_lost_drive_is_an_error_and_shifts_no_other(far_off: EpisodeResult) -> None:
+    assert complete([far_off, far_off]) == [far_off, far_off]
+    with pytest.raises(AssertionError, match=r"requests without a result: \[1\]"):
+        complete([far_off, None, far_off])
 
 
 def test_no_jobs_are_no_drives(runner: BatchRunner) -> None:

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from courses import blind
@@ -160,9 +161,17 @@ def test_a_race_has_something_of_each_scenario_in_its_first_round() -> None:
     assert Racing(keep=1.0).rounds(task.courses, 3) == [task.courses]
 
 
+@pytest.mark.parametrize("shares", [{"share": 0.0}, {"keep": 1.5}, {"keep": float("nan")}, {"share": "half"}])
+def test_a_share_of_a_race_lies_above_0_and_is_1_at_most(shares: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError, match="expected a share above 0, at most 1"):
+        Racing(**shares)
+
+
 def test_courses_of_the_report_must_be_new() -> None:
     with pytest.raises(ConfigError, match="seeds 4 to 5 are for tuning and for the report"):
         check_apart(TASK, Settings(report_seeds=(4, 5, 6)))  # finals of seeds 0, 1 have 2 to 5
+    with pytest.raises(ConfigError, match="seeds 0, 4 to 5 are for tuning"):
+        check_apart(TASK, Settings(report_seeds=(0, 4, 5, 9)))
 
 
 def trial(values: tuple[float, ...], cost: float, parts: tuple[float, ...] = (0, 0, 0, 0, 0)) -> Trial:
@@ -221,7 +230,10 @@ def test_without_optuna_the_remedy_is_said(monkeypatch: pytest.MonkeyPatch) -> N
         ({"objectives": ("clearance",), "sampler": "nsga2"}, "expected two or more"),
         ({"objectives": ("clarity", "time"), "sampler": "nsga2"}, "unknown objective 'clarity'"),
         ({"budget": 0}, "budget = 0: expected a whole number, 1 or more"),
-        ({"population": 2}, "population = 2: expected 4 or more"),
+        ({"sampler": "cma"}, "unknown sampler 'cma': did you mean 'cmaes'"),
+        ({"population": 2}, "population = 2: expected a whole number, 4 or more"),
+        ({"population": 4.5}, "population = 4.5: expected a whole number"),
+        ({"budget": None}, "budget = None: expected a whole number"),
         ({"seed": -1}, "seed = -1: expected a whole number"),
         ({"sampler": "nsga2", "objectives": ("time", "time")}, "two or more different ones"),
     ],

@@ -19,6 +19,7 @@ from tral_fsm.cli import app
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.formats import write
 from tral_fsm.formats.library import load
+from tral_fsm.tuning.classical import experiments
 from tral_fsm.tuning.journal import NAME
 
 PARAMS = "0.steering=0.3:0.9,0.speed=0.8:1.6"
@@ -138,6 +139,18 @@ def test_classical_gains_are_printed_without_a_search(tmp_path: Path, monkeypatc
     for shown in ("along", "left", "LQR at 0.7 m/s", "damping"):
         assert shown in result.stdout
     assert not (tmp_path / "runs").exists()
+
+
+def test_classical_gains_as_json_are_the_only_thing_on_stdout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(experiments, "relay", lambda speed: None)
+    result = tral("tune", "--classical", "--json", "--policy", file_of(TWO_WALLS, tmp_path))
+    found = json.loads(result.stdout)
+    assert (list(found), found["relay"]) == (["own", "lqr", "relay"], [])
+    assert [(each["name"], each["speed"], each["p"], each["d"]) for each in found["own"]] == [
+        ("along", 0.7, 1.0, 1.5),
+        ("left", 0.7, 3.0, 2.5),
+    ]
+    assert found["own"][0]["damping"] > 0.0
 
 
 @pytest.mark.slow

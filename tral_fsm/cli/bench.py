@@ -33,7 +33,8 @@ def speed(
 
     from rich.console import Console
 
-    from tral_fsm.bench.speed import QUICK, SpeedPlan, measure
+    from tral_fsm.bench.plan import QUICK, SpeedPlan
+    from tral_fsm.bench.speed import measure
 
     check_families([scenario])
     if out is not None:
@@ -81,13 +82,13 @@ def _show(result: dict[str, Any], out: Path | None) -> None:
         f"import {startup['import_s']:.2f} s, make and first reset {startup['make_and_reset_s']:.2f} s, "
         f"memory {startup['memory_mb_per_row']:.2f} MB a row"
     )
-    if isinstance(result["camera"], dict):
+    if result["camera"] is not None:
         console.print(
             "rendered camera: " + ", ".join(f"{k.replace('_', ' ')} {v:.1f}" for k, v in result["camera"].items())
         )
-    elif result["camera"]:
-        console.print(f"rendered camera: {result['camera']}")
     for row in result["course_size"] or ():
         console.print(f"{row['boxes']} boxes: {row['step_us']:.0f} us a step, bare {row['bare_us']:.0f} us")
+    for skipped in result["skipped"]:
+        console.print(f"not measured: {skipped['name']}: {skipped['reason']}", markup=False)
     if out is not None:
         console.print(f"Files: {out}")

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from tral_env.errors import ConfigError
-from tral_fsm.bench.host import versions
 from tral_fsm.cli.console import FAILED
+from tral_fsm.evaluation.host import versions
 from tral_fsm.evaluation.results import prepare_folder, write_json
 
 if TYPE_CHECKING:

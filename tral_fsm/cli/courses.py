@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tral_env.errors import ConfigError
+from tral_fsm.cli.files import suffix_of
 from tral_fsm.evaluation.choices import check_families
 from tral_fsm.evaluation.results import prepare_folder
 
 if TYPE_CHECKING:
     from tral_env.course.layout import Course
+
+_SUFFIXES = (".png", ".json")
 
 
 def command(
@@ -34,17 +37,15 @@ def command(
         _list({scenario: SCENARIOS[scenario]} if scenario else dict(SCENARIOS))
         return
     families = [scenario] if scenario else list(SCENARIOS)
-    if out.suffix == ".png":
+    if suffix_of(out, _SUFFIXES) == ".json":
+        _export(scenario, seed, out)
+    else:
         prepare_folder(out.parent)
         from tral_env.course.geometry import build_plan
         from tral_fsm.report.courses import course_sheet
 
         plans = {f"{family}, seed {seed}": build_plan(seeded_course(family, seed)) for family in families}
         course_sheet(plans).savefig(out, dpi=110)
-    elif out.suffix == ".json":
-        _export(scenario, seed, out)
-    else:
-        raise ConfigError(f"--out {out}: unknown suffix '{out.suffix}'. Allowed: .png, .json")
     typer.echo(f"Written: {out}")
 
 

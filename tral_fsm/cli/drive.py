@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tral_env.perception import opengl
-from tral_fsm.bench.host import versions
 from tral_fsm.cli.console import FAILED
 from tral_fsm.evaluation.choices import Camera, Randomization, check_families
+from tral_fsm.evaluation.host import versions
 from tral_fsm.evaluation.results import prepare_folder, print_figures, write_json
 
 if TYPE_CHECKING:

@@ -16,9 +16,9 @@ import typer
 from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 from tral_env.perception import opengl
-from tral_fsm.bench.host import versions
 from tral_fsm.cli import tune_options as options
 from tral_fsm.cli.tune_show import Bar, print_result
+from tral_fsm.evaluation.host import versions
 from tral_fsm.evaluation.results import prepare_folder, write_json
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def command(
     The command writes machine.json, tune.json, report.html and study.jsonl into the folder. Ctrl-C keeps the results
     so far; --resume goes on.
     """
-    from tral_fsm.cli.tune_classical import print_classical
+    from tral_fsm.cli.tune_classical import show_classical
     from tral_fsm.formats.library import load as load_machine
     from tral_fsm.tuning import Objective
 
@@ -80,7 +80,7 @@ def command(
     )
     machine = load_machine(policy)
     if classical:
-        print_classical(machine)
+        show_classical(machine, as_json=as_json)
         return
     tuned, report = run(arguments, machine)
     if as_json:

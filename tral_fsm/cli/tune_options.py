@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from tral_fsm.evaluation.choices import Camera, Randomization
 from tral_fsm.evaluation.seeds import parse_seeds
+from tral_fsm.tuning.choices import Pooling, Sampler
 
 if TYPE_CHECKING:
     from tral_fsm.tuning import Objective, Settings, Task
-
-Sampler = Literal["cmaes", "tpe", "nsga2", "random"]
-Pooling = Literal["mean", "worst", "cvar"]
 
 Policy = Annotated[str, typer.Option(help="Name of a packaged machine, or a machine file.")]
 Scenarios = Annotated[str, typer.Option(help="Families of courses, separated by commas.")]
@@ -64,7 +62,7 @@ Classical = Annotated[
         "--classical", help="Print gains of classical control and the margins of the machine's own; no search."
     ),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print tune.json and nothing else; the files are written too.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else; the files are written too.")]
 
 
 @dataclass(frozen=True, kw_only=True)

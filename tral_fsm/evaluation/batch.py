@@ -25,8 +25,8 @@ from tral_fsm.runtime.machine import Trace
 
 Array = NDArray[np.float64]
 
-ROWS = 128
-"""Number of drives at once. Source: measured; with more rows a row costs little less, and the last drives end later."""
+MAX_ROWS = 128
+"""Largest number of drives at once. Source: measured; more rows save little, and the last drives end later."""
 STUCK_M = 0.25
 """A car is stuck if it gains less along the route than this in `stuck_s`. Source: choice."""
 
@@ -40,17 +40,17 @@ class BatchRunner:
         *,
         randomization: str = "default",
         camera: str = "projected",
-        rows: int = ROWS,
+        rows: int = MAX_ROWS,
         nthread: int = 1,
         stuck_s: float | None = None,
     ) -> None:
-        """Build the simulation.
+        """Prepare drives; the simulation is built at the first one, with no more rows than there are drives.
 
         Args:
             scenarios: families of the courses.
             randomization: how much cars and sensors differ: "none", "default" or "hard".
             camera: "projected" or "rendered".
-            rows: number of drives at once.
+            rows: largest number of drives at once.
             nthread: number of threads that step the cars.
             stuck_s: a car that gains less than `STUCK_M` in this time ends in a timeout, s; None: no car is stuck.
 
@@ -58,17 +58,25 @@ class BatchRunner:
             ConfigError: a scenario, the camera or the randomization is unknown.
         """
         configs = [CorridorConfig(scenario=name, randomization=randomization, camera=camera) for name in scenarios]
-        pool = Pool(0)
+        self._config, self._pool, self._nthread, self._max_rows = configs[0], Pool(0), nthread, rows
         for name in scenarios:
-            pool = pool.union(Pool.for_scenario(name))
-        self.rows = rows
-        self.world = World(rows, configs[0], nthread=nthread, pool=pool)
+            self._pool = self._pool.union(Pool.for_scenario(name))
+        self._world: World | None = None
         self._randomization, self._hard = level(randomization), makes_hard_courses(randomization)
         self.patience_s = math.inf if stuck_s is None else stuck_s
         """Time without progress after which the drive of a car ends, s."""
         self._drawn: dict[tuple[str, int], tuple[Drawn, np.random.Generator]] = {}
-        self._rngs = [np.random.default_rng(0)] * rows
+        self._rngs: list[np.random.Generator] = []
         self._started = False
+
+    def prepare(self, drives: int) -> World:
+        """Build the simulation for a number of drives, if that at hand has fewer rows than they can use."""
+        rows = min(self._max_rows, drives)
+        if self._world is None or self._world.n < rows:
+            self.close()
+            self._world = World(rows, self._config, nthread=self._nthread, pool=self._pool)
+            self._rngs, self._started = [np.random.default_rng(0)] * rows, False
+        return self._world
 
     def drive(
         self,
@@ -94,13 +102,13 @@ class BatchRunner:
         """
         if not requests:
             return []
-        run = _Run(self, machines, requests, observers or {})
-        run.fill(np.arange(min(self.rows, len(requests))))
+        run = _Run(self, self.prepare(len(requests)), machines, requests, observers or {})
+        run.fill(np.arange(min(run.world.n, len(requests))))
         while run.loop.active.size:
             run.tick()
             if on_tick is not None:
                 on_tick(run.ended)
-        return [result for result in run.results if result is not None]
+        return complete(run.results)
 
     def draw(self, request: EpisodeRequest) -> tuple[Drawn, np.random.Generator]:
         """Course and car of a drive, and the generator of its noise; drawn once, as many machines drive the same."""
@@ -113,25 +121,38 @@ class BatchRunner:
         drawn, rng = self._drawn[key]
         return drawn, copy.deepcopy(rng)
 
-    def begin(self, rows: Index, requests: Sequence[EpisodeRequest]) -> None:
+    def begin(self, world: World, rows: Index, requests: Sequence[EpisodeRequest]) -> None:
         """Put the cars of the rows at the start of their drives."""
         fresh = [self.draw(request) for request in requests]
         for row, (_, rng) in zip(rows, fresh, strict=True):
             self._rngs[row] = rng
         drawn = [each for each, _ in fresh]
         if not self._started:  # all rows need a course once; a row without a drive does not move
-            spare = self.rows - len(rows)
-            rows, drawn = np.append(rows, np.arange(self.rows - spare, self.rows)), drawn + drawn[:1] * spare
+            spare = world.n - len(rows)
+            rows, drawn = np.append(rows, np.arange(world.n - spare, world.n)), drawn + drawn[:1] * spare
             self._started = True
-        self.world.begin(rows, drawn, self._rngs)
+        world.begin(rows, drawn, self._rngs)
 
     def close(self) -> None:
         """Free the OpenGL context, if there is one."""
-        self.world.close()
+        if self._world is not None:
+            self._world.close()
+            self._world = None
 
 
-class _Drivers:
-    """A crew of machines, any machine in any row; a driver is used again after its drive."""
+def complete(results: Sequence[EpisodeResult | None]) -> list[EpisodeResult]:
+    """The results, if there is one for each request.
+
+    Raises:
+        AssertionError: a request has no result; leaving it out would shift all behind it.
+    """
+    missing = [number for number, result in enumerate(results) if result is None]
+    assert not missing, f"requests without a result: {missing}"
+    return [result for result in results if result is not None]
+
+
+class DriverPool:
+    """The machines of n rows, any machine in any row; a driver is used again after its drive."""
 
     def __init__(self, definitions: Sequence[MachineDefinition], n: int) -> None:
         self._definitions = definitions
@@ -139,14 +160,14 @@ class _Drivers:
         self._machine = [-1] * n
         self._idle: list[list[Driver]] = [[] for _ in definitions]
 
-    def seat(self, row: int, machine: int) -> None:
+    def assign(self, row: int, machine: int) -> None:
         """Let a machine drive a row, from its root on."""
         idle = self._idle[machine]
         driver = idle.pop() if idle else Driver(self._definitions[machine])
         driver.reset()
         self._drivers[row], self._machine[row] = driver, machine
 
-    def leave(self, row: int) -> None:
+    def release(self, row: int) -> None:
         """Free the driver of a row for other rows."""
         self._idle[self._machine[row]].append(self._driver(row))
         self._drivers[row] = None
@@ -160,8 +181,7 @@ class _Drivers:
         """Commands and wanted clearances."""
         commands, wanted = [], []
         for row, readings in zip(rows.tolist(), observation[rows].tolist(), strict=True):
-            driver = self._drivers[row]
-            assert driver is not None
+            driver = self._driver(row)
             commands.append(driver.act(readings))
             wanted.append(driver.wanted_clearance)
         return commands, wanted
@@ -181,15 +201,16 @@ class _Run:
     def __init__(
         self,
         runner: BatchRunner,
+        world: World,
         machines: Sequence[MachineDefinition],
         requests: Sequence[EpisodeRequest],
         observers: Mapping[int, Sequence[Observer]],
     ) -> None:
-        self.runner, self.requests, self.observers = runner, requests, observers
-        n = runner.rows
+        self.runner, self.world, self.requests, self.observers = runner, world, requests, observers
+        n = world.n
         self.results: list[EpisodeResult | None] = [None] * len(requests)
-        self.crew = _Drivers(machines, n)
-        self.loop = DriveLoop(n, runner.world, self.crew)
+        self.drivers = DriverPool(machines, n)
+        self.loop = DriveLoop(n, world, self.drivers)
         self.ended = 0
         self._next = 0
         self._number = np.full(n, -1)
@@ -203,11 +224,11 @@ class _Run:
             return
         numbers = range(self._next, self._next + len(rows))
         self._next += len(rows)
-        self.runner.begin(rows, [self.requests[k] for k in numbers])
+        self.runner.begin(self.world, rows, [self.requests[k] for k in numbers])
         watched = {}
         for row, k in zip(rows.tolist(), numbers, strict=True):
             self._number[row] = k
-            self.crew.seat(row, self.requests[k].machine)
+            self.drivers.assign(row, self.requests[k].machine)
             if k in self.observers:
                 watched[row] = self.observers[k]
         self._best[rows] = self._since[rows] = 0.0
@@ -226,7 +247,7 @@ class _Run:
 
     def _is_stuck(self, step: Step) -> NDArray[np.bool_]:
         """Whether each row has been without progress for too long, (n,)."""
-        gained = step.info["progress"] * self.runner.world.track.length
+        gained = step.info["progress"] * self.world.track.length
         ahead = gained > self._best + STUCK_M
         self._best = np.where(ahead, gained, self._best)
         self._since = np.where(ahead, step.info["time_s"], self._since)
@@ -240,9 +261,9 @@ class _Run:
         self.results[number] = EpisodeResult(
             scenario=request.scenario,
             seed=request.seed,
-            route_m=float(self.runner.world.track.length[row]),
+            route_m=float(self.world.track.length[row]),
             **self.loop.metrics.figures(row, row_info(step, row)),
         )
         self.loop.end(row)
-        self.crew.leave(row)
+        self.drivers.release(row)
         self.ended += 1

@@ -32,7 +32,7 @@ class Cars(Protocol):
         ...
 
 
-class Crew(Protocol):
+class Policies(Protocol):
     """The policies, one for each row."""
 
     def act(self, rows: Index, observation: NDArray[np.floating]) -> tuple[Sequence[Any], Sequence[Pair]]:
@@ -62,17 +62,17 @@ class DriveLoop:
     """Rows that drive until `end` is called for them."""
 
     def __init__(
-        self, n: int, cars: Cars, crew: Crew, info_of: Callable[[Step, int], Mapping[str, Any]] | None = None
+        self, n: int, cars: Cars, policies: Policies, info_of: Callable[[Step, int], Mapping[str, Any]] | None = None
     ) -> None:
         """Make the loop; no row drives before `begin`.
 
         Args:
             n: number of rows.
             cars: the cars.
-            crew: the policies.
+            policies: the policies.
             info_of: gives observers the info of a row; None: the row's part of the step's info.
         """
-        self.cars, self.crew, self.n = cars, crew, n
+        self.cars, self.policies, self.n = cars, policies, n
         self._info_of = info_of or row_info
         self.metrics = Metrics(n)
         self.active = np.zeros(0, np.int64)
@@ -91,22 +91,22 @@ class DriveLoop:
         self.metrics.begin(rows)
         for row, wanted in (observers or {}).items():
             self._watched[row] = watched = _Watched(wanted)
-            self.crew.watch(row, watched.fired.append)
+            self.policies.watch(row, watched.fired.append)
         self.active = np.union1d(self.active, rows)
         self._observation = self.cars.observation()
 
     def end(self, row: int) -> None:
         """End the episode of a row."""
         if self._watched.pop(row, None) is not None:
-            self.crew.watch(row, None)
+            self.policies.watch(row, None)
         self.active = self.active[self.active != row]
 
     def tick(self) -> Step:
         """Let the policies decide, drive all rows for one tick, and measure."""
         rows, before = self.active, self._observation
         for row, watched in self._watched.items():
-            watched.seen, watched.state = np.array(before[row]), self.crew.state(row)
-        commands, wishes = self.crew.act(rows, before)
+            watched.seen, watched.state = np.array(before[row]), self.policies.state(row)
+        commands, wishes = self.policies.act(rows, before)
         self._command[rows] = commands
         step = self.cars.step(self._command, None if len(rows) == self.n else rows)
         self._observation = step.observation
@@ -135,7 +135,7 @@ class DriveLoop:
             tick = Tick(
                 index=watched.index,
                 observation=watched.seen,
-                state=watched.state if watched.fired else self.crew.state(row),
+                state=watched.state if watched.fired else self.policies.state(row),
                 action=self._command[row].copy(),
                 info=self._info_of(step, row),
                 transits=tuple(watched.fired),

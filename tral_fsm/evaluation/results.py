@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -75,15 +76,16 @@ def lines(path: Path) -> Iterator[Record]:
 def append(path: Path, line: Record) -> None:
     """Append a line; a last line that was cut off stays apart from it."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("a+", encoding="utf-8") as file:
-        file.seek(0)
-        whole = file.read()[-1:] in ("", "\n")
-        file.write(("" if whole else "\n") + json.dumps(line) + "\n")
+    with path.open("a+b") as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(size - 1, 0))
+        whole = file.read(1) in (b"", b"\n")
+        file.write((("" if whole else "\n") + json.dumps(line) + "\n").encode("utf-8"))
 
 
 def begin_run(path: Path, settings: Any, machines: Mapping[str, str] | None = None) -> None:
     """Append the line of a run: settings (a dataclass), digests of the machines by name, and the computer."""
-    from tral_fsm.bench.host import host
+    from tral_fsm.evaluation.host import host
 
     named = {} if machines is None else {"machines": dict(machines)}
     append(path, {"kind": "run", "settings": asdict(settings), **named, "host": host()})

@@ -47,7 +47,7 @@ def drive(
     check_readings(policy, env)
     car, recorder = _GymCar(env, seed, options), TickRecorder()
     policy.reset(1)
-    loop = DriveLoop(1, car, _PolicyCrew(policy), lambda step, row: car.info)
+    loop = DriveLoop(1, car, _OnePolicy(policy), lambda step, row: car.info)
     loop.begin(np.zeros(1, np.int64), {0: [recorder, *([on_step] if on_step is not None else [])]})
     try:
         ended = False
@@ -87,8 +87,8 @@ class _GymCar:
         return Step(self.observation(), np.array([reward], float), *ended, dict(info), {})
 
 
-class _PolicyCrew:
-    """A policy as a crew of one."""
+class _OnePolicy:
+    """A policy as that of one row."""
 
     def __init__(self, policy: Policy) -> None:
         self._policy = policy

@@ -25,8 +25,8 @@ time: it would at a sixth of the speed. Source: choice; at 0.1 the motor begins 
 BRAKE = 0.3
 """Throttle against the direction of travel with which the car stops. Source: that of the state Stop."""
 BLIND_BRAKE_S = 1.0
-"""Time for which the car brakes when no speed can be trusted: enough for 1.5 m/s. A motor controller reverses only after
-brake and neutral, so a standing car stays. Source: choice."""
+"""Time for which the car brakes when no speed can be trusted: enough for 1.5 m/s. A motor controller reverses only
+after brake and neutral, so a standing car stays. Source: choice."""
 
 _DISTANCE, _SPEED = CORE_LAYOUT.column("distance"), CORE_LAYOUT.column("speed")
 
@@ -41,7 +41,18 @@ class Watch:
       that the neutral in which a stalled car tries again does not hide it.
     """
 
-    __slots__ = ("_distance", "_needs_hall", "_paused", "_pushed", "_ranges", "_rolled", "_speed_known", "_stopped", "_ticks", "reason")
+    __slots__ = (
+        "_distance",
+        "_needs_hall",
+        "_paused",
+        "_pushed",
+        "_ranges",
+        "_rolled",
+        "_speed_known",
+        "_stopped",
+        "_ticks",
+        "reason",
+    )
 
     def __init__(self, needed: frozenset[str]) -> None:
         """Watch what a machine needs.

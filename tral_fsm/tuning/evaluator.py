@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, wait
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from types import TracebackType
 from typing import Any, Self
 
 from tral_env.errors import ConfigError, nearest
 from tral_env.randomization import LEVELS
 from tral_fsm.definition.machine import MachineDefinition
-from tral_fsm.evaluation.batch import ROWS, BatchRunner
+from tral_fsm.evaluation.batch import MAX_ROWS, BatchRunner, complete
 from tral_fsm.evaluation.choices import check_families
 from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
 from tral_fsm.evaluation.pool import ProcessPool, spawned, stop_check
@@ -62,6 +62,12 @@ class Racing:
     keep: float = 0.5
     """Share of the candidates that go on after it, in (0, 1]; 1: no race."""
 
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not isinstance(value, int | float) or not 0.0 < value <= 1.0:
+                raise ConfigError(f"Racing.{field.name} = {value!r}: expected a share above 0, at most 1")
+
     def rounds(self, courses: Sequence[SeededCourse], scenarios: int) -> list[Sequence[SeededCourse]]:
         """The courses of each round."""
         first = max(math.ceil(self.share * len(courses)), min(scenarios, len(courses)))
@@ -97,13 +103,15 @@ OnStage = Callable[[Stage], None]
 class Evaluator:
     """Lets machines drive on courses; a context manager. The results depend on neither `processes` nor `rows`."""
 
-    def __init__(self, task: Task, *, processes: int = 1, rows: int = ROWS, on_stage: OnStage | None = None) -> None:
+    def __init__(
+        self, task: Task, *, processes: int = 1, rows: int = MAX_ROWS, on_stage: OnStage | None = None
+    ) -> None:
         """Make an evaluator; the simulation is built at the first drive.
 
         Args:
             task: families, randomization and camera; the seeds come with each call.
             processes: number of processes.
-            rows: number of drives at once in each process.
+            rows: largest number of drives at once in each process.
             on_stage: called when a stage begins, and whenever drives of it have ended.
         """
         self.task, self.processes, self.rows = task, processes, rows
@@ -154,7 +162,7 @@ class Evaluator:
         drives: list[EpisodeResult | None] = [None] * len(requests)
         for k, future in enumerate(futures):
             drives[k :: self.processes] = future.result()
-        return [drive for drive in drives if drive is not None]
+        return complete(drives)
 
     def _start(self) -> None:
         self._ended = spawned.Value("l", 0)

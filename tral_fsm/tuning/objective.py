@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.errors import ConfigError, nearest
 from tral_fsm.evaluation.episode import EpisodeResult
+from tral_fsm.tuning.choices import POOLINGS, Pooling
 
 Array = NDArray[np.float64]
-Pooling = Literal["mean", "worst", "cvar"]
-POOLINGS: tuple[Pooling, ...] = ("mean", "worst", "cvar")
 PARTS = ("failure", "unfinished", "clearance", "time", "steering")
 
 

@@ -12,9 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from tral_env.errors import ConfigError
+from tral_env.errors import ConfigError, nearest
 from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.evaluation.seeds import stretches
 from tral_fsm.formats import library, write
+from tral_fsm.tuning.choices import SAMPLERS, Sampler
 from tral_fsm.tuning.evaluator import Evaluator, OnStage, Racing, Scored, SeededCourse, Task
 from tral_fsm.tuning.found import Tuned, best_of, save
 from tral_fsm.tuning.holdout import compare
@@ -32,8 +34,8 @@ class Settings:
 
     budget: int = 3000
     """Number of drives of the search; the last generation is finished. Finals and held-out check are extra."""
-    sampler: str = "cmaes"
-    """"cmaes", or a sampler of Optuna: "tpe", "nsga2", "random"."""
+    sampler: Sampler = "cmaes"
+    """"cmaes", or a sampler of Optuna, which is the extra `tune`: "tpe", "nsga2", "random"."""
     objectives: tuple[str, ...] = ()
     """Two or more of "clearance", "time", "steering" for a Pareto front; they need "nsga2"."""
     population: int | None = None
@@ -49,16 +51,17 @@ class Settings:
     """Seed of the sampler."""
 
     def __post_init__(self) -> None:
-        for name in ("budget", "finalists", "final_seeds"):
+        for name, low in (("budget", 1), ("finalists", 1), ("final_seeds", 1), ("population", 4), ("seed", 0)):
             value = getattr(self, name)
-            if value is None:
+            if value is None and name in ("final_seeds", "population"):
                 continue
-            if not isinstance(value, int) or value < 1:
-                raise ConfigError(f"{name} = {value!r}: expected a whole number, 1 or more")
-        if self.population is not None and self.population < 4:
-            raise ConfigError(f"population = {self.population!r}: expected 4 or more")
-        if not isinstance(self.seed, int) or self.seed < 0:
-            raise ConfigError(f"seed = {self.seed!r}: expected a whole number, 0 or more")
+            if not isinstance(value, int) or value < low:
+                raise ConfigError(f"{name} = {value!r}: expected a whole number, {low} or more")
+        if self.sampler not in SAMPLERS:
+            raise ConfigError(f"unknown sampler '{self.sampler}': {nearest(self.sampler, SAMPLERS)}")
+        self._check_objectives()
+
+    def _check_objectives(self) -> None:
         for name in self.objectives:
             if name not in OBJECTIVES:
                 raise ConfigError(f"unknown objective '{name}'. Allowed: {', '.join(OBJECTIVES)}")
@@ -253,11 +256,9 @@ def check_apart(task: Task, settings: Settings) -> None:
     Raises:
         ConfigError: there are such seeds.
     """
-    both = sorted({*task.seeds, *final_seeds(task, settings)} & {*settings.report_seeds})
+    both = {*task.seeds, *final_seeds(task, settings)} & {*settings.report_seeds}
     if both:
-        raise ConfigError(
-            f"seeds {both[0]} to {both[-1]} are for tuning and for the report: choose other --report-seeds"
-        )
+        raise ConfigError(f"seeds {stretches(both)} are for tuning and for the report: choose other --report-seeds")
 
 
 def final_seeds(task: Task, settings: Settings) -> tuple[int, ...]:

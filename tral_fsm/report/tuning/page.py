@@ -11,6 +11,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
+from tral_fsm.evaluation.seeds import stretches
 from tral_fsm.report.tuning import figures as pictures
 from tral_fsm.report.tuning import model as tuning_model
 from tral_fsm.tuning.classical.loops import WallGains
@@ -61,7 +62,7 @@ def _head(page: PageData) -> dict[str, Any]:
         "verdict": tuned.verdict,
         "verdict_class": "noise" if noise else "better" if "better" in tuned.verdict else "worse",
         "scenarios": ", ".join(page.scenarios),
-        "seeds": f"{page.seeds[0]} to {page.seeds[-1]}",
+        "seeds": stretches(page.seeds),
         "randomization": page.randomization,
         "candidates": len(tuned.trials),
         "drives": sum(each.drives for each in tuned.trials),

@@ -8,14 +8,14 @@ import uuid
 from collections.abc import Sequence
 from typing import Any
 
-from tral_env.errors import ConfigError, MissingExtraError, nearest
+from tral_env.errors import MissingExtraError
+from tral_fsm.tuning.choices import Sampler
 from tral_fsm.tuning.journal import refuse_another
 from tral_fsm.tuning.objective import PARTS, Weights
 from tral_fsm.tuning.parameters import Parameter, Value
 from tral_fsm.tuning.search.space import Trial, Values, default_population, trial
 from tral_fsm.tuning.search.storage import open_storage, reachable
 
-SAMPLERS = ("tpe", "nsga2", "random")
 OBJECTIVES = ("clearance", "time", "steering")
 """Parts of the cost that may be objectives."""
 LOST_AFTER_S = 1800.0
@@ -43,7 +43,7 @@ class OptunaSearch:
     def __init__(
         self,
         parameters: Sequence[Parameter],
-        sampler: str,
+        sampler: Sampler,
         *,
         seed: int = 0,
         population: int | None = None,
@@ -56,7 +56,7 @@ class OptunaSearch:
 
         Args:
             parameters: the parameters.
-            sampler: one of `SAMPLERS`.
+            sampler: "tpe", "nsga2" or "random".
             seed: seed of the sampler; in a storage each process adds its own number, or all would ask for the same.
             population: number of candidates of a generation.
             objectives: some of `OBJECTIVES`; empty: the cost alone.
@@ -65,12 +65,10 @@ class OptunaSearch:
             header: the search as plain values, the same for all processes of a study.
 
         Raises:
-            ConfigError: the sampler is unknown, the storage cannot be used, or it holds another study.
+            ConfigError: the storage cannot be used, or it holds another study.
             MissingExtraError: Optuna, or the driver of the database, is not installed.
         """
         optuna = imported()
-        if sampler not in SAMPLERS:
-            raise ConfigError(f"unknown sampler '{sampler}': {nearest(sampler, ('cmaes', *SAMPLERS))}")
         self.parameters, self.objectives = list(parameters), tuple(objectives)
         self.population = population or default_population(len(self.parameters))
         self.weights = weights or Weights()
@@ -166,7 +164,7 @@ class OptunaSearch:
         return [trial(each.user_attrs["record"]) for each in done]
 
 
-def _sampler(optuna: Any, name: str, seed: int, population: int) -> Any:
+def _sampler(optuna: Any, name: Sampler, seed: int, population: int) -> Any:
     if name == "tpe":
         return optuna.samplers.TPESampler(seed=seed, n_startup_trials=population, constant_liar=True)
     if name == "nsga2":

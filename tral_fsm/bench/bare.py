@@ -1,0 +1,78 @@
+"""MuJoCo alone: what a step costs without readings, rewards and resets."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.course.scene import Pool, build_model
+from tral_env.interface import CONTROL_PERIOD_S
+from tral_env.simulation.culling import LOCAL_BOXES
+from tral_env.vector_env import TralCorridorVectorEnv
+from tral_env.world import Simulation
+from tral_fsm.bench.commands import gentle
+from tral_fsm.bench.timing import Contestant
+
+_VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
+RECORDED_TICKS = 160
+"""Number of recorded ticks, 2 s: the cars have reached their speed, and few of them a wall."""
+
+
+def bare_step(sim: Simulation) -> None:
+    """Step the physics of all cars for one control period."""
+    sim.batch.step(nstep=sim.substeps, stage=_VEL)
+
+
+@lru_cache(maxsize=8)
+def recording(scenario: str, rows: int) -> list[dict[str, NDArray[np.float64]]]:
+    """Arrays that the native environment writes into its batch in each of its first ticks."""
+    env = TralCorridorVectorEnv(rows, scenario=scenario)
+    env.reset(seed=0)
+    rng, batch = np.random.default_rng(0), env.world.sim.batch
+    ctrl, loss = batch.bind("ctrl"), batch.expand("dof_frictionloss")
+    ticks = []
+    for _ in range(RECORDED_TICKS):
+        env.step(gentle(rows, rng))
+        ticks.append({"ctrl": ctrl.copy(), "loss": loss.copy()})
+    env.close()
+    return ticks
+
+
+def bare_batch(scenario: str, rows: int, threads: int) -> Contestant:
+    """`Batch.step` through the same drives as the native environment."""
+    ticks = recording(scenario, rows)
+    env = TralCorridorVectorEnv(rows, nthread=threads, scenario=scenario)
+    env.reset(seed=0)
+    sim, batch = env.world.sim, env.world.sim.batch
+    start, ctrl, loss = batch.state.copy(), batch.bind("ctrl"), batch.expand("dof_frictionloss")
+    tick = 0
+
+    def step() -> int:
+        nonlocal tick
+        if tick % len(ticks) == 0:
+            batch.state[:] = start
+        ctrl[:], loss[:] = ticks[tick % len(ticks)]["ctrl"], ticks[tick % len(ticks)]["loss"]
+        bare_step(sim)
+        tick += 1
+        return rows
+
+    name = f"bare Batch.step, {rows} rows, {threads} threads"
+    return Contestant(name=name, kind="bare batch", rows=rows, threads=threads, step=step, close=env.close)
+
+
+def bare_loop(scenario: str) -> Contestant:
+    """`mj_step` of the same model in a loop."""
+    model = build_model(Pool(min(Pool.for_scenario(scenario).boxes, LOCAL_BOXES)), looks=False)
+    data = mujoco.MjData(model)
+    substeps = round(CONTROL_PERIOD_S / model.opt.timestep)
+    ctrl = np.array([0.05, 2.5])
+
+    def step() -> int:
+        data.ctrl[:] = ctrl
+        mujoco.mj_step(model, data, substeps)
+        return 1
+
+    return Contestant(name="bare mj_step loop", kind="bare loop", step=step)
