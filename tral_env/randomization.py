@@ -78,8 +78,7 @@ class Randomization:
     """Noise, blur and wrong exposure of the camera image: 0 none, 1 mild, 3 strong, 10 at most. Source: choice."""
 
     false_sighting_rate: Range = (0.0, 0.0)
-    """Share of images that show a marker where there is none. Source: choice, a third and three times the 0.007 of
-    benchmarks/false_sightings.py."""
+    """Share of images that show a marker where there is none. Source: choice around 0.007, see docs/perception.md."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
