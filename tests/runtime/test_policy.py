@@ -64,7 +64,10 @@ def test_a_wrong_shape_is_refused(shape: tuple[int, ...]) -> None:
         ([0.0] * SIZE, "a list, expected a NumPy array"),
         (np.zeros((1, 4 * SIZE), np.float32), "stacked frames"),
         (np.zeros((120, 160, 3), np.uint8), "an image"),
-        (observation(1, ultrasonic_left=1.0) - np.float32(1.5), "ultrasonic_left = -0.5 m in row 0, allowed 0 to 6 m: .*normalized"),
+        (
+            observation(1, ultrasonic_left=1.0) - np.float32(1.5),
+            "ultrasonic_left = -0.5 m in row 0, allowed 0 to 6 m: .*normalized",
+        ),
         (np.full((1, SIZE), np.nan), "ultrasonic_left = nan.*gives NaN"),
     ],
 )

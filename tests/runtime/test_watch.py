@@ -148,7 +148,12 @@ def test_a_hall_sensor_that_dies_on_a_car_that_is_driven_on_is_noticed_in_half_a
 
 @pytest.mark.parametrize(
     "state",
-    [{"type": "Stop", "hold": 10.0}, {"type": "Idle"}, {"type": "Motor", "throttle": 0.2}, {"type": "Motor", "speed": 0.0}],
+    [
+        {"type": "Stop", "hold": 10.0},
+        {"type": "Idle"},
+        {"type": "Motor", "throttle": 0.2},
+        {"type": "Motor", "speed": 0.0},
+    ],
 )
 def test_a_car_that_brakes_waits_or_is_driven_open_loop_may_stand(state: dict[str, Any]) -> None:
     assert ticks_until_stopped(one_state(**state), 400) == 400

@@ -37,8 +37,9 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     Action: steering (+1 = full left) and throttle (+1 = full forward), brought into [-1, 1], turned into pulses by the
     calibration. Observation: the fields of `tral_env.interface.CORE_LAYOUT`; a field without a sensor is "nothing
-    seen", and `tral_env.interface.check_readings` refuses a policy that needs it; steering and throttle are the command as applied, after the slew limit. Reward 0.0: the car cannot see its
-    progress. Never terminated; truncated after `max_duration_s`, with the car in neutral.
+    seen", and `tral_env.interface.check_readings` refuses a policy that needs it; steering and throttle are the command
+    as applied, after the slew limit. Reward 0.0: the car cannot see its progress. Never terminated; truncated after
+    `max_duration_s`, with the car in neutral.
 
     A step sends the pulses at once, then sleeps until its period of 1/80 s is over, then reads the sensors. A step that
     comes late counts in ``info["late_ticks"]``, and the schedule moves back with it: late steps are never caught up in

@@ -59,7 +59,9 @@ class FollowCorridorSpec(DrivingSpec):
     @property
     def readings_needed(self) -> frozenset[str]:
         """Both walls, the way between two readings, and the front range if something ahead slows the car."""
-        return super().readings_needed | DISTANCE | SIDES | (NOTHING if self.slow_front is None else ultrasonic("front"))
+        return (
+            super().readings_needed | DISTANCE | SIDES | (NOTHING if self.slow_front is None else ultrasonic("front"))
+        )
 
 
 class FollowCorridor(DrivingState[FollowCorridorSpec]):
