@@ -31,7 +31,52 @@ from tral_env.geometry import (
 Config = TypeVar("Config")
 
 
-def _check(config: object, positive: tuple[str, ...] = (), unit_interval: tuple[str, ...] = ()) -> None:
+_OTHER_UNITS: Mapping[str, Mapping[str, float]] = {
+    "m": {"mm": 1e3, "cm": 1e2},
+    "m/s": {"mm/s": 1e3, "km/h": 3.6},
+    "s": {"ms": 1e3, "us": 1e6},
+    "V": {"mV": 1e3},
+    "ohm": {"milliohm": 1e3},
+    "kg": {"g": 1e3},
+    "deg": {"rad": math.pi / 180.0},
+    "rad/s": {"deg/s": 180.0 / math.pi},
+    "N m": {"N mm": 1e3},
+    "": {"%": 1e2},
+}
+"""Unit -> units that a number may have been given in by mistake: how many of those make one of it."""
+
+
+def check_plausible(where: str, value: float, low: float, high: float, unit: str) -> None:
+    """Refuse a number that no car has, and ask for the unit in which it would be one.
+
+    Args:
+        where: name of the number.
+        value: what was given.
+        low: least plausible value.
+        high: greatest plausible value.
+        unit: of all three.
+
+    Raises:
+        ConfigError: the number is below `low` or above `high`.
+    """
+    if low <= value <= high:
+        return
+    likely = [name for name, count in _OTHER_UNITS.get(unit, {}).items() if low <= value / count <= high]
+    hint = f"; is it in {' or '.join(likely)}?" if likely else ""
+    with_unit = f" {unit}" if unit else ""
+    raise ConfigError(f"{where} = {value:g}{with_unit}: expected {low:g} to {high:g}{with_unit}{hint}")
+
+
+Bounds = Mapping[str, tuple[float, float, str]]
+"""Name of a field -> least and greatest plausible value, unit. Source of all bounds: choice, beyond any small car."""
+
+
+def _check(
+    config: object,
+    positive: tuple[str, ...] = (),
+    unit_interval: tuple[str, ...] = (),
+    plausible: Bounds | None = None,
+) -> None:
     for field in fields(config):  # type: ignore[arg-type]
         value = getattr(config, field.name)
         where = f"{type(config).__name__}.{field.name}"
@@ -42,7 +87,10 @@ def _check(config: object, positive: tuple[str, ...] = (), unit_interval: tuple[
         if field.name in positive and not value > 0:
             raise ConfigError(f"{where} = {value!r}: expected a number above 0")
         if field.name in unit_interval and not 0 <= value <= 1:
-            raise ConfigError(f"{where} = {value!r}: expected a share between 0 and 1")
+            percent = "; is it in %?" if 1 < value <= 100 else ""
+            raise ConfigError(f"{where} = {value!r}: expected a share between 0 and 1{percent}")
+        if plausible and field.name in plausible:
+            check_plausible(where, value, *plausible[field.name])
 
 
 def as_config(kind: type[Config], value: Config | Mapping[str, Any] | None) -> Config:
@@ -98,7 +146,17 @@ class CarConfig:
     """The camera stands this far above the floor, m. Source: choice."""
 
     def __post_init__(self) -> None:
-        _check(self, positive=tuple(field.name for field in fields(self)))
+        _check(
+            self,
+            positive=tuple(field.name for field in fields(self)),
+            plausible={
+                **dict.fromkeys(("wheelbase", "track", "length", "width", "height"), (0.02, 5.0, "m")),
+                "wheel_radius": (0.005, 0.5, "m"),
+                "full_lock_deg": (1.0, 80.0, "deg"),
+                "mass": (0.05, 100.0, "kg"),
+                **dict.fromkeys(("sonar_side", "sonar_front", "sonar_height", "camera_x", "camera_z"), (0.0, 2.0, "m")),
+            },
+        )
 
     @property
     def full_lock(self) -> float:
@@ -134,7 +192,17 @@ class ServoConfig:
     """Rolling this fast the scrub has fallen to 71 %, m/s: a patch of 2 cm turning at 3 rad/s. Source: choice."""
 
     def __post_init__(self) -> None:
-        _check(self, positive=tuple(field.name for field in fields(self)))
+        _check(
+            self,
+            positive=tuple(field.name for field in fields(self)),
+            plausible={
+                "speed": (0.1, 50.0, "rad/s"),
+                "dead_zone_deg": (0.0, 10.0, "deg"),
+                "travel_deg": (1.0, 80.0, "deg"),
+                "scrub_torque": (0.0, 10.0, "N m"),
+                "scrub_speed": (0.0, 10.0, "m/s"),
+            },
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,7 +226,19 @@ class EscConfig:
     """Delay of a command when nothing is randomized, s. Source: choice."""
 
     def __post_init__(self) -> None:
-        _check(self, positive=("switch_s", "motor_resistance", "back_emf", "battery_v"), unit_interval=("dead_zone",))
+        _check(
+            self,
+            positive=("switch_s", "motor_resistance", "back_emf", "battery_v"),
+            unit_interval=("dead_zone",),
+            plausible={
+                "switch_s": (0.0, 5.0, "s"),
+                "motor_resistance": (0.0, 100.0, "ohm"),
+                "back_emf": (0.0, 100.0, "V"),
+                "battery_v": (1.0, 60.0, "V"),
+                "max_latency_s": (0.0, 5.0, "s"),
+                "nominal_latency_s": (0.0, 5.0, "s"),
+            },
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,6 +285,16 @@ class UltrasonicConfig:
             self,
             positive=("beam_deg", "incidence_limit_deg", "max_range", "cadence_s", "metres_per_us"),
             unit_interval=("jitter_share", "crosstalk_share", "corner_tolerance"),
+            plausible={
+                "beam_deg": (1.0, 180.0, "deg"),
+                "incidence_limit_deg": (1.0, 90.0, "deg"),
+                "incidence_spread_deg": (0.0, 45.0, "deg"),
+                **dict.fromkeys(("min_range", "cm_min_range"), (0.0, 2.0, "m")),
+                **dict.fromkeys(("edge_range", "max_range", "cm_max_range"), (0.0, 20.0, "m")),
+                "cadence_s": (0.001, 5.0, "s"),
+                "jitter_m": (0.0, 0.2, "m"),
+                "metres_per_us": (1e-5, 1e-3, "m"),
+            },
         )
         if self.rays < 2:
             raise ConfigError(f"UltrasonicConfig.rays = {self.rays!r}: expected 2 or more")
@@ -228,7 +318,17 @@ class HallConfig:
     """A tick that comes faster than at this speed is left out of the speed, m/s. Source: choice."""
 
     def __post_init__(self) -> None:
-        _check(self, positive=("metres_per_tick", "timeout_s", "stamp_s", "bounce_s", "max_speed"))
+        _check(
+            self,
+            positive=("metres_per_tick", "timeout_s", "stamp_s", "bounce_s", "max_speed"),
+            plausible={
+                "metres_per_tick": (1e-4, 1.0, "m"),
+                "timeout_s": (0.01, 10.0, "s"),
+                "stamp_s": (0.0, 0.02, "s"),
+                "bounce_s": (0.0, 0.05, "s"),
+                "max_speed": (0.1, 50.0, "m/s"),
+            },
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -243,7 +343,11 @@ class LineConfig:
     """Width of the tape, m; shops sell 0.019 and 0.025. Source: choice."""
 
     def __post_init__(self) -> None:
-        _check(self, positive=("pitch", "tape_width"))
+        _check(
+            self,
+            positive=("pitch", "tape_width"),
+            plausible={"x": (-2.0, 2.0, "m"), "pitch": (0.001, 0.1, "m"), "tape_width": (0.001, 0.5, "m")},
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -267,7 +371,19 @@ class ImuConfig:
     """Low pass of the chip, Hz: the setting next to half of the control rate."""
 
     def __post_init__(self) -> None:
-        _check(self, positive=("gyro_range_dps", "accel_range_g", "bandwidth_hz"))
+        _check(
+            self,
+            positive=("gyro_range_dps", "accel_range_g", "bandwidth_hz"),
+            plausible={
+                "gyro_noise_dps": (0.0, 10.0, "deg/s"),
+                "gyro_bias_dps": (0.0, 50.0, "deg/s"),
+                "gyro_range_dps": (10.0, 10000.0, "deg/s"),
+                "accel_noise_ug": (0.0, 1e5, "millionths of g"),
+                "accel_bias_mg": (0.0, 2000.0, "thousandths of g"),
+                "accel_range_g": (1.0, 500.0, "g"),
+                "bandwidth_hz": (0.1, 10000.0, "Hz"),
+            },
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -294,7 +410,17 @@ class CameraConfig:
     """Edge of an ArUco marker's black square, m. Source: era."""
 
     def __post_init__(self) -> None:
-        _check(self, positive=("width", "height", "fx", "fy", "rate_hz", "marker_size"))
+        _check(
+            self,
+            positive=("width", "height", "fx", "fy", "rate_hz", "marker_size"),
+            plausible={
+                **dict.fromkeys(("width", "height"), (1, 20000, "px")),
+                **dict.fromkeys(("fx", "fy"), (1.0, 1e5, "px")),
+                **dict.fromkeys(("cx", "cy"), (-1e5, 1e5, "px")),
+                "rate_hz": (0.1, 1000.0, "Hz"),
+                "marker_size": (0.005, 2.0, "m"),
+            },
+        )
         if len(self.distortion) != 5:
             raise ConfigError(
                 f"CameraConfig.distortion has {len(self.distortion)} numbers, expected 5: k1, k2, p1, p2, k3"
@@ -342,4 +468,12 @@ class TaskConfig:
     """Cost of a tick."""
 
     def __post_init__(self) -> None:
-        _check(self, positive=("nominal_speed",))
+        _check(
+            self,
+            positive=("nominal_speed",),
+            plausible={
+                "nominal_speed": (0.001, 20.0, "m/s"),
+                "grace_s": (-3600.0, 86400.0, "s"),
+                "touch_speed": (0.0, 20.0, "m/s"),
+            },
+        )

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.config import EscConfig, as_config
+from tral_env.config import Bounds, EscConfig, as_config, check_plausible
 from tral_env.errors import ConfigError, nearest
 
 Range = tuple[float, float]
@@ -28,6 +28,16 @@ _FROM_0 = {"latency_s", "camera_latency_s", "battery_resistance_ohm", "image_deg
 _MAX_LATENCY_S = EscConfig().max_latency_s
 _MAX_DEGRADATION = 10.0
 _SHARES = {"sonar_together", "sonar_outlier_rate", "hall_miss_rate", "hall_double_rate", "false_sighting_rate"}
+_PLAUSIBLE: Bounds = {
+    **dict.fromkeys(("mechanism_offset_deg", "steering_offset_deg"), (-45.0, 45.0, "deg")),
+    **dict.fromkeys(_FACTORS, (0.05, 20.0, "")),
+    "friction": (0.01, 5.0, ""),
+    "battery_v": (1.0, 60.0, "V"),
+    "battery_resistance_ohm": (0.0, 10.0, "ohm"),
+    "sonar_cadence_s": (0.001, 5.0, "s"),
+    "camera_latency_s": (0.0, 5.0, "s"),
+    **dict.fromkeys(("camera_roll_deg", "camera_pitch_deg", "camera_yaw_deg"), (-180.0, 180.0, "deg")),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,11 +131,16 @@ def _check_range(name: str, pair: Any) -> None:
     if (name in _ABOVE_0 and low <= 0) or (name in _FROM_0 and low < 0):
         raise ConfigError(f"{got} numbers {'above' if name in _ABOVE_0 else 'from'} 0")
     if name == "latency_s" and high > _MAX_LATENCY_S:
-        raise ConfigError(f"{got} at most {_MAX_LATENCY_S:g} s")
+        in_ms = "; is it in ms?" if high <= 1e3 * _MAX_LATENCY_S else ""
+        raise ConfigError(f"{got} at most {_MAX_LATENCY_S:g} s{in_ms}")
     if name == "image_degradation" and high > _MAX_DEGRADATION:
         raise ConfigError(f"{got} at most {_MAX_DEGRADATION:g}")
     if name in _SHARES and not 0 <= low <= high <= 1:
-        raise ConfigError(f"{got} shares between 0 and 1")
+        in_percent = "; is it in %?" if low >= 0 and 1 < high <= 100 else ""
+        raise ConfigError(f"{got} shares between 0 and 1{in_percent}")
+    if name in _PLAUSIBLE:
+        for end in (low, high):
+            check_plausible(f"Randomization.{name}", end, *_PLAUSIBLE[name])
 
 
 LEVELS: Mapping[str, Randomization] = {

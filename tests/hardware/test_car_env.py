@@ -15,7 +15,8 @@ from tral_env.hardware.calibration import pulses
 from tral_env.hardware.calibration_file import load_calibration
 from tral_env.hardware.env import TralCarEnv
 from tral_env.hardware.sensors import HallCounter, SensorGroup
-from tral_env.interface import CORE_LAYOUT, action_space
+from tral_env.hardware.sonar import SonarArray
+from tral_env.interface import CORE_LAYOUT, action_space, check_readings
 
 TT01 = load_calibration("tt01")
 NEUTRAL = (1530.0, 1530.0)
@@ -365,3 +366,39 @@ print(*sorted({"mujoco", "torch", "stable_baselines3", "smbus2", "cv2", "matplot
 """
     run = subprocess.run([sys.executable, "-W", "error", "-c", program], capture_output=True, text=True, check=True)
     assert run.stdout.split() == []
+
+
+RANGES = {f"ultrasonic_{side}{what}" for side in ("left", "front", "right") for what in ("", "_age")}
+COMMANDS = {"steering", "throttle"}
+
+
+@pytest.mark.parametrize(
+    ("sensors", "provided"),
+    [
+        (lambda: None, COMMANDS),
+        (lambda: SonarArray(FakeSmbus({})), COMMANDS | RANGES),
+        (lambda: HallCounter(), COMMANDS | {"distance", "speed"}),
+        (lambda: SensorGroup(SonarArray(FakeSmbus({})), HallCounter()), COMMANDS | RANGES | {"distance", "speed"}),
+        (
+            lambda: SonarArray(FakeSmbus({}), addresses={"front": 0x71}),
+            COMMANDS | {name for name in RANGES if "front" in name},
+        ),
+    ],
+)
+def test_the_car_says_which_readings_it_has(sensors, provided):
+    assert car(sensors=sensors())[0].provided_readings == provided
+
+
+def test_sensors_that_do_not_say_what_they_read_leave_it_open():
+    assert car(sensors=Fixed())[0].provided_readings is None
+    assert car(sensors=SensorGroup(Fixed(), HallCounter()))[0].provided_readings is None
+
+
+class NeedsHall:
+    needed_readings = frozenset({"distance", "ultrasonic_front"})
+
+
+def test_a_policy_that_needs_a_missing_sensor_is_refused_before_the_first_reset():
+    env, _ = car(sensors=SonarArray(FakeSmbus({})))
+    with pytest.raises(ConfigError, match="needs distance, which this car does not read; it reads ultrasonic_front"):
+        check_readings(NeedsHall(), env)

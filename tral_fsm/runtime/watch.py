@@ -19,9 +19,12 @@ MIN_THROTTLE = 0.05
 """More throttle than this tells the car to drive. Source: ArduPilot Rover, CRASH_CHECK_THROTTLE_MIN."""
 MAX_STANDSTILL_S = 2.0
 """A car may stand for so long in all while it is told to drive. Source: ArduPilot Rover, CRASH_CHECK_TRIGGER_SEC."""
-ROLLING_ON_MPS, DRIVEN_THROTTLE, MAX_PAUSE_S = 0.3, 0.1, 0.5
-"""A car that counted a tick at this speed, and has had more than this throttle since, counts the next one within this
-time: it would at a sixth of the speed. Source: choice; at 0.1 the motor begins to turn the wheels."""
+ROLLING_ON_MPS = 0.3
+"""A car that counted a hall tick at this speed, and is driven on, soon counts the next one. Source: choice."""
+DRIVEN_THROTTLE = 0.1
+"""More throttle than this drives a car on. Source: the throttle at which the wheels begin to turn."""
+MAX_PAUSE_S = 0.5
+"""Such a car counts the next hall tick within this time, even at a sixth of the speed. Source: choice."""
 BRAKE = 0.3
 """Throttle against the direction of travel with which the car stops. Source: that of the state Stop."""
 BLIND_BRAKE_S = 1.0
