@@ -14,8 +14,8 @@ import numpy as np
 from tral_env.calibration.camera_info import load_lens
 from tral_env.config import CameraConfig, CarConfig, TaskConfig, as_config
 from tral_env.course.generate import SCENARIOS
-from tral_env.course.layout import Course
-from tral_env.errors import ConfigError, UnknownOptionError, nearest
+from tral_env.course.layout import Course, example_names
+from tral_env.errors import ConfigError, CourseError, UnknownOptionError, nearest
 from tral_env.interface import Layout, group_names
 from tral_env.perception.degrade import ImageCorruption
 from tral_env.randomization import Randomization, level
@@ -169,12 +169,26 @@ def as_course(course: Course | str | Path | None) -> Course | None:
     """A course, read from its file if a path was given.
 
     Raises:
-        ConfigError: none of these.
+        ConfigError: none of these, or the file cannot be opened.
         CourseError: the file is no course.
-        OSError: the file cannot be opened.
     """
     if isinstance(course, str | Path):
-        return Course.load(course)
+        try:
+            return Course.load(course)
+        except (OSError, ValueError) as error:  # a name with a null is a ValueError
+            if isinstance(error, CourseError):
+                raise
+            raise ConfigError(_unreadable(course, error)) from error
     if course is not None and not isinstance(course, Course):
         raise ConfigError(f"course = {course!r}: expected a Course or the path of a course file")
     return course
+
+
+def _unreadable(course: str | Path, error: Exception) -> str:
+    """Why a course file cannot be opened; the name of a family or an example is no path."""
+    told = f"course = {str(course)[:200]!r}: cannot be read: {getattr(error, 'strerror', error)}"
+    if str(course) in example_names():
+        return f"{told}. It is an example: tral_env.course.layout.example_path({str(course)!r}) gives its path"
+    if str(course) in tuple(SCENARIOS):
+        return f"{told}. It is a family: scenario={str(course)!r}"
+    return f"{told}. Expected a Course or the path of a course file"

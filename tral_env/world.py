@@ -143,9 +143,8 @@ class World:
 
         Raises:
             ConfigError: unknown option or parameter; the course does not fit beside the other rows; the first reset
-                leaves out a car.
+                leaves out a car; the course file cannot be opened.
             CourseError: the course cannot be built, or its file is no course.
-            OSError: its file cannot be opened.
         """
         if not self._started and len(rows) != self.n:
             raise ConfigError(f"the first reset starts {len(rows)} of {self.n} cars: expected all")

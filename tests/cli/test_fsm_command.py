@@ -55,8 +55,9 @@ def test_packaged_machines_are_fine() -> None:
 def test_a_bad_file_exits_with_1_and_all_problems_each_with_file_and_place(bad: Path) -> None:
     result = tral("check", "wall", bad)
     assert result.exit_code == 1
-    assert result.stdout == "wall: fine: 1 state, 0 transitions\n"
-    lines = result.stderr.splitlines()
+    assert result.stderr == ""
+    fine, *lines = result.stdout.splitlines()
+    assert fine == "wall: fine: 1 state, 0 transitions"
     assert len(lines) == 2
     assert lines[0].startswith("bad.json: /states/0/type: ")
     assert "did you mean 'FollowWall'?" in lines[0]
@@ -67,7 +68,32 @@ def test_a_file_that_is_not_there_exits_with_2_and_the_others_are_told_all_the_s
     result = tral("check", "nowhere.json", bad)
     assert result.exit_code == 2
     assert result.stderr.startswith("nowhere.json: cannot be read: No such file")
-    assert "bad.json: /states/0/type" in result.stderr
+    assert result.stdout.startswith("bad.json: /states/0/type")
+
+
+def test_a_name_that_umlet_reads_as_a_command_is_noted() -> None:
+    states = [{"id": name, "type": "Stop"} for name in ("bg=red", "--", "lw=3", "// c", "a=b")]
+    states.append({"id": "fg=blue", "label": "brakes", "type": "Stop"})
+    ways = [{"id": k, "type": "Timer", "seconds": k + 1, "from": "bg=red", "to": s["id"]} for k, s in enumerate(states)]
+    Path("names.json").write_text(json.dumps({"root": "bg=red", "states": states, "transitions": ways[1:]}))
+    result = tral("check", "names.json")
+    assert result.exit_code == 0
+    assert [line.partition(": UMLet")[0] for line in result.stdout.splitlines()] == [
+        "names.json: fine: 6 states, 5 transitions",
+        "names.json: note: state 'bg=red'",
+        "names.json: note: state '--'",
+        "names.json: note: state 'lw=3'",
+        "names.json: note: state '// c'",
+    ]
+    assert len(json.loads(tral("check", "--json", "names.json").stdout)["files"][0]["notes"]) == 4
+    assert "Note: state 'bg=red': UMLet reads the title" in flat(tral("convert", "names.json", "names.uxf").stderr)
+
+
+def test_a_bad_course_file_exits_as_a_bad_machine_file_does() -> None:
+    Path("course.json").write_text('{"name": "a", "segments": []}')
+    result = CliRunner().invoke(app, ["drive", "--course", "course.json", "--camera", "projected", "--no-video"])
+    assert result.exit_code == 1
+    assert "course.json: 1 problem" in flat(result.stderr)
 
 
 def test_json_is_one_object_and_nothing_else(bad: Path) -> None:

@@ -1,5 +1,8 @@
 """What an environment cannot do it refuses by name, and stays as it was."""
 
+import re
+
+import gymnasium as gym
 import numpy as np
 import pytest
 from corridors import corridor
@@ -110,3 +113,17 @@ def test_a_reset_that_is_refused_leaves_the_cars_where_they_are() -> None:
 def test_true_is_no_number_of_anything(name: str) -> None:
     with pytest.raises(ConfigError, match=f"{name} = True: expected a whole number, 1 or more"):
         TralCorridorVectorEnv(**{"scenario": "straight", name: True})
+
+
+@pytest.mark.parametrize(
+    ("course", "told"),
+    [
+        ("nope.json", "Expected a Course or the path of a course file"),
+        (".", "Expected a Course or the path of a course file"),
+        ("office", "It is a family: scenario='office'"),
+        ("default", "It is an example: tral_env.course.layout.example_path('default') gives its path"),
+    ],
+)
+def test_a_course_file_that_cannot_be_opened_is_refused_at_make(course: str, told: str):
+    with pytest.raises(ConfigError, match=re.escape(f"course = {course!r}: cannot be read: ") + ".*" + re.escape(told)):
+        gym.make("tral_env:TralCorridor-v0", course=course)

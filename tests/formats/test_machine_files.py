@@ -9,8 +9,8 @@ import tral_fsm
 from tral_fsm import load_machine, machine_names
 from tral_fsm.definition.conditions import CONDITIONS
 from tral_fsm.definition.machine import STATES, TransitionSpec
-from tral_fsm.formats import members
-from tral_fsm.formats.umlet import palette
+from tral_fsm.formats import members, read
+from tral_fsm.formats.umlet import palette, writer
 from tral_fsm.formats.umlet.elements import sections
 from tral_fsm.formats.xml_tree import Node, parse
 
@@ -62,7 +62,7 @@ def test_the_palette_has_every_state_with_every_parameter(name: str) -> None:
     assert set(found) == set(spec.model_fields) - set(spec.exactly_one[1:])
     made = spec(**found)
     for key, field in spec.model_fields.items():
-        if key not in ("id", *spec.exactly_one) and not field.is_required():
+        if key not in ("id", *spec.exactly_one, *palette.EXAMPLES.get(name, ())) and not field.is_required():
             assert getattr(made, key) == field.default
 
 
@@ -75,6 +75,28 @@ def test_the_palette_has_every_transition_with_every_parameter(name: str) -> Non
     inner = {"of": tuple(CONDITIONS[part.pop("type")](**part) for part in found["of"])} if "of" in found else {}
     made = spec(**plain_values(found), **inner)
     assert TransitionSpec(id=found["id"], source=0, target=1, when=made).when == made
+
+
+def test_a_machine_may_be_drawn_from_the_palette_as_it_is() -> None:
+    """Motor, Finished, Motor, Finished, each dragged and nothing edited."""
+
+    def text(kind: str, name: str) -> str:
+        texts = [node.child_text("panel_attributes") for node in elements(kind)]
+        return next(found for found in texts if f'"type": "{name}"' in found)
+
+    root = writer.element("UMLSpecialState", writer.Box(0, 40, 20, 20), "type=initial")
+    states = [writer.element("UMLState", writer.Box(x, 0, 200, 100), text("UMLState", "Motor")) for x in (100, 500)]
+    finished = text("Relation", "Finished")
+    arrows = [
+        writer.relation("lt=->", [(20, 50), (100, 50)]),
+        writer.relation(finished, [(300, 30), (500, 30)]),
+        writer.relation(finished, [(500, 70), (300, 70)]),
+    ]
+    machine = read(writer.diagram([root, *states, *arrows]), "drawn.uxf")
+    assert [(way.id, way.source, way.target) for way in machine.transitions] == [
+        ("Finished", "Motor", "Motor 2"),
+        (0, "Motor 2", "Motor"),
+    ]
 
 
 def test_the_palette_has_both_nodes() -> None:

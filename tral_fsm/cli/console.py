@@ -8,6 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from tral_env.errors import (
+    CourseError,
     HardwareError,
     MissingExtraError,
     RenderError,
@@ -36,4 +37,4 @@ class Guarded(TyperGroup):
 def _exit_code(error: TralError) -> int:
     if isinstance(error, RenderError | MissingExtraError | HardwareError):
         return MACHINE_LACKS
-    return FAILED if isinstance(error, SimulationError | FormatError) else BAD_USAGE
+    return FAILED if isinstance(error, SimulationError | FormatError | CourseError) else BAD_USAGE

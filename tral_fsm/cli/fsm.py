@@ -33,7 +33,10 @@ def check(
     ],
     as_json: AsJson = False,
 ) -> None:
-    """Check machines as `tral drive` does, and tell every problem with its place in the file."""
+    """Check machines as `tral drive` does, and tell every problem with its place in the file.
+
+    The problems are what the command is asked for, so they go to stdout. A file that cannot be read goes to stderr.
+    """
     found = [_checked(file) for file in files]
     if as_json:
         report = {"ok": all(entry["ok"] for entry in found), "files": found}
@@ -41,9 +44,12 @@ def check(
     for entry in found if not as_json else ():
         if entry["ok"]:
             typer.echo(f"{entry['file']}: fine: {_count(entry, 'states')}, {_count(entry, 'transitions')}")
+        for note in entry["notes"]:
+            typer.echo(f"{entry['file']}: note: {note}")
         for problem in entry["problems"]:
             place = problem["place"] or problem["pointer"]
-            typer.echo(": ".join(text for text in (entry["file"], place, problem["message"]) if text), err=True)
+            told = ": ".join(text for text in (entry["file"], place, problem["message"]) if text)
+            typer.echo(told, err=not entry["readable"])
     if any(not entry["readable"] for entry in found):
         raise typer.Exit(BAD_USAGE)
     if not all(entry["ok"] for entry in found):
@@ -53,8 +59,9 @@ def check(
 def _checked(file: str) -> dict[str, Any]:
     """Result for one file, as plain values."""
     from tral_fsm import FormatError, load_machine
+    from tral_fsm.formats.umlet.writer import lost_titles
 
-    entry: dict[str, Any] = {"file": file, "ok": False, "readable": True, "problems": []}
+    entry: dict[str, Any] = {"file": file, "ok": False, "readable": True, "problems": [], "notes": []}
     try:
         machine = load_machine(file)
     except FormatError as error:
@@ -68,6 +75,7 @@ def _checked(file: str) -> dict[str, Any]:
             "name": machine.name,
             "states": len(machine.states),
             "transitions": len(machine.transitions),
+            "notes": lost_titles(machine),
         }
     return entry
 
@@ -97,9 +105,13 @@ def convert(
         written = [name for name, entry in FORMATS.items() if entry.writes is not None]
         raise ConfigError(f"--to {to}: {nearest(to, written)}")
     from tral_fsm import load_machine
+    from tral_fsm.formats.umlet.writer import lost_titles
 
-    text = write(load_machine(source), to)
+    machine = load_machine(source)
+    text = write(machine, to)
     _replace(out, text.encode("utf-8"), f" ({FORMATS[to].description})")
+    for note in lost_titles(machine) if to == "uxf" else ():
+        typer.echo(f"Note: {note}", err=True)
 
 
 @app.command("draw")

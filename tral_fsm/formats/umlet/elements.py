@@ -34,6 +34,8 @@ _SETTING = re.compile(
 """A line of text that sets UMLet's drawing; `rest` is what stands behind a setting of one word. Source: UMLet."""
 
 
+_MAX_NESTED = 200
+"""So many states are looked at for states within states, so that an error is not slow. Source: choice."""
 _HAS_TYPE = re.compile(r'^[ \t]*"?type"?[ \t]*[:=]|[\s,{]"?type"?[ \t]*:', re.MULTILINE)
 _PLAIN_CHART = (
     "a plain chart: no state has a `type:`. Drag states and transitions from the palette (TRAL_State-Machine.uxf), or "
@@ -218,7 +220,7 @@ class _Reading:
 
     def nested(self) -> str:
         """States that are drawn within other ones, in words."""
-        states = [outline for outline in self.outlines if outline.number in self.at]
+        states = [outline for outline in self.outlines if outline.number in self.at][:_MAX_NESTED]
         found = [
             f"'{self.titles[inner.number][:40]}' in '{self.titles[outer.number][:40]}'"
             for inner in states

@@ -17,6 +17,8 @@ FILE = "machines/palette/TRAL_State-Machine.uxf"
 
 _REQUIRED: dict[str, Any] = {"of": [{"type": "Timer", "seconds": 1.0}], "machine": "wall", "throttle": -0.3}
 """Examples for parameters that have no default and do not allow 1."""
+EXAMPLES: dict[str, dict[str, Any]] = {"Motor": {"distance": 1.0}}
+"""Type -> parameters that are no defaults: with a distance a Motor finishes, as a transition Finished asks."""
 _COLUMNS, _GAP, _ARROW = 2, 30, 60
 _WIDTH = 320
 
@@ -60,6 +62,7 @@ def _parameters(spec: type[Spec]) -> str:
     """Members with their defaults, each below a comment, which UMLet does not draw."""
     name = type_name(spec)
     lines = [f'"id": {json.dumps(name)},', f'"type": {json.dumps(name)}']
+    example = EXAMPLES.get(name, {})
     without = {"id", "type", *spec.exactly_one[1:]}
     for key, field in spec.model_fields.items():
         if key in without:
@@ -67,7 +70,7 @@ def _parameters(spec: type[Spec]) -> str:
         lines[-1] = lines[-1].rstrip(",") + ","
         lines += [
             f"// {_comment(field)}",
-            f"{json.dumps(key)}: {json.dumps(_value(key, field, key in spec.exactly_one))}",
+            f"{json.dumps(key)}: {json.dumps(example.get(key, _value(key, field, key in spec.exactly_one)))}",
         ]
     return "\n".join(lines)
 

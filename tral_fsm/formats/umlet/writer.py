@@ -14,6 +14,7 @@ from tral_fsm.definition.machine import MachineDefinition, StateSpec, Transition
 from tral_fsm.draw.layered.arrange import arrange
 from tral_fsm.draw.layered.shapes import Arrangement, Route
 from tral_fsm.formats.tral_json import members, state_json
+from tral_fsm.formats.umlet.elements import without_drawing
 from tral_fsm.formats.xml_tree import json_text, legal
 
 _LINE, _LETTER = 18, 7.5
@@ -22,6 +23,9 @@ _NODE = 20
 """Size of an initial node, px."""
 _MARGIN = 10
 """Distance of an arrow's points from the edges of its box, px. Source: UMLet."""
+
+_RULES = ("--", "-.", "..", "==")
+"""Lines that UMLet draws as rules. Source: UMLet."""
 
 Point = tuple[float, float]
 
@@ -150,6 +154,17 @@ def state_text(title: str, values: dict[str, Any]) -> str:
     """Title, rule, parameters, rule."""
     line = " ".join(legal(title).split())
     return f"{'' if line == '--' else line}\n--\n{parameters(values)}\n--\nhalign=left"
+
+
+def lost_titles(machine: MachineDefinition) -> list[str]:
+    """A sentence for each state whose name UMLet would read as a command: a diagram shows the state without a title."""
+    titles = {state.id: state.label or str(state.id) for state in machine.states}
+    return [
+        f"state {name!r}: UMLet reads the title {title[:60]!r} as a command and does not show it: give the state "
+        "another label"
+        for name, title in titles.items()
+        if title.strip() in _RULES or " ".join(without_drawing(title).split()) != " ".join(title.split())
+    ]
 
 
 def _head(machine: MachineDefinition) -> str:
