@@ -45,8 +45,9 @@ class GateTracker:
             | 0  0  0   1        0    |          | 0             0              0      trim   0 |
             | 0  0  0   0        1    |          | 0             0              0      0      0 |
 
-    A detection measures place and heading along and across the line of sight, whose direction is (cos, sin), each with
-    a doubt that grows with the distance:
+    F takes c at straight ahead, a gain of 1, and the lever (dx, dy) at the end of the way. A detection measures place
+    and heading along and across the line of sight, whose direction is (cos, sin), each with a doubt that grows with the
+    distance:
 
             |  cos  sin  0  0  0 |
         H = | -sin  cos  0  0  0 |           R = diag(along, across, heading)

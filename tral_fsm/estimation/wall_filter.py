@@ -36,6 +36,8 @@ _WALL_WALK = 0.01
 """Standard deviation by which a wall's place wanders in a metre, m."""
 _HALL_ERROR = 0.05
 """Share of the way that the hall sensor may be wrong by."""
+_HALL_WAY_M = 0.04
+"""Over this way that error is the same, m: about that between two readings. Source: choice."""
 _KNOWN_HEADING = math.radians(2.5)
 """The corridor's direction is known when its standard deviation is below this, rad."""
 _KNOWN_TRIM = 0.03
@@ -206,13 +208,19 @@ class WallFilter:
 
             |  1     -c s     q    0  0 |
             |  0       1      0    0  0 |
-        F = |  0       0      1    0  0 |      Q = diag(heading noise, trim noise, 0, w, w)
+        F = |  0       0      1    0  0 |
             | -s    m c s   -m q   1  0 |
             |  s   -m c s    m q   0  1 |
 
-    A wrong trim and a wrong gain turn the car, a wrong heading moves it. w is how the walls wander, and what the hall
-    sensor adds where the car drives at a slant. Each reading measures one range: H = (0, 0, 0, 1, 0) on the left,
-    (0, 0, 0, 0, 1) on the right.
+                                                |  w + d    -d   |
+        Q = diag(heading noise, trim noise, 0,  |                | )
+                                                |   -d    w + d  |
+
+    A wrong trim and a wrong gain turn the car, a wrong heading moves it. w is how the walls wander; d is what the hall
+    sensor adds where the car drives at a slant, to one range as much as it takes from the other. F is that of small
+    angles: it takes c at straight ahead (at full lock it is 1.16 times as large), a gain of 1, and a way that does not
+    depend on the curvature. Each reading measures one range: H = (0, 0, 0, 1, 0) on the left, (0, 0, 0, 0, 1) on the
+    right.
     """
 
     __slots__ = ("P", "_F", "_Q", "_sample", "_slip", "left", "right")
@@ -301,13 +309,14 @@ class WallFilter:
         before, self._sample = self._sample, sample
         s, q = sample.arc_length - before.arc_length, sample.heading_change - before.heading_change
         cs, m = CURVATURE_PER_STEERING * s, SIDE_SONAR_X_M + s / 2.0
-        w = _WALL_WALK * _WALL_WALK * abs(s) + (_HALL_ERROR * slant * s) ** 2
+        hall = _HALL_WAY_M * abs(s) * (_HALL_ERROR * slant) ** 2
         F, Q = self._F, self._Q
         F[_HEADING, _TRIM], F[_HEADING, _GAIN] = -cs, q
         F[_LEFT, _HEADING], F[_LEFT, _TRIM], F[_LEFT, _GAIN] = -s, m * cs, -m * q
         F[_RIGHT, _HEADING], F[_RIGHT, _TRIM], F[_RIGHT, _GAIN] = s, -m * cs, m * q
         Q[_HEADING, _HEADING], Q[_TRIM, _TRIM] = sample.heading_noise(before), sample.trim_noise(before)
-        Q[_LEFT, _LEFT] = Q[_RIGHT, _RIGHT] = w
+        Q[_LEFT, _LEFT] = Q[_RIGHT, _RIGHT] = _WALL_WALK * _WALL_WALK * abs(s) + hall
+        Q[_LEFT, _RIGHT] = Q[_RIGHT, _LEFT] = -hall
         self.P = kalman.predict(self.P, F, Q)
 
     def _correct(self, y: float, PH: Array, S: Array) -> Correction:
