@@ -75,6 +75,11 @@ class Correction(NamedTuple):
 NO_CORRECTION = Correction()
 
 
+def to_left(dx: float, dy: float, along: float) -> float:
+    """How far a way (dx, dy) [m] leads to the left of a direction `along` [rad], m."""
+    return math.cos(along) * dy - math.sin(along) * dx
+
+
 class WallEstimate(NamedTuple):
     """The wall on one side, as it is known now."""
 
@@ -99,11 +104,23 @@ class WallEstimate(NamedTuple):
 
     def range_from(self, x: float, y: float, along: float) -> float:
         """Range at another place x, y [m] of dead reckoning, in a corridor of direction `along` [rad]; NaN: no wall."""
-        return self.range - self.sign * (math.cos(along) * (y - self.y) - math.sin(along) * (x - self.x))
+        return self.range - self.sign * to_left(x - self.x, y - self.y, along)
 
 
 class Wall:
-    """Tracks the wall on one side."""
+    """Tracks the wall on one side.
+
+    It is `known` while it has a range. A reading *fits* within the gate of the filter or 2 cm of that range. It is
+    *far* above 2.2 m, or 45 cm beyond the wall or the one that is gone; a far one adds 1 to `lost`. Readings that do
+    not fit *agree* within 4 cm of each other.
+
+    | state   | reading fits                  | far                    | third one that agrees               |
+    | ------- | ----------------------------- | ---------------------- | ----------------------------------- |
+    | unknown | -                             | unknown                | known there, `moved` + 1, `lost` 0  |
+    | known   | known, corrected, `lost` 0    | known; unknown after 2 | likewise; `slip` if it was new      |
+
+    A third one that is far itself leaves `lost` as it is: an opening that has a wall behind it is one all the same.
+    """
 
     __slots__ = ("_candidate", "_gone", "_readings", "_support", "_x", "_y", "lost", "moved", "range", "sign", "slip")
 
@@ -121,7 +138,8 @@ class Wall:
         self.lost = 0
         """See `WallEstimate.lost`."""
         self.slip = 0.0
-        """How much farther left the car is by this reading, since the wall was found at another place so soon, m."""
+        """A wall that was found at another place so soon, m: how far left of its reckoned place the car is if the wall
+        has not moved."""
         self._readings = 0
         self._support = 0
         self._candidate = self._gone = math.nan
@@ -137,14 +155,12 @@ class Wall:
         """It has been where it is for a while."""
         return self._readings >= _MIN_STEADY
 
-    def predict(self, x: float, y: float, along: float) -> None:
-        """Move to the place x, y [m] of the ultrasonic at a new reading, in a corridor of direction `along` [rad]."""
-        if not math.isnan(self._x):
-            nearer = self.sign * (math.cos(along) * (y - self._y) - math.sin(along) * (x - self._x))
-            self.range -= nearer
-            self._candidate -= nearer
-            self._gone -= nearer
-        self.put(x, y)
+    def move(self, left: float) -> None:
+        """The ultrasonic has moved by so much to the left of the corridor's direction, m; NaN: not known."""
+        nearer = self.sign * left
+        self.range -= nearer
+        self._candidate -= nearer
+        self._gone -= nearer
 
     def put(self, x: float, y: float) -> None:
         """The ultrasonic was at x, y [m] at the last reading."""
@@ -223,13 +239,14 @@ class WallFilter:
     right.
     """
 
-    __slots__ = ("P", "_F", "_Q", "_sample", "_slip", "left", "right")
+    __slots__ = ("P", "_F", "_Q", "_sample", "_slip", "_x", "_y", "left", "right")
 
     def __init__(self) -> None:
         self.left = Wall(1.0)
         self.right = Wall(-1.0)
         self._slip = 0.0
         self._sample = OdometrySample(0.0, 0.0, 0.0)
+        self._x = self._y = math.nan
         self.P = np.diag(np.square((_HEADING_SIGMA, TRIM_SIGMA, GAIN_SIGMA, _WALL_SIGMA, _WALL_SIGMA)))
         """Covariance of heading [rad], trim, steering gain, left and right range [m], (5, 5)."""
         self._F, self._Q = np.eye(5), np.zeros((5, 5))
@@ -278,13 +295,14 @@ class WallFilter:
             self.forget()
         if abs(heading) > MAX_ECHO_ANGLE:
             return NO_CORRECTION
-        x = sample.x + SIDE_SONAR_X_M * math.cos(sample.yaw)
-        y = sample.y + SIDE_SONAR_X_M * math.sin(sample.yaw)
-        self.left.predict(x, y, along)
-        self.right.predict(x, y, along)
+        x, y = self._x, self._y
+        self._put(sample)
+        left = to_left(self._x - x, self._y - y, along)
+        self.left.move(left)
+        self.right.move(left)
         side, H = (_LEFT, _H_LEFT) if wall is self.left else (_RIGHT, _H_RIGHT)
         moved = wall.moved
-        PH, S = kalman.innovation(self.P, H, _R)
+        PH, S = kalman.innovation_covariance(self.P, H, _R)
         if wall.accept(reading, S):
             if wall.steady:
                 self._slip = 0.0
@@ -298,11 +316,15 @@ class WallFilter:
 
     def correct_heading(self, turn: float) -> None:
         """The car's heading at the last reading was wrong by a turn [rad], which no range tells of that reading."""
-        sample = self._sample = self._sample._replace(yaw=self._sample.yaw + turn)
-        x = sample.x + SIDE_SONAR_X_M * math.cos(sample.yaw)
-        y = sample.y + SIDE_SONAR_X_M * math.sin(sample.yaw)
-        self.left.put(x, y)
-        self.right.put(x, y)
+        self._sample = self._sample._replace(yaw=self._sample.yaw + turn)
+        self._put(self._sample)
+
+    def _put(self, sample: OdometrySample) -> None:
+        """The side ultrasonics are where a sample has them."""
+        self._x = sample.x + SIDE_SONAR_X_M * math.cos(sample.yaw)
+        self._y = sample.y + SIDE_SONAR_X_M * math.sin(sample.yaw)
+        self.left.put(self._x, self._y)
+        self.right.put(self._x, self._y)
 
     def _predict(self, sample: OdometrySample, slant: float) -> None:
         """Let the doubt grow with the way to a sample, driven at a slant (sine) to the corridor."""
