@@ -33,7 +33,7 @@ def test_it_finds_what_filterpy_finds(seed: int, m: int, steps: int) -> None:
         rival.predict(F=F, Q=Q)
         rival.update(z, R=R, H=H)
         x, P = F @ x, kalman.predict(P, F, Q)
-        PH, S = kalman.innovation(P, H, R)
+        PH, S = kalman.innovation_covariance(P, H, R)
         assert pytest.approx(rival.S, rel=1e-9) == S
         errors, P = kalman.update(P, (z - H @ x).tolist(), PH, S)
         x = x + errors
@@ -49,14 +49,14 @@ def test_the_covariance_stays_symmetric_and_positive_semi_definite(seed: int) ->
     for _ in range(200):
         P = kalman.predict(P, np.eye(N) + 0.1 * rng.normal(size=(N, N)), 0.01 * covariance(rng, N))
         H, R = rng.normal(size=(1, N)), np.array([[10.0 ** rng.uniform(-6.0, 0.0)]])
-        _, P = kalman.update(P, rng.normal(size=1).tolist(), *kalman.innovation(P, H, R))
+        _, P = kalman.update(P, rng.normal(size=1).tolist(), *kalman.innovation_covariance(P, H, R))
         assert (P == P.T).all()
         assert np.linalg.eigvalsh(P).min() > -1e-9 * np.trace(P)
 
 
 def test_one_number_by_hand() -> None:
     P, H = np.diag((4.0, 1.0)), np.array([[1.0, 0.0]])
-    PH, S = kalman.innovation(P, H, np.array([[4.0]]))
+    PH, S = kalman.innovation_covariance(P, H, np.array([[4.0]]))
     x, P = kalman.update(P, (3.0,), PH, S)
     assert S.tolist() == [[8.0]]
     assert x.tolist() == [1.5, 0.0]

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from readings import Feed, one_state
+from readings import Feed
 
 from tral_env.geometry import TRACK_M, curvature
 from tral_env.se2 import relative
@@ -53,7 +53,6 @@ class TestCircle:
         k = 0.8 * curvature(0.5)
         way = 0.5 / (1.0 - k * TRACK_M / 2.0)
         assert (sample.arc_length, sample.yaw) == pytest.approx((way, k * way), abs=1e-6)
-        assert sample.curvature_sq_integral == pytest.approx(k * k * way, abs=1e-6)
 
     def test_in_reverse_it_goes_back_on_the_same_circle(self) -> None:
         car = Car(0.5)
@@ -89,32 +88,40 @@ class TestSample:
         samples = [car.drive(0.01, 1) for _ in range(300)]
         assert car.odometry.sample_before(10.0) == samples[-128]
 
-    def test_noise_is_that_of_the_way_whichever_comes_first(self) -> None:
+
+class TestNoise:
+    """The doubt that driving adds: the variances of two ways add up, however often a sensor fires."""
+
+    def test_of_a_circle(self) -> None:
+        # the heading wanders by 0.01 rad in a metre; 1 mm of the way is doubtful in each turn of the wheels
         car = Car(0.5)
-        one, other = car.drive(0.1, 10), car.drive(0.3, 30)
-        assert one.heading_noise(other) == other.heading_noise(one) > 0.0
-        assert one.trim_noise(other) == other.trim_noise(one) > 0.0
+        before = car.odometry.sample_before(0.0)
+        after = car.drive(0.5, 50)
+        way, k = after.arc_length - before.arc_length, curvature(0.5)
+        assert after.heading_noise(before) == pytest.approx(way * (1e-4 + 1e-3 * k * k), rel=1e-6)
+        assert after.trim_noise(before) == pytest.approx(way * 1e-4, rel=1e-6)
 
+    def test_of_wheels_that_move(self) -> None:
+        # in the first tick they move by 0.0125 / 0.06 of a full lock, and the car by 1 cm
+        car = Car()
+        before = car.odometry.sample_before(0.0)
+        after = car.drive(0.01, 1, steering=1.0)
+        moved = 0.0125 / 0.06
+        k = curvature(moved)
+        way = 0.01 / (1.0 - k * TRACK_M / 2.0)
+        lag = 0.7 * math.radians(22.0) / 0.258
+        assert after.heading_noise(before) == pytest.approx(way * (1e-4 + 1e-3 * k * k + 0.04 * lag * lag), rel=1e-6)
+        assert after.trim_noise(before) == pytest.approx(way * 1e-4 + 5 * (0.02 * moved) ** 2, rel=1e-6)
 
-def test_dead_reckoning_takes_the_trim_of_the_parameters_off() -> None:
-    bench = one_state(type="Motor", throttle=0.2, steering_trim=0.1)
-    for _ in range(80):
-        assert bench.tick(distance=0.0, speed=2.0, steering=0.1)[0] == pytest.approx(0.1)
-    for k in range(200):
-        bench.tick(distance=0.01 * k)
-    assert abs(math.degrees(bench.estimate.yaw)) < 2.0  # 17 degrees if it were taken for a turn
-    assert bench.estimate.x == pytest.approx(1.99, abs=0.01)
-
-
-def test_doubt_about_turns_grows_in_reverse_too() -> None:
-    bench = one_state(type="Motor", throttle=-0.2)
-    doubts = []
-    for k in range(100):
-        bench.tick(distance=0.01 * k, speed=0.04, throttle=-0.2, steering=(-1.0) ** (k // 20))
-        doubts.append(bench.estimator.odometry.lag_heading_change)
-    assert bench.estimate.arc_length < 0.0
-    assert doubts == sorted(doubts)
-    assert doubts[-1] > 0.1
+    def test_it_adds_up_and_asks_not_which_sample_is_the_later_one(self) -> None:
+        car = Car()
+        a = car.odometry.sample_before(0.0)
+        b = car.drive(0.1, 10, steering=0.7)
+        c = car.drive(0.3, 30, steering=-0.4)
+        assert a.heading_noise(b) + b.heading_noise(c) == pytest.approx(a.heading_noise(c))
+        assert a.trim_noise(b) + b.trim_noise(c) == pytest.approx(a.trim_noise(c))
+        assert (b.heading_noise(a), b.trim_noise(a)) == (a.heading_noise(b), a.trim_noise(b))
+        assert a.heading_noise(b) > 0.0 < a.trim_noise(b)
 
 
 class TestCorrectHeading:

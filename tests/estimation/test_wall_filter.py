@@ -170,8 +170,12 @@ class TestWalls:
         assert walls.sure
 
     def test_a_turn_makes_the_direction_doubtful(self) -> None:
+        # 90 degrees on the narrowest circle: 1e-3 m x 1.57 / 0.64 m = (2.8 degrees)^2
         walls = settled(3.0)
-        walls.update(walls.left, 6.0, OdometrySample(3.04, 0.0, 1.5, arc_length=3.04, heading_change=1.5), 0.0)
+        turned = OdometrySample(
+            3.64, 0.64, 1.57, arc_length=4.0, heading_change=1.57, heading_variance=1e-3 * 1.57 / 0.64
+        )
+        walls.update(walls.left, 6.0, turned, 0.0)
         assert not walls.direction_known
 
     def test_an_edge_on_one_side_does_not_turn_the_corridor(self) -> None:
@@ -191,8 +195,8 @@ class TestWalls:
                 *(0.04 * k, 0.0, 0.02 * k % 0.3),
                 arc_length=0.04 * k,
                 heading_change=0.02 * k,
-                lag_heading_change=0.001 * k,
-                steering_travel=0.1 * k,
+                heading_variance=1e-4 * k,
+                trim_variance=1e-5 * k,
             )
             for wall, reading in ((walls.left, left), (walls.right, right)):
                 assert all(math.isfinite(x) for x in walls.update(wall, reading, sample, 0.0))

@@ -42,7 +42,12 @@ def less_quarters(angle: float) -> float:
 
 
 class Estimator:
-    """Estimates of one car."""
+    """Estimates of one car.
+
+    The filter of the walls and the tracker of each gate know trim and steering gain by covariances of their own, and
+    none is told what another one has corrected, nor where the limits below cut a correction. So each trusts itself
+    less than all of them together deserve, and learns a little too fast where walls and gates teach at once.
+    """
 
     def __init__(self) -> None:
         self.tick = 0

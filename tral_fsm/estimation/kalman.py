@@ -38,7 +38,7 @@ def predict(P: Array, F: Array, Q: Array) -> Array:
     return predicted
 
 
-def innovation(P: Array, H: Array, R: Array) -> tuple[Array, Array]:
+def innovation_covariance(P: Array, H: Array, R: Array) -> tuple[Array, Array]:
     """P H' (n, m), and S = H P H' + R (m, m).
 
     Args:

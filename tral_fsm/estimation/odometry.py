@@ -2,9 +2,10 @@
 
 The rear axle's middle drives on a circle: step along it, then turn by step times curvature,
 
-    x' = x + s cos(yaw + s k / 2),  y' = y + s sin(yaw + s k / 2),  yaw' = yaw + s k,
+    x' = x + s cos(yaw + s k / 2),  y' = y + s sin(yaw + s k / 2),  yaw' = yaw + s k,    s = d / (1 - k T / 2),
 
-with s the way of a tick and k the curvature that the wheels give.
+with k the curvature that the wheels give, d the way of the rear left wheel in a tick, T the track, and s the way of the
+axle's middle, whose arc is taken for its chord.
 """
 
 from __future__ import annotations
@@ -38,15 +39,17 @@ _TRIM_WALK = 0.01
 """Standard deviation by which the trim wanders in a metre."""
 _HEADING_WALK = 0.01
 """Standard deviation by which the heading wanders in a metre of straight driving, rad."""
-_TURN_ERROR = 0.03
-"""Share of a turn that dead reckoning may be wrong by, whatever the gain: slip, the linkage's shape."""
 _TICK_ERROR_M = 1e-3
 """Hall ticks that are missed or counted twice while the car turns: their share by the way of one, m. Source: 3 % of
 ticks of 26 mm, between the levels of randomization."""
 _LAG_ERROR = 0.7
 """Share of what the car turns while its wheels are under way: latency, the servo's speed."""
+_LAG_WAY_M = 0.04
+"""Over this way that error is the same, m: about that between two readings of an ultrasonic. Source: choice."""
 _TRAVEL_ERROR = 0.02
 """The trim may be other after the wheels have moved a unit of steering: friction stops them elsewhere."""
+_TRAVEL_TICKS = 5
+"""Over so many ticks that error is the same: about those between two readings of an ultrasonic. Source: choice."""
 
 
 class OdometrySample(NamedTuple):
@@ -62,26 +65,21 @@ class OdometrySample(NamedTuple):
     """Driven so far, less where it reversed, m."""
     heading_change: float = 0.0
     """Turned by its wheels so far, rad."""
-    curvature_sq_integral: float = 0.0
-    """Square of the curvature, integrated over the way, rad^2/m."""
-    lag_heading_change: float = 0.0
-    """Turned so far while the wheels were under way, rad."""
-    steering_travel: float = 0.0
-    """How far the wheels have been moved so far, to and fro, in units of steering."""
+    heading_variance: float = 0.0
+    """What the heading may have gone wrong by so far, trim and gain aside, rad^2."""
+    trim_variance: float = 0.0
+    """What the trim may have changed by so far, in units of steering, squared."""
 
-    def heading_noise(self, before: OdometrySample) -> float:
-        """Variance of the heading [rad^2] that driving here from an earlier sample adds, trim and gain aside."""
-        return (
-            _HEADING_WALK**2 * abs(self.arc_length - before.arc_length)
-            + (_TURN_ERROR * (self.heading_change - before.heading_change)) ** 2
-            + _TICK_ERROR_M * abs(self.curvature_sq_integral - before.curvature_sq_integral)
-            + (_LAG_ERROR * (self.lag_heading_change - before.lag_heading_change)) ** 2
-        )
+    def heading_noise(self, other: OdometrySample) -> float:
+        """Variance of the heading [rad^2] that the way between two samples adds, trim and gain aside.
 
-    def trim_noise(self, before: OdometrySample) -> float:
+        It adds up: the noise of two ways is that of the first and that of the second.
+        """
+        return abs(self.heading_variance - other.heading_variance)
+
+    def trim_noise(self, other: OdometrySample) -> float:
         """Variance that it adds to the trim."""
-        way = _TRIM_WALK**2 * abs(self.arc_length - before.arc_length)
-        return way + (_TRAVEL_ERROR * (self.steering_travel - before.steering_travel)) ** 2
+        return abs(self.trim_variance - other.trim_variance)
 
 
 class Odometry:
@@ -93,11 +91,10 @@ class Odometry:
         "_history",
         "_raw",
         "arc_length",
-        "curvature_sq_integral",
         "direction",
         "heading_change",
-        "lag_heading_change",
-        "steering_travel",
+        "heading_variance",
+        "trim_variance",
         "wheel",
         "x",
         "y",
@@ -106,8 +103,7 @@ class Odometry:
 
     def __init__(self) -> None:
         self.x = self.y = self.yaw = 0.0
-        self.arc_length = self.heading_change = self.curvature_sq_integral = 0.0
-        self.lag_heading_change = self.steering_travel = 0.0
+        self.arc_length = self.heading_change = self.heading_variance = self.trim_variance = 0.0
         self.direction = 1.0
         """+1 forward, -1 after reverse gear was ordered at standstill: the hall sensor does not know."""
         self.wheel = 0.0
@@ -130,7 +126,7 @@ class Odometry:
         lag -= clip(lag, steering_play(readings.speed))
         moved = lag * _LAG_PER_TICK
         self.wheel += moved
-        self.steering_travel += abs(moved)
+        self.trim_variance += _TRAVEL_TICKS * (_TRAVEL_ERROR * moved) ** 2
         step = readings.distance - self._distance
         self._distance = readings.distance
         if readings.speed < STANDING_MPS and readings.throttle != 0.0:
@@ -138,14 +134,7 @@ class Odometry:
         if step > 0.0:  # also false for NaN, at the first tick
             self._advance(step, lag, gain * curvature(self.wheel - offset))
         self._history.append(
-            (
-                *self._raw,
-                self.arc_length,
-                self.heading_change,
-                self.curvature_sq_integral,
-                self.lag_heading_change,
-                self.steering_travel,
-            )
+            (*self._raw, self.arc_length, self.heading_change, self.heading_variance, self.trim_variance)
         )
 
     def _advance(self, step: float, lag: float, path_curvature: float) -> None:
@@ -154,13 +143,18 @@ class Odometry:
         step = self.direction * step / (1.0 - path_curvature * TRACK_M / 2.0)
         turn = step * path_curvature
         self.arc_length += step
-        self.lag_heading_change += CURVATURE_PER_STEERING * abs(lag * step)
         x, y, yaw = self._raw
         middle = yaw + turn / 2.0
         self._raw = x + step * math.cos(middle), y + step * math.sin(middle), yaw + turn
         self.x, self.y, self.yaw = compose(self._frame, self._raw)
         self.heading_change += turn
-        self.curvature_sq_integral += abs(step) * path_curvature * path_curvature
+        lag_error = _LAG_ERROR * CURVATURE_PER_STEERING * lag
+        self.heading_variance += abs(step) * (
+            _HEADING_WALK * _HEADING_WALK
+            + _TICK_ERROR_M * path_curvature * path_curvature
+            + _LAG_WAY_M * lag_error * lag_error
+        )
+        self.trim_variance += abs(step) * _TRIM_WALK * _TRIM_WALK
 
     def sample_before(self, age: float) -> OdometrySample:
         """Where the car was some seconds ago, by what is known of its heading now."""

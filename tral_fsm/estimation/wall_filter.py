@@ -36,6 +36,8 @@ _WALL_WALK = 0.01
 """Standard deviation by which a wall's place wanders in a metre, m."""
 _HALL_ERROR = 0.05
 """Share of the way that the hall sensor may be wrong by."""
+_HALL_WAY_M = 0.04
+"""Over this way that error is the same, m: about that between two readings. Source: choice."""
 _KNOWN_HEADING = math.radians(2.5)
 """The corridor's direction is known when its standard deviation is below this, rad."""
 _KNOWN_TRIM = 0.03
@@ -73,6 +75,11 @@ class Correction(NamedTuple):
 NO_CORRECTION = Correction()
 
 
+def to_left(dx: float, dy: float, along: float) -> float:
+    """How far a way (dx, dy) [m] leads to the left of a direction `along` [rad], m."""
+    return math.cos(along) * dy - math.sin(along) * dx
+
+
 class WallEstimate(NamedTuple):
     """The wall on one side, as it is known now."""
 
@@ -97,11 +104,23 @@ class WallEstimate(NamedTuple):
 
     def range_from(self, x: float, y: float, along: float) -> float:
         """Range at another place x, y [m] of dead reckoning, in a corridor of direction `along` [rad]; NaN: no wall."""
-        return self.range - self.sign * (math.cos(along) * (y - self.y) - math.sin(along) * (x - self.x))
+        return self.range - self.sign * to_left(x - self.x, y - self.y, along)
 
 
 class Wall:
-    """Tracks the wall on one side."""
+    """Tracks the wall on one side.
+
+    It is `known` while it has a range. A reading *fits* within the gate of the filter or 2 cm of that range. It is
+    *far* above 2.2 m, or 45 cm beyond the wall or the one that is gone; a far one adds 1 to `lost`. Readings that do
+    not fit *agree* within 4 cm of each other.
+
+    | state   | reading fits                  | far                    | third one that agrees               |
+    | ------- | ----------------------------- | ---------------------- | ----------------------------------- |
+    | unknown | -                             | unknown                | known there, `moved` + 1, `lost` 0  |
+    | known   | known, corrected, `lost` 0    | known; unknown after 2 | likewise; `slip` if it was new      |
+
+    A third one that is far itself leaves `lost` as it is: an opening that has a wall behind it is one all the same.
+    """
 
     __slots__ = ("_candidate", "_gone", "_readings", "_support", "_x", "_y", "lost", "moved", "range", "sign", "slip")
 
@@ -119,7 +138,8 @@ class Wall:
         self.lost = 0
         """See `WallEstimate.lost`."""
         self.slip = 0.0
-        """How much farther left the car is by this reading, since the wall was found at another place so soon, m."""
+        """A wall that was found at another place so soon, m: how far left of its reckoned place the car is if the wall
+        has not moved."""
         self._readings = 0
         self._support = 0
         self._candidate = self._gone = math.nan
@@ -135,14 +155,12 @@ class Wall:
         """It has been where it is for a while."""
         return self._readings >= _MIN_STEADY
 
-    def predict(self, x: float, y: float, along: float) -> None:
-        """Move to the place x, y [m] of the ultrasonic at a new reading, in a corridor of direction `along` [rad]."""
-        if not math.isnan(self._x):
-            nearer = self.sign * (math.cos(along) * (y - self._y) - math.sin(along) * (x - self._x))
-            self.range -= nearer
-            self._candidate -= nearer
-            self._gone -= nearer
-        self.put(x, y)
+    def move(self, left: float) -> None:
+        """The ultrasonic has moved by so much to the left of the corridor's direction, m; NaN: not known."""
+        nearer = self.sign * left
+        self.range -= nearer
+        self._candidate -= nearer
+        self._gone -= nearer
 
     def put(self, x: float, y: float) -> None:
         """The ultrasonic was at x, y [m] at the last reading."""
@@ -206,22 +224,29 @@ class WallFilter:
 
             |  1     -c s     q    0  0 |
             |  0       1      0    0  0 |
-        F = |  0       0      1    0  0 |      Q = diag(heading noise, trim noise, 0, w, w)
+        F = |  0       0      1    0  0 |
             | -s    m c s   -m q   1  0 |
             |  s   -m c s    m q   0  1 |
 
-    A wrong trim and a wrong gain turn the car, a wrong heading moves it. w is how the walls wander, and what the hall
-    sensor adds where the car drives at a slant. Each reading measures one range: H = (0, 0, 0, 1, 0) on the left,
-    (0, 0, 0, 0, 1) on the right.
+                                                |  w + d    -d   |
+        Q = diag(heading noise, trim noise, 0,  |                | )
+                                                |   -d    w + d  |
+
+    A wrong trim and a wrong gain turn the car, a wrong heading moves it. w is how the walls wander; d is what the hall
+    sensor adds where the car drives at a slant, to one range as much as it takes from the other. F is that of small
+    angles: it takes c at straight ahead (at full lock it is 1.16 times as large), a gain of 1, and a way that does not
+    depend on the curvature. Each reading measures one range: H = (0, 0, 0, 1, 0) on the left, (0, 0, 0, 0, 1) on the
+    right.
     """
 
-    __slots__ = ("P", "_F", "_Q", "_sample", "_slip", "left", "right")
+    __slots__ = ("P", "_F", "_Q", "_sample", "_slip", "_x", "_y", "left", "right")
 
     def __init__(self) -> None:
         self.left = Wall(1.0)
         self.right = Wall(-1.0)
         self._slip = 0.0
         self._sample = OdometrySample(0.0, 0.0, 0.0)
+        self._x = self._y = math.nan
         self.P = np.diag(np.square((_HEADING_SIGMA, TRIM_SIGMA, GAIN_SIGMA, _WALL_SIGMA, _WALL_SIGMA)))
         """Covariance of heading [rad], trim, steering gain, left and right range [m], (5, 5)."""
         self._F, self._Q = np.eye(5), np.zeros((5, 5))
@@ -270,13 +295,14 @@ class WallFilter:
             self.forget()
         if abs(heading) > MAX_ECHO_ANGLE:
             return NO_CORRECTION
-        x = sample.x + SIDE_SONAR_X_M * math.cos(sample.yaw)
-        y = sample.y + SIDE_SONAR_X_M * math.sin(sample.yaw)
-        self.left.predict(x, y, along)
-        self.right.predict(x, y, along)
+        x, y = self._x, self._y
+        self._put(sample)
+        left = to_left(self._x - x, self._y - y, along)
+        self.left.move(left)
+        self.right.move(left)
         side, H = (_LEFT, _H_LEFT) if wall is self.left else (_RIGHT, _H_RIGHT)
         moved = wall.moved
-        PH, S = kalman.innovation(self.P, H, _R)
+        PH, S = kalman.innovation_covariance(self.P, H, _R)
         if wall.accept(reading, S):
             if wall.steady:
                 self._slip = 0.0
@@ -290,24 +316,29 @@ class WallFilter:
 
     def correct_heading(self, turn: float) -> None:
         """The car's heading at the last reading was wrong by a turn [rad], which no range tells of that reading."""
-        sample = self._sample = self._sample._replace(yaw=self._sample.yaw + turn)
-        x = sample.x + SIDE_SONAR_X_M * math.cos(sample.yaw)
-        y = sample.y + SIDE_SONAR_X_M * math.sin(sample.yaw)
-        self.left.put(x, y)
-        self.right.put(x, y)
+        self._sample = self._sample._replace(yaw=self._sample.yaw + turn)
+        self._put(self._sample)
+
+    def _put(self, sample: OdometrySample) -> None:
+        """The side ultrasonics are where a sample has them."""
+        self._x = sample.x + SIDE_SONAR_X_M * math.cos(sample.yaw)
+        self._y = sample.y + SIDE_SONAR_X_M * math.sin(sample.yaw)
+        self.left.put(self._x, self._y)
+        self.right.put(self._x, self._y)
 
     def _predict(self, sample: OdometrySample, slant: float) -> None:
         """Let the doubt grow with the way to a sample, driven at a slant (sine) to the corridor."""
         before, self._sample = self._sample, sample
         s, q = sample.arc_length - before.arc_length, sample.heading_change - before.heading_change
         cs, m = CURVATURE_PER_STEERING * s, SIDE_SONAR_X_M + s / 2.0
-        w = _WALL_WALK * _WALL_WALK * abs(s) + (_HALL_ERROR * slant * s) ** 2
+        hall = _HALL_WAY_M * abs(s) * (_HALL_ERROR * slant) ** 2
         F, Q = self._F, self._Q
         F[_HEADING, _TRIM], F[_HEADING, _GAIN] = -cs, q
         F[_LEFT, _HEADING], F[_LEFT, _TRIM], F[_LEFT, _GAIN] = -s, m * cs, -m * q
         F[_RIGHT, _HEADING], F[_RIGHT, _TRIM], F[_RIGHT, _GAIN] = s, -m * cs, m * q
         Q[_HEADING, _HEADING], Q[_TRIM, _TRIM] = sample.heading_noise(before), sample.trim_noise(before)
-        Q[_LEFT, _LEFT] = Q[_RIGHT, _RIGHT] = w
+        Q[_LEFT, _LEFT] = Q[_RIGHT, _RIGHT] = _WALL_WALK * _WALL_WALK * abs(s) + hall
+        Q[_LEFT, _RIGHT] = Q[_RIGHT, _LEFT] = -hall
         self.P = kalman.predict(self.P, F, Q)
 
     def _correct(self, y: float, PH: Array, S: Array) -> Correction:
