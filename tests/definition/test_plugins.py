@@ -150,7 +150,7 @@ class TestMembersThatTheSpecAsksFor:
         class Done(State[DoneSpec]):
             pass
 
-        with pytest.raises(MachineError, match="DoneSpec says that it is finishable, but .*Done has no 'finished'"):
+        with pytest.raises(MachineError, match=r"DoneSpec says that it is finishable, but .*Done has no 'finished'"):
             register(Done)
         assert "Done" not in STATES
 
@@ -162,7 +162,7 @@ class TestMembersThatTheSpecAsksFor:
         class Goal(State[GoalSpec]):
             pass
 
-        with pytest.raises(MachineError, match="GoalSpec says that it is targetable, but .*Goal has no 'set_target'"):
+        with pytest.raises(MachineError, match=r"GoalSpec says that it is targetable, but .*Goal has no 'set_target'"):
             register(Goal)
         assert "Goal" not in STATES
 
