@@ -97,3 +97,10 @@ def test_a_car_slows_linearly_before_something_ahead() -> None:
     assert control.slowed(0.2, 0.3, 2.0, 0.2) == pytest.approx(0.2)
     assert control.slowed(None, 0.3, 2.0, 0.2) is None
     assert control.slowed(0.8, 0.3, None, 0.2) is None
+
+
+def test_on_a_line_that_slopes_the_car_drives_at_its_slope() -> None:
+    on_it = control.curvature_onto(0.0, math.asin(0.1), 0.4, slope=0.1)
+    assert on_it == pytest.approx(0.0, abs=1e-12)
+    assert control.curvature_onto(0.0, 0.0, 0.4, slope=0.1) == pytest.approx(2.0 / 0.4 * 0.1)
+    assert control.curvature_onto(0.0, 0.0, 0.4, steepest=math.asin(0.05), slope=0.1) == pytest.approx(2.0 / 0.4 * 0.05)

@@ -94,22 +94,25 @@ def pursuit(x: float, y: float) -> float:
     return steering_for(2.0 * y / max(x * x + y * y, 1e-6))
 
 
-def curvature_onto(offset: float, heading: float, length: float, steepest: float = math.pi / 4.0) -> float:
-    """Curvature [1/m] onto a line without overshoot: -(offset / length^2 + 2 sin(heading) / length).
+def curvature_onto(
+    offset: float, heading: float, length: float, steepest: float = math.pi / 4.0, slope: float = 0.0
+) -> float:
+    """Curvature [1/m] onto a line without overshoot: -(offset / length^2 + 2 (sin(heading) - slope) / length).
 
     Args:
         offset: where the car is beside the line, + = left of it, m.
-        heading: of the car against the line, rad.
+        heading: of the car against the direction from which `slope` counts, rad.
         length: in which an offset dies away by the factor e, m.
-        steepest: angle at which the line is approached at most, rad.
+        steepest: angle at which the car drives against that direction at most, rad.
+        slope: sine of the line's own angle against that direction, + = to the left.
     """
-    steep = clip(offset / (2.0 * length), math.sin(steepest))
+    steep = clip(offset / (2.0 * length) - slope, math.sin(steepest))
     return -2.0 / length * (steep + math.sin(heading))
 
 
-def line(offset: float, heading: float, length: float, steepest: float = math.pi / 4.0) -> float:
+def line(offset: float, heading: float, length: float, steepest: float = math.pi / 4.0, slope: float = 0.0) -> float:
     """Steering in [-1, 1] with the curvature of `curvature_onto`."""
-    return steering_for(curvature_onto(offset, heading, length, steepest))
+    return steering_for(curvature_onto(offset, heading, length, steepest, slope))
 
 
 def slowed(speed: float | None, slow_speed: float, slow_front: float | None, front: float) -> float | None:

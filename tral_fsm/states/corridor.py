@@ -1,7 +1,7 @@
 """States that drive by the walls of the estimate instead of by the raw ranges.
 
-The law is that of `control.laws.line`: the car keeps a line in the corridor by its place and its heading. Both come
-from the filter of the walls, so that noise, recesses and openings do not reach the wheels.
+They steer by `control.laws.line`: the car keeps a line in the corridor by its place and its heading. Both come from the
+filter of the walls, so that noise, recesses and openings do not reach the wheels.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pydantic import Field
 
 from tral_env.geometry import FRONT_SONAR_X_M
 from tral_fsm.control.command import Command
-from tral_fsm.control.laws import clip, slowed, steering_for
+from tral_fsm.control.laws import clip, line, slowed, steering_for
 from tral_fsm.definition.machine import DrivingSpec, StateSpec, steering_trim
 from tral_fsm.definition.needs import DISTANCE, NOTHING, SIDES, ultrasonic
 from tral_fsm.definition.validated import Side, quantity, required
@@ -71,67 +71,97 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
     reckoning, nowhere. When the wall changes, or is found at another place, the line stays where it was and shifts.
     """
 
+    offset = 0.0
+    """Place of the line beside the car, + = left, m."""
+    reference = 0.0
+    """Wall that the line is measured from: +1 left, -1 right, 0 none."""
+    clearance = math.nan
+    """Clearance of the line to that wall, m."""
+    moved = -1
+    """How often that wall has been found at another place, when the line was measured from it."""
+    shifted = 0.0
+    """Shift of the line towards `side` so far, m."""
+    place = (0.0, 0.0)
+    """x and y of the car in the tick before, m."""
+    driven = 0.0
+    """Distance driven up to the tick before, m."""
+
     def __init__(self, spec: FollowCorridorSpec) -> None:
         super().__init__(spec)
-        self.preferred = spec.side == "left"
-        self.steepest = math.sin(math.radians(spec.max_angle_deg))
+        self.prefers_left = spec.side == "left"
+        self.steepest = math.radians(spec.max_angle_deg)
 
     def on_enter(self, estimate: CarEstimate) -> None:
-        """The line begins at the car."""
-        self.offset = 0.0
-        """Place of the line beside the car, + = left, m."""
-        self.reference = 0.0
-        """Wall that the line is measured from: +1 left, -1 right, 0 none."""
+        """Begin with a line at the car."""
+        self.offset = self.reference = self.shifted = 0.0
         self.clearance = math.nan
-        """Clearance of the line to that wall, m."""
-        self.shifted = 0.0
-        """Shift of the line towards `side` so far, m."""
         self.moved = -1
         self.place = (estimate.x, estimate.y)
         self.driven = estimate.distance
 
     def tick(self, estimate: CarEstimate) -> Command:
         """Move the line, steer onto it."""
-        spec = self.spec
-        slope = self.shift(estimate)
-        approach = clip(self.offset / (2.0 * spec.length) + slope, self.steepest)
-        path_curvature = 2.0 / spec.length * (approach - math.sin(estimate.heading))
+        self.carry_line(estimate)
+        slope = self.shift_line(estimate)
+        steering = line(-self.offset, estimate.heading, self.spec.length, self.steepest, slope)
         wanted = (self.reference, self.clearance) if self.reference else NO_CLEARANCE
-        steering, speed = clip(steering_for(path_curvature), _SURE_LOCK), self.speed_now(estimate)
-        return self.drive(steering, speed, wanted=wanted)
+        return self.drive(clip(steering, _SURE_LOCK), self.speed_now(estimate), wanted=wanted)
 
-    def shift(self, estimate: CarEstimate) -> float:
-        """Find the line again; gives the slope with which it moves to the left."""
-        spec = self.spec
-        along = estimate.along
+    def carry_line(self, estimate: CarEstimate) -> None:
+        """Keep the line where it is in the frame of dead reckoning while the car moves."""
         x, y = self.place
+        along = estimate.along
         self.offset -= math.cos(along) * (estimate.y - y) - math.sin(along) * (estimate.x - x)
         self.place = (estimate.x, estimate.y)
+
+    def shift_line(self, estimate: CarEstimate) -> float:
+        """Shift the line a step towards its place.
+
+        Returns:
+            Slope of the line, m to the left for a metre driven.
+        """
+        spec, preferred = self.spec, self.prefers_left
         step, self.driven = estimate.distance - self.driven, estimate.distance
-        preferred = self.preferred
         mine, other = estimate.clearance(preferred), estimate.clearance(not preferred)
         is_left, now = (preferred, mine) if not math.isnan(mine) else (not preferred, other)
         if math.isnan(now):
             self.reference = 0.0
             return 0.0
-        sign = 1.0 if is_left else -1.0
-        moved = estimate.wall(is_left).moved
+        self.measure_line(estimate, is_left, now)
+        slope = clip((self.wanted(mine, other) - self.clearance) / _FADE, spec.slope)
+        towards_side = -slope if is_left == preferred else slope
+        self.shifted += towards_side * step
+        if self.shifted > spec.shift and towards_side > 0.0:
+            slope = 0.0
+        self.clearance += slope * step
+        sign = self.reference
+        self.offset = sign * (now - self.clearance)
+        return -sign * slope
+
+    def measure_line(self, estimate: CarEstimate, is_left: bool, now: float) -> None:
+        """Measure the line from a wall, unless it is measured from it already.
+
+        Args:
+            estimate: of this tick.
+            is_left: the wall is the left one.
+            now: clearance of the car to it, m.
+        """
+        sign, moved = 1.0 if is_left else -1.0, estimate.wall(is_left).moved
         if sign != self.reference or moved != self.moved:
             self.clearance = now - sign * self.offset
             self.reference, self.moved = sign, moved
-        if is_left != preferred:
-            wanted = max(self.clearance, spec.least)
-        elif not math.isnan(other):
-            wanted = min(spec.clearance, (mine + other) / 2.0)
-        else:
-            wanted = spec.clearance
-        slope = clip((wanted - self.clearance) / _FADE, spec.slope)
-        self.shifted -= slope * step if is_left == preferred else -slope * step
-        if self.shifted > spec.shift and (slope < 0.0) == (is_left == preferred):
-            slope = 0.0
-        self.clearance += slope * step
-        self.offset = sign * (now - self.clearance)
-        return -sign * slope
+
+    def wanted(self, mine: float, other: float) -> float:
+        """Clearance that the line shifts to, m.
+
+        Args:
+            mine: clearance of the car to the wall on `side`, m; NaN: not known.
+            other: clearance to the other wall, m; NaN: not known. One of both is known.
+        """
+        spec = self.spec
+        if math.isnan(mine):
+            return max(self.clearance, spec.least)
+        return spec.clearance if math.isnan(other) else min(spec.clearance, (mine + other) / 2.0)
 
     def speed_now(self, estimate: CarEstimate) -> float | None:
         """Speed before something ahead, and while little is known of the corridor, m/s; None: as it is."""
@@ -168,6 +198,10 @@ class Turn(DrivingState[TurnSpec]):
     """A quarter turn measured from the corridor's direction, not from the heading that the car has at entry."""
 
     finished = False
+    target_yaw = 0.0
+    """rad, in the frame of dead reckoning."""
+    lock = 1.0
+    """Share of full lock to which the steering is limited."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
         """Aim at a right angle to the corridor."""
@@ -180,9 +214,9 @@ class Turn(DrivingState[TurnSpec]):
     def tick(self, estimate: CarEstimate) -> Command:
         """Steer to that direction."""
         spec = self.spec
-        rest = self.target_yaw - estimate.yaw
-        self.finished = abs(rest) <= math.radians(spec.tolerance_deg)
-        return self.drive(clip(steering_for(2.0 / spec.length * math.sin(clip(rest, _QUARTER))), self.lock))
+        turned_too_far = estimate.yaw - self.target_yaw
+        self.finished = abs(turned_too_far) <= math.radians(spec.tolerance_deg)
+        return self.drive(clip(line(0.0, clip(turned_too_far, _QUARTER), spec.length), self.lock))
 
 
 class BackUpSpec(StateSpec):
@@ -221,5 +255,5 @@ class BackUp(State[BackUpSpec]):
         """Steer so that the car points along the corridor in the end."""
         spec = self.spec
         self.finished = estimate.distance - self.entry >= spec.distance
-        steering = steering_for(2.0 / spec.length * math.sin(estimate.heading))
-        return Command(steering, throttle=spec.throttle, steering_trim=spec.steering_trim)
+        forward = line(0.0, estimate.heading, spec.length)
+        return Command(-forward, throttle=spec.throttle, steering_trim=spec.steering_trim)

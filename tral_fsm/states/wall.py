@@ -11,7 +11,7 @@ from pydantic import Field
 from tral_env.interface import NO_ECHO_M
 from tral_env.se2 import Pose
 from tral_fsm.control.command import Command
-from tral_fsm.control.laws import clip, damping, pid, pid_rate, ramp, slowed, steering_for
+from tral_fsm.control.laws import clip, damping, line, pid, pid_rate, ramp, slowed
 from tral_fsm.definition.machine import DrivingSpec
 from tral_fsm.definition.needs import DISTANCE, NOTHING, SIDES, ultrasonic
 from tral_fsm.definition.validated import Side, quantity
@@ -168,7 +168,7 @@ class WallState(DrivingState[W]):
 
 def hold_course(estimate: CarEstimate) -> float:
     """Steering that turns the car back to the corridor's direction and keeps it there."""
-    return steering_for(-2.0 / _HOLD_LENGTH * math.sin(estimate.heading))
+    return line(0.0, estimate.heading, _HOLD_LENGTH)
 
 
 def _clearance() -> Any:
