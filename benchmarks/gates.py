@@ -23,11 +23,13 @@ from tral_env.course.plan import BOX_KINDS, Plan
 from tral_env.errors import ConfigError, TralError
 from tral_env.se2 import relative, to_inner, to_outer
 from tral_fsm import load_machine, load_policy
+from tral_fsm.cli.terminal import drives_bar
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.choices import Camera, Randomization
 from tral_fsm.evaluation.episode import EpisodeRequest, Tick, outcome
+from tral_fsm.evaluation.files import prepare_folder
 from tral_fsm.evaluation.pool import stop_check
-from tral_fsm.evaluation.results import begin_run, collect, digest, lines, made_with, prepare_folder
+from tral_fsm.evaluation.records import begin_run, collect, digest, made_with, read_lines
 from tral_fsm.evaluation.seeds import parse_seeds, stretches
 from tral_fsm.evaluation.statistics import wilson
 
@@ -92,7 +94,8 @@ def drive(seeds: range, settings: RunSettings, processes: int, out: Path) -> Non
         return
     begin_run(out, settings, drivers)
     parts = [missing[i : i + CHUNK] for i in range(0, len(missing), CHUNK)]
-    collect(batch, [(part, settings) for part in parts], len(missing), processes, out)
+    with drives_bar(len(missing)) as count:
+        collect(batch, [(part, settings) for part in parts], processes, out, count)
 
 
 class Watch:
@@ -182,7 +185,7 @@ def read(path: Path) -> tuple[dict[str, str], list[dict[str, Any]]]:
     Raises:
         ConfigError: there are none.
     """
-    found = list(lines(path))
+    found = list(read_lines(path))
     drives = sorted((line for line in found if line["kind"] == "drive"), key=lambda line: int(line["seed"]))
     runs = [line["settings"] for line in found if line["kind"] == "run"]
     if not drives or not runs:

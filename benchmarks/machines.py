@@ -19,14 +19,15 @@ import typer
 from tral_env.course.generate import SCENARIOS
 from tral_env.errors import TralError
 from tral_fsm import load_machine
+from tral_fsm.cli.terminal import drives_bar
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.choices import Randomization, families
 from tral_fsm.evaluation.episode import EpisodeRequest
 from tral_fsm.evaluation.pool import stop_check
-from tral_fsm.evaluation.results import begin_run, collect, digest, lines, made_with
+from tral_fsm.evaluation.records import begin_run, collect, digest, made_with, read_lines
 from tral_fsm.evaluation.seeds import parse_seeds, stretches
-from tral_fsm.evaluation.summary import pooled_rmse, summarize
+from tral_fsm.evaluation.summary import rmse_of, summarize
 
 MADE_FOR = {
     "straight": "wall",
@@ -99,7 +100,8 @@ def drive(wanted: Mapping[str, Sequence[tuple[str, int]]], settings: RunSettings
     if not batches:
         return
     begin_run(out, settings, drivers)
-    collect(batch, [(*part, settings) for part in batches], sum(len(part) for _, part in batches), processes, out)
+    with drives_bar(sum(len(part) for _, part in batches)) as count:
+        collect(batch, [(*part, settings) for part in batches], processes, out, count)
 
 
 def machine(name: str, settings: RunSettings) -> MachineDefinition:
@@ -138,7 +140,7 @@ def markdown(files: Iterable[Path]) -> str:
 
 def drives_of(path: Path) -> list[Record]:
     """Records of a file's drives."""
-    return [line for line in lines(path) if line["kind"] == "drive"]
+    return [line for line in read_lines(path) if line["kind"] == "drive"]
 
 
 def row(names: Sequence[str], records: Sequence[Record]) -> str:
@@ -160,7 +162,7 @@ def row(names: Sequence[str], records: Sequence[Record]) -> str:
 
 def centimetres(records: Sequence[Mapping[str, Any]], kind: str) -> str:
     """RMSE over all measured ticks of all drives, cm."""
-    rmse = pooled_rmse(records, kind)
+    rmse = rmse_of(records, kind)
     return "-" if rmse is None else f"{100 * rmse:.1f}"
 
 

@@ -17,9 +17,10 @@ import typer
 from tral_env.course.generate import SCENARIOS
 from tral_env.errors import TralError
 from tral_fsm import load_policy
+from tral_fsm.cli.terminal import drives_bar
 from tral_fsm.evaluation.choices import Camera, Randomization, families
 from tral_fsm.evaluation.pool import stop_check
-from tral_fsm.evaluation.results import begin_run, collect, lines, made_with
+from tral_fsm.evaluation.records import begin_run, collect, made_with, read_lines
 from tral_fsm.evaluation.seeds import parse_seeds, stretches
 from tral_fsm.evaluation.summary import Summary, summarize
 
@@ -52,7 +53,8 @@ def main(
         if missing:
             load_policy(policy)  # a policy that cannot drive begins no file
             begin_run(out, settings)
-            collect(episode, [(*job, settings) for job in missing], len(missing), processes, out)
+            with drives_bar(len(missing)) as count:
+                collect(episode, [(*job, settings) for job in missing], processes, out, count)
         print(markdown(out, settings))
     except TralError as error:
         raise SystemExit(f"Error: {error}") from None
@@ -99,7 +101,7 @@ def _make(scenario: str, settings: RunSettings) -> tuple[Any, Any]:
 def markdown(path: Path, settings: RunSettings) -> str:
     """The file as a Markdown table."""
     episodes = read(path, settings)
-    runs = [line["host"] for line in lines(path) if line["kind"] == "run"]
+    runs = [line["host"] for line in read_lines(path) if line["kind"] == "run"]
     commits = sorted({str(run["commit"]) for run in runs})
     heading = [
         f"policy {settings.policy}, camera {settings.camera}, randomization {settings.randomization}",

@@ -14,7 +14,7 @@ from tral_env.course.generate import SCENARIOS
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Gate, Segment
 from tral_env.errors import ConfigError, MissingExtraError
-from tral_fsm.evaluation import results
+from tral_fsm.evaluation import records
 from tral_fsm.evaluation.choices import families
 from tral_fsm.evaluation.seeds import parse_seeds
 
@@ -31,9 +31,9 @@ def episode(scenario: str, seed: int, outcome: str = "success") -> dict[str, Any
 
 
 def begun(path: Path, *episodes: dict[str, Any]) -> Path:
-    results.begin_run(path, CALM)
+    records.begin_run(path, CALM)
     for line in episodes:
-        results.append(path, line)
+        records.append(path, line)
     return path
 
 
@@ -65,7 +65,7 @@ def test_a_line_after_one_that_was_cut_off_is_whole(tmp_path: Path) -> None:
     path = begun(tmp_path / "a.jsonl", episode("straight", 1))
     with path.open("a") as file:
         file.write('{"kind": "epi')
-    results.append(path, episode("straight", 2))
+    records.append(path, episode("straight", 2))
     assert set(report.read(path, CALM)) == {("straight", 1), ("straight", 2)}
 
 
@@ -135,9 +135,9 @@ def drive_record(seed: int, outcome: str = "success", y: float = 0.12) -> dict[s
 
 
 def gates_file(path: Path, *drives: dict[str, Any]) -> Path:
-    results.begin_run(path, CALM)
+    records.begin_run(path, CALM)
     for line in drives:
-        results.append(path, line)
+        records.append(path, line)
     return path
 
 

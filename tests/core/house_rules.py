@@ -1,5 +1,7 @@
 """The rules of the house, told about a mapping of imports: module -> full names of what it imports.
 
+Rules of `LOADING` are told about the imports that happen, without those for types alone.
+
 A room is a folder directly below `tral_env` or `tral_fsm`, or a module beside those folders. A rule is a function from
 imports to violations, each a line of text; no rule names a file, except modules that are rooms of their own.
 """
@@ -68,15 +70,15 @@ def _among(imports: Imports, rooms: Set[str], forbidden: Set[str]) -> list[str]:
 
 
 def _reaches(imports: Imports, module: str) -> set[str]:
-    """Distributions that a module imports, itself or by what it imports."""
-    seen, todo, found = {module}, [module], set()
+    """Distributions that a module imports, itself or by what it imports; a module brings the packages that hold it."""
+    seen, todo, found = set(), [module], set()
     while todo:
-        for name in imports.get(todo.pop(), ()):
-            if not is_ours(name):
-                found.add(name.split(".")[0])
-            elif name not in seen:
-                seen.add(name)
-                todo.append(name)
+        name = todo.pop()
+        if not is_ours(name):
+            found.add(name.split(".")[0])
+        elif name not in seen:
+            seen.add(name)
+            todo += [*imports.get(name, ()), name.rpartition(".")[0]] if "." in name else imports.get(name, ())
     return found
 
 
@@ -169,6 +171,15 @@ def report_drives_nothing(imports: Imports) -> list[str]:
     return _among(imports, {"tral_fsm.report"}, DRIVES)
 
 
+def report_reaches_no_physics(imports: Imports) -> list[str]:
+    return [
+        f"{module} reaches {name}"
+        for module in sorted(imports)
+        if room_of(module) == "tral_fsm.report"
+        for name in sorted(_reaches(imports, module) & PHYSICS)
+    ]
+
+
 def no_circle_of_rooms(imports: Imports) -> list[str]:
     rooms: dict[str, set[str]] = {}
     for module, names in imports.items():
@@ -220,18 +231,25 @@ RULES: tuple[Rule, ...] = (
     policies_know_the_waist_alone,
     nobody_imports_report_and_cli,
     report_drives_nothing,
+    report_reaches_no_physics,
     no_circle_of_rooms,
     no_circle_of_modules,
 )
+LOADING = {laws_reach_no_physics, the_car_reaches_nothing_heavy, report_reaches_no_physics}
 
 
-def imports_of(root: Path) -> dict[str, set[str]]:
-    """Imports of every module of both packages, also those inside functions."""
+def imports_of(root: Path, *, types: bool = True) -> dict[str, set[str]]:
+    """Imports of every module of both packages, also those inside functions.
+
+    Args:
+        root: folder of the packages.
+        types: whether imports under `if TYPE_CHECKING` count.
+    """
     trees = {
         _module(path, root): path for package in ("tral_env", "tral_fsm") for path in (root / package).rglob("*.py")
     }
     return {
-        module: {_known(name, trees) for name in _imported(ast.parse(path.read_text("utf-8")))} - {module}
+        module: {_known(name, trees) for name in _imported(ast.parse(path.read_text("utf-8")), types)} - {module}
         for module, path in trees.items()
     }
 
@@ -241,8 +259,12 @@ def _module(path: Path, root: Path) -> str:
     return ".".join(names[:-1] if names[-1] == "__init__" else names)
 
 
-def _imported(tree: ast.AST) -> Iterator[str]:
-    for node in ast.walk(tree):
+def _imported(tree: ast.AST, types: bool) -> Iterator[str]:
+    todo = [tree]
+    while todo:
+        node = todo.pop()
+        for_types = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        todo += node.orelse if for_types and not types else ast.iter_child_nodes(node)
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:

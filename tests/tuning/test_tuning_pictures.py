@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import ast
-from pathlib import Path
-
 import numpy as np
 from courses import TWO_WALLS
 
-from tral_fsm import report
 from tral_fsm.report.tuning import figures as tuning_figures
 from tral_fsm.report.tuning import model as tuning_model
 from tral_fsm.tuning.classical.design import Gains
@@ -96,23 +92,3 @@ def test_the_search_names_only_what_happened() -> None:
     drawn = tuning_figures.convergence([one], one)
     labels = [text.get_text() for text in drawn.axes[0].get_legend().get_texts()]  # type: ignore[union-attr]
     assert labels == ["all drives arrived", "best so far", "machine as it was"]
-
-
-DRIVES = {
-    "gymnasium",
-    "tral_env.env",
-    "tral_env.vector_env",
-    "tral_fsm.cli",
-    "tral_fsm.tuning.classical.experiments",
-    "tral_fsm.tuning.evaluator",
-    "tral_fsm.tuning.examples",
-    "tral_fsm.tuning.sensitivity",
-    "tral_fsm.tuning.study",
-}
-
-
-def test_no_picture_imports_what_drives() -> None:
-    for path in Path(report.__file__).parent.rglob("*.py"):
-        tree = ast.walk(ast.parse(path.read_text("utf-8")))
-        names = {node.module for node in tree if isinstance(node, ast.ImportFrom) and node.module}
-        assert not {name for name in names if name in DRIVES or name.startswith("tral_fsm.cli")}, path

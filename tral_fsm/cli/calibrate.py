@@ -12,8 +12,8 @@ import typer
 
 from tral_env.errors import ConfigError
 from tral_fsm.cli.console import FAILED
+from tral_fsm.evaluation.files import prepare_folder, write_json
 from tral_fsm.evaluation.host import versions
-from tral_fsm.evaluation.results import prepare_folder, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

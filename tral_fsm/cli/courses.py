@@ -10,7 +10,7 @@ import typer
 from tral_env.errors import ConfigError
 from tral_fsm.cli.files import suffix_of
 from tral_fsm.evaluation.choices import check_families
-from tral_fsm.evaluation.results import prepare_folder
+from tral_fsm.evaluation.files import prepare_folder
 
 if TYPE_CHECKING:
     from tral_env.course.layout import Course

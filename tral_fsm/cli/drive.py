@@ -12,9 +12,10 @@ import typer
 
 from tral_env.perception import opengl
 from tral_fsm.cli.console import FAILED
+from tral_fsm.cli.terminal import print_figures
 from tral_fsm.evaluation.choices import Camera, Randomization, check_families
+from tral_fsm.evaluation.files import prepare_folder, write_json
 from tral_fsm.evaluation.host import versions
-from tral_fsm.evaluation.results import prepare_folder, print_figures, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Callable

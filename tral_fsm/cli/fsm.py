@@ -12,7 +12,7 @@ from tral_env.atomic import is_device, write_bytes
 from tral_env.errors import ConfigError, MachineError, nearest
 from tral_fsm.cli.console import BAD_USAGE, FAILED, Guarded
 from tral_fsm.cli.fsm_states import command as states_command
-from tral_fsm.evaluation.results import prepare_folder
+from tral_fsm.evaluation.files import prepare_folder
 
 app = typer.Typer(
     cls=Guarded,

@@ -10,7 +10,7 @@ import typer
 from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 from tral_fsm.cli.calibrate import BoardKind, make_board
-from tral_fsm.evaluation.results import prepare_folder
+from tral_fsm.evaluation.files import prepare_folder
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -18,8 +18,9 @@ from tral_env.errors import ConfigError
 from tral_env.perception import opengl
 from tral_fsm.cli import tune_options as options
 from tral_fsm.cli.tune_show import Bar, print_result
+from tral_fsm.evaluation.choices import listed
+from tral_fsm.evaluation.files import prepare_folder, write_json
 from tral_fsm.evaluation.host import versions
-from tral_fsm.evaluation.results import prepare_folder, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -66,7 +67,7 @@ def command(
 
     arguments = options.TuneArguments(
         policy=policy,
-        params=options.listed(params),
+        params=listed(params),
         tie=tie,
         task=options.task_of(scenario, seeds, randomization, camera),
         objective=Objective(pooling=objective),

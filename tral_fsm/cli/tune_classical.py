@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from tral_fsm.evaluation.results import print_figures
+from tral_fsm.cli.terminal import print_figures
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

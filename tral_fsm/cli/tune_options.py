@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tral_fsm.evaluation.choices import Camera, Randomization
+from tral_fsm.evaluation.choices import Camera, Randomization, families, listed
 from tral_fsm.evaluation.seeds import parse_seeds
 from tral_fsm.tuning.choices import Pooling, Sampler
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tral_fsm.tuning import Objective, Settings, Task
 
 Policy = Annotated[str, typer.Option(help="Name of a packaged machine, or a machine file.")]
-Scenarios = Annotated[str, typer.Option(help="Families of courses, separated by commas.")]
+Scenarios = Annotated[str, typer.Option(help="Families of courses, separated by commas, or all.")]
 Params = Annotated[
     str, typer.Option(help="Parameters, separated by commas: state[3].p, follow.p, *.p; =LOW:HIGH gives a range.")
 ]
@@ -83,11 +83,6 @@ class TuneArguments:
     grid: int
 
 
-def listed(text: str) -> list[str]:
-    """Names that commas separate."""
-    return [name.strip() for name in text.split(",") if name.strip()]
-
-
 def task_of(scenario: str, seeds: str, randomization: Randomization, camera: Camera) -> Task:
     """The drives of each candidate.
 
@@ -97,7 +92,7 @@ def task_of(scenario: str, seeds: str, randomization: Randomization, camera: Cam
     from tral_fsm.tuning import Task
 
     return Task(
-        scenarios=tuple(listed(scenario)), seeds=tuple(parse_seeds(seeds)), randomization=randomization, camera=camera
+        scenarios=tuple(families(scenario)), seeds=tuple(parse_seeds(seeds)), randomization=randomization, camera=camera
     )
 
 

@@ -25,10 +25,18 @@ def check_families(names: Iterable[str]) -> list[str]:
     return chosen
 
 
+def listed(text: str) -> list[str]:
+    """Names that commas separate."""
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
 def families(text: str) -> list[str]:
     """Families of a text: names, separated by commas, or "all".
 
     Raises:
-        ConfigError: a family is unknown.
+        ConfigError: a family is unknown, or none is named.
     """
-    return list(SCENARIOS) if text == "all" else check_families(text.split(","))
+    names = listed(text)
+    if not names:
+        raise ConfigError(f"got no scenario: expected all, or some of {', '.join(SCENARIOS)}")
+    return list(SCENARIOS) if names == ["all"] else check_families(names)

@@ -66,6 +66,20 @@ def bootstrap(statistic: Callable[[NDArray[np.int64]], Array], n: int, seed: int
     return Estimate(value=value, low=float(low), high=float(high))
 
 
+def pooled_rmse(rmse: Array, samples: Array) -> Array:
+    """RMSE over all samples of drives: sqrt(sum n e^2 / sum n) over the last axis.
+
+    Args:
+        rmse: (..., k) RMSE e of each drive.
+        samples: (..., k) its number of samples n, above 0.
+
+    Returns:
+        (...) in the unit of `rmse`.
+    """
+    pooled: Array = np.sqrt((samples * rmse**2).sum(axis=-1) / samples.sum(axis=-1))
+    return pooled
+
+
 def mean_of(values: Sequence[float]) -> Estimate:
     """Mean with its bootstrap interval."""
     array = np.array(values, float)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from tral_fsm.evaluation.statistics import wilson
+import numpy as np
+
+from tral_fsm.evaluation.statistics import pooled_rmse, wilson
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +64,7 @@ def summarize(records: Iterable[Mapping[str, Any]]) -> Summary:
         progress=_mean([row["progress"] for row in rows]) or 0.0,
         time_s=_mean([row["time_s"] for row in rows if row["outcome"] == "success"]),
         mean_speed_mps=_mean([row["mean_speed_mps"] for row in rows]) or 0.0,
-        clearance_rmse_m=pooled_rmse(rows, "clearance"),
+        clearance_rmse_m=rmse_of(rows, "clearance"),
         lateral_rms_m=_mean([row["lateral_rms_m"] for row in rows]),
         gates_passed=sum(row["gates_passed"] for row in rows),
         gates_total=sum(row["gates_total"] for row in rows),
@@ -74,7 +75,7 @@ def _mean(values: Sequence[float]) -> float | None:
     return sum(values) / len(values) if values else None
 
 
-def pooled_rmse(records: Iterable[Mapping[str, Any]], kind: str) -> float | None:
+def rmse_of(records: Iterable[Mapping[str, Any]], kind: str) -> float | None:
     """Root of the mean square of the clearance error over all ticks of all episodes.
 
     Args:
@@ -84,8 +85,8 @@ def pooled_rmse(records: Iterable[Mapping[str, Any]], kind: str) -> float | None
     Returns:
         RMSE, m; None without a measured tick.
     """
-    measured = [(row[f"{kind}_samples"], row[f"{kind}_rmse_m"]) for row in records if row[f"{kind}_samples"]]
-    samples = sum(count for count, _ in measured)
-    if not samples:
+    measured = [(row[f"{kind}_rmse_m"], row[f"{kind}_samples"]) for row in records if row[f"{kind}_samples"]]
+    if not measured:
         return None
-    return math.sqrt(sum(count * rmse**2 for count, rmse in measured) / samples)
+    rmse, samples = np.array(measured, float).T
+    return float(pooled_rmse(rmse, samples))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tral_fsm.evaluation.episode import EpisodeResult
-from tral_fsm.evaluation.statistics import Estimate, bootstrap, mean_of, sign_test, wilson
+from tral_fsm.evaluation.statistics import Estimate, bootstrap, mean_of, pooled_rmse, sign_test, wilson
 from tral_fsm.tuning.objective import Objective
 
 MIN_COURSES = 6
@@ -105,11 +105,9 @@ def figures(drives: Sequence[EpisodeResult], objective: Objective) -> Figures:
 
 
 def _pooled(drives: Sequence[tuple[float, int]]) -> Estimate:
-    """RMSE over all samples of drives, from the RMSE and the number of samples of each."""
-    measured = [each for each in drives if each[1]]
-    samples = np.array([count for _, count in measured], float)
-    squares = samples * np.array([rmse for rmse, _ in measured]) ** 2
-    return bootstrap(lambda index: np.sqrt(squares[index].sum(axis=1) / samples[index].sum(axis=1)), len(measured))
+    """`pooled_rmse` of drives, from the RMSE and the number of samples of each."""
+    rmse, samples = np.array([each for each in drives if each[1]], float).reshape(-1, 2).T
+    return bootstrap(lambda index: pooled_rmse(rmse[index], samples[index]), len(rmse))
 
 
 def compare(old: Sequence[EpisodeResult], new: Sequence[EpisodeResult], objective: Objective) -> Comparison:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
+from tral_fsm.evaluation.records import append, damaged, read_lines
 from tral_fsm.tuning.search.space import Trial, trial
 
 NAME = "study.jsonl"
@@ -67,7 +67,10 @@ class Journal:
                 self.path.replace(self.path.with_name(BEFORE))
             self._write([{"header": header}])
             return
-        lines = self._read()
+        try:
+            lines = read_lines(self.path)
+        except OSError as error:
+            raise ConfigError(f"{self.path}: there is no study to resume: {error.strerror}") from error
         if not lines or not isinstance(lines[0].get("header"), dict):
             raise ConfigError(f"{self.path}: there is no study to resume: leave out --resume to begin one")
         refuse_another(f"{self.path}: the study", lines[0]["header"], header)
@@ -75,37 +78,8 @@ class Journal:
             try:
                 self.generations.append([trial(each) for each in line["trials"]])
             except (KeyError, TypeError, ValueError):
-                raise self._damaged(number) from None
+                raise damaged(self.path, number) from None
         self._write([{"header": header}, *lines[1:]])
-
-    def _read(self) -> list[dict[str, Any]]:
-        """All lines but for a last one that was cut off.
-
-        Raises:
-            ConfigError: there is no file, or a line before the last one is damaged.
-        """
-        assert self.path is not None
-        try:
-            text = self.path.read_bytes()
-        except OSError as error:
-            raise ConfigError(f"{self.path}: there is no study to resume: {error.strerror}") from error
-        lines: list[dict[str, Any]] = []
-        whole = text.splitlines()
-        for number, line in enumerate(whole, 1):
-            try:
-                lines.append(json.loads(line))
-            except ValueError:  # no JSON, or no UTF-8
-                if number < len(whole):
-                    raise self._damaged(number) from None
-                break
-            if not isinstance(lines[-1], dict):
-                raise self._damaged(number)
-        return lines
-
-    def _damaged(self, number: int) -> ConfigError:
-        return ConfigError(
-            f"{self.path}:{number}: the line is damaged: mend it, or remove it and all that follows, and resume again"
-        )
 
     def _write(self, lines: Sequence[dict[str, Any]]) -> None:
         assert self.path is not None
@@ -116,7 +90,4 @@ class Journal:
         self.generations.append(list(trials))
         if self.path is None:
             return
-        with self.path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps({"trials": [each.record() for each in trials]}) + "\n")
-            file.flush()
-            os.fsync(file.fileno())
+        append(self.path, {"trials": [each.record() for each in trials]})

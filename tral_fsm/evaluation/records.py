@@ -1,0 +1,139 @@
+"""Records of drives as lines of JSON: a line for each run with its settings, then a line for each drive as it ends.
+
+A process may be killed while it writes. So a last line that was cut off does not count, and the next line replaces it;
+a line before the last one is damaged only by other means, and is refused.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future, as_completed
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from tral_env.errors import ConfigError
+
+if TYPE_CHECKING:
+    from tral_fsm.definition.machine import MachineDefinition
+
+Record = dict[str, Any]
+
+
+def digest(machine: MachineDefinition) -> str:
+    """Digest of a machine's content, 16 hexadecimal digits."""
+    from tral_fsm.formats import write
+
+    return hashlib.sha256(write(machine, "json").encode()).hexdigest()[:16]
+
+
+def read_lines(path: Path) -> list[Record]:
+    """All lines but for a last one that was cut off; none if there is no file.
+
+    Raises:
+        ConfigError: a line before the last one is damaged.
+    """
+    lines: list[Record] = []
+    whole = path.read_bytes().splitlines() if path.exists() else []
+    for number, text in enumerate(whole, 1):
+        line = _parsed(text)
+        if isinstance(line, dict):
+            lines.append(line)
+        elif number < len(whole) or line is not None:
+            raise damaged(path, number)
+    return lines
+
+
+def _parsed(line: bytes) -> Any:
+    """Value of a line; None if it is no JSON, or no UTF-8."""
+    try:
+        return json.loads(line)
+    except ValueError:
+        return None
+
+
+def damaged(path: Path, number: int) -> ConfigError:
+    """Error of a damaged line."""
+    return ConfigError(f"{path}:{number}: the line is damaged: mend it, or remove it and all that follows")
+
+
+def append(path: Path, line: Record) -> None:
+    """Append a line, and flush it to the disk; a last line that was cut off is removed."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a+b") as file:
+        _end_line(file)
+        file.write((json.dumps(line) + "\n").encode("utf-8"))
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _end_line(file: BinaryIO) -> None:
+    """End the last line of a file, or remove it if it was cut off."""
+    size = file.seek(0, os.SEEK_END)
+    file.seek(max(size - 1, 0))
+    if file.read(1) in (b"", b"\n"):
+        return
+    file.seek(0)
+    before, end, last = file.read().rpartition(b"\n")
+    if _parsed(last) is None:
+        file.truncate(len(before + end))
+    else:
+        file.write(b"\n")
+
+
+def begin_run(path: Path, settings: Any, machines: Mapping[str, str] | None = None) -> None:
+    """Append the line of a run: settings (a dataclass), digests of the machines by name, and the computer."""
+    from tral_fsm.evaluation.host import host
+
+    named = {} if machines is None else {"machines": dict(machines)}
+    append(path, {"kind": "run", "settings": asdict(settings), **named, "host": host()})
+
+
+def made_with(path: Path, settings: Any, machines: Mapping[str, str] | None = None) -> list[Record]:
+    """Lines of a file; none if it does not exist.
+
+    Args:
+        path: the file.
+        settings: settings of the run that goes on with it.
+        machines: digests of the machines, by name.
+
+    Raises:
+        ConfigError: the file was made with other settings or other machines, or it is damaged.
+    """
+    found = read_lines(path)
+    for line in found:
+        if line["kind"] == "run" and line["settings"] != asdict(settings):
+            raise ConfigError(f"{path} was made with {line['settings']}, not {asdict(settings)}: choose another --out")
+        changed = [name for name, was in line.get("machines", {}).items() if was != (machines or {}).get(name)]
+        if changed:
+            raise ConfigError(f"{path}: {', '.join(changed)} changed since it was made: choose another --out")
+    return found
+
+
+def collect(
+    drive: Callable[..., list[Record]],
+    calls: Sequence[tuple[Any, ...]],
+    processes: int,
+    out: Path,
+    on_line: Callable[[], None] = lambda: None,
+) -> None:
+    """Let processes drive, and append the lines of each call as it ends.
+
+    Args:
+        drive: function that returns the lines of some drives.
+        calls: arguments of each call.
+        processes: number of workers.
+        out: the file.
+        on_line: called after each line.
+    """
+    from tral_fsm.evaluation.pool import ProcessPool
+
+    with ProcessPool(processes) as pool:
+        futures: list[Future[list[Record]]] = [pool.submit(drive, *call) for call in calls]
+        for future in as_completed(futures):
+            for line in future.result():
+                append(out, line)
+                on_line()
