@@ -15,7 +15,10 @@ from tral_env.sensors.hall import EdgeSpeed
 
 
 class Sensors(Protocol):
-    """A source of readings, named as in `tral_env.interface.CORE_FIELDS`."""
+    """A source of readings, named as in `tral_env.interface.CORE_FIELDS` and `OPTIONAL_GROUPS`.
+
+    Sensors of an optional group also have an attribute `provides`: the names of all their readings.
+    """
 
     def start(self) -> None:
         """Begin anew; the environment calls it at each reset.
@@ -45,6 +48,11 @@ class SensorGroup(Physical):
     def __init__(self, *members: Sensors) -> None:
         """Group sensors; of a reading that two of them name, the later sensor's counts."""
         self._members = members
+
+    @property
+    def provides(self) -> tuple[str, ...]:
+        """Names of the readings of all sensors that name theirs."""
+        return tuple(dict.fromkeys(name for member in self._members for name in getattr(member, "provides", ())))
 
     def start(self) -> None:
         """Begin anew with each sensor."""
@@ -77,6 +85,8 @@ class HallCounter(Physical):
     The model is that of the simulated sensor, `tral_env.sensors.hall.EdgeSpeed`, for one wheel. Give `edge` to the
     program that watches the pin, for example as ``when_activated`` of gpiozero.
     """
+
+    provides = ("distance", "speed")
 
     def __init__(self, config: HallConfig | None = None, clock: Callable[[], float] = time.monotonic) -> None:
         """Count from zero.

@@ -126,6 +126,11 @@ class SonarArray(Physical):
                         raise
                     self._sleep(self._config.cadence_s / 4)
 
+    @property
+    def provides(self) -> tuple[str, ...]:
+        """Names of the readings: a range and its age for each ranger."""
+        return tuple(f"ultrasonic_{side}{kind}" for side in self._rangers for kind in ("", "_age"))
+
     def read(self, now: float) -> Mapping[str, float]:
         """Give the latest ranges and their ages since firing; see `Sensors.read`."""
         self._collect(now)
