@@ -38,9 +38,8 @@ MADE_FOR = {
     "obstacles": "obstacles",
     "gates": "gate_scurve",
     "crossing": "crossing",
-    "office": "office",
 }
-"""The machine of each family."""
+"""The machine of each family that has one of its own; `office` drives the others."""
 COLUMNS = ["family", "machine", "file", "arrived", "95 %", "collisions", "missed", "RMSE cm", "settled cm", "m/s", "s"]
 CHUNK = 64
 """Number of drives in a batch."""
@@ -77,9 +76,14 @@ def main(
         raise SystemExit(f"Error: {error}") from None
 
 
+def made_for(scenario: str) -> str:
+    """The machine of a family."""
+    return MADE_FOR.get(scenario, "office")
+
+
 def jobs(scenarios: Iterable[str], seeds: range, *, own: bool) -> dict[str, list[tuple[str, int]]]:
     """Machine and seed of all drives, by family: its machine, and `office` too unless `own`."""
-    machines = {scenario: sorted({MADE_FOR[scenario]} | (set() if own else {"office"})) for scenario in scenarios}
+    machines = {scenario: sorted({made_for(scenario)} | (set() if own else {"office"})) for scenario in scenarios}
     return {scenario: [(name, seed) for seed in seeds for name in names] for scenario, names in machines.items()}
 
 
@@ -90,7 +94,7 @@ def drive(wanted: Mapping[str, Sequence[tuple[str, int]]], settings: RunSettings
         ConfigError: the file was made with other settings, or other machines.
         TralError: a machine cannot be read; no file is begun then.
     """
-    drivers = {name: digest(machine(name, settings)) for name in sorted({*MADE_FOR.values()})}
+    drivers = {name: digest(machine(name, settings)) for name in sorted({*MADE_FOR.values(), "office"})}
     before = made_with(out, settings, drivers)
     done = {(line["machine"], line["scenario"], line["seed"]) for line in before if line["kind"] == "drive"}
     batches = []
@@ -130,10 +134,10 @@ def markdown(files: Iterable[Path]) -> str:
     for own in (True, False):
         out += ["", f"| {' | '.join(COLUMNS)} |", "| --- | --- | ---" + " | ---:" * (len(COLUMNS) - 3) + " |"]
         for scenario in SCENARIOS:
-            machine = MADE_FOR[scenario] if own else "office"
+            machine = made_for(scenario) if own else "office"
             for name, records in made.items():
                 found = [r for r in records if r["scenario"] == scenario and r["machine"] == machine]
-                if found and (own or machine != MADE_FOR[scenario]):
+                if found and (own or machine != made_for(scenario)):
                     out.append(row([scenario, machine, name], found))
     return "\n".join(out)
 

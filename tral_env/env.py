@@ -58,6 +58,8 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     | `imu` | 6 | angular rate about x, y, z, rad/s; acceleration with gravity along x, y, z, m/s^2 |
     | `battery` | 1 | voltage of the drive battery under load, V |
 
+    These groups are for learners and for your own code: a state machine sees the core readings only.
+
     ## Rewards
     The reward is the sum of these terms, which `info["reward_terms"]` tells by name. The weights are fields of
     `TaskConfig`, see the option `task`.

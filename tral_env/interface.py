@@ -129,10 +129,10 @@ OPTIONAL_GROUPS: Mapping[str, tuple[Field, ...]] = {
         ),
     ),
     "imu": tuple(
-        Field(name=f"imu_{kind}_{axis}", unit=unit, low=-high, high=high, missing=0.0, meaning=f"{what} about {axis}")
+        Field(name=f"imu_{kind}_{axis}", unit=unit, low=-high, high=high, missing=0.0, meaning=f"{what} {axis}")
         for kind, unit, high, what in (
-            ("gyro", "rad/s", 10.0, "angular rate"),
-            ("accel", "m/s^2", 40.0, "acceleration with gravity"),
+            ("gyro", "rad/s", 10.0, "angular rate about"),
+            ("accel", "m/s^2", 40.0, "acceleration with gravity along"),
         )
         for axis in "xyz"
     ),

@@ -216,5 +216,6 @@ def test_the_doctor_finds_the_core_working_and_says_a_remedy_for_all_that_is_not
     assert (result.exit_code, report["core_works"]) == (0, True)
     found = {f"{finding['topic']}: {finding['name']}": finding for finding in report["findings"]}
     assert found["extra rl: no-such-package"]["remedy"] == "pip install 'tral-env[rl]'"
+    assert found["plugin: -"]["detail"] == "no entry point of the group tral_fsm.states"
     assert found["core: env without OpenGL"]["detail"].endswith("steps/s")
     assert all(finding["ok"] != bool(finding["remedy"]) for finding in report["findings"])

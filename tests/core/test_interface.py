@@ -33,6 +33,7 @@ def test_groups_stand_behind_the_core_fields() -> None:
     layout = Layout.of(("imu", "line"))
     assert layout.names[: CORE_LAYOUT.size] == CORE_LAYOUT.names
     assert layout.names[CORE_LAYOUT.size :][0] == "imu_gyro_x"
+    assert layout.fields[-2].meaning == "acceleration with gravity along z"
     assert layout.names[-1] == "line"
 
 

@@ -6,6 +6,7 @@ from typing import Literal
 import pytest
 from readings import Bench, two_states
 
+from tral_env.errors import MachineError
 from tral_fsm.conditions import base as conditions
 from tral_fsm.control.command import Command
 from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
@@ -32,6 +33,27 @@ class TestYourOwnState:
             assert [bench.tick()[0] for _ in range(4)] == pytest.approx([1.0, 0.0, -1.0, 0.0], abs=1e-9)
         finally:
             del STATES["Weave"], states.RUNTIMES["Weave"]
+
+    @pytest.mark.parametrize("answer", [None, (0.5, 1.0), Command(steering=math.nan), Command(speed=math.inf)])
+    def test_an_answer_that_is_no_command_names_state_type_and_time(self, answer: object) -> None:
+        class MuteSpec(StateSpec):
+            type: Literal["Mute"] = "Mute"
+
+        @states.register
+        class Mute(states.State[MuteSpec]):
+            def tick(self, estimate: CarEstimate) -> Command:
+                return answer if estimate.tick > 1 else Command(speed=0.5)  # type: ignore[return-value]
+
+        try:
+            inner = {"root": "quiet", "states": [{"id": "quiet", "type": "Mute", "final": True}]}
+            bench = Bench({"root": 7, "states": [{"id": 7, "type": "FSMState", "machine": inner, "final": True}]})
+            bench.tick()
+            with pytest.raises(
+                MachineError, match=r"state '7/quiet' \(Mute\) answered .* at 0\.0\d+ s: expected a Command"
+            ):
+                bench.tick()
+        finally:
+            del STATES["Mute"], states.RUNTIMES["Mute"]
 
     def test_so_does_a_condition(self) -> None:
         class SpeedSpec(ConditionSpec):

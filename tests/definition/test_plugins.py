@@ -12,6 +12,7 @@ import toy
 
 from tral_env.errors import MachineError
 from tral_fsm import MachinePolicy
+from tral_fsm.cli import doctor
 from tral_fsm.definition import plugins
 from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
 from tral_fsm.definition.machine import STATES, StateSpec
@@ -112,6 +113,37 @@ def test_a_broken_plugin_is_named_with_its_distribution(
             loads(WOBBLE)
 
 
+def test_a_type_that_is_not_known_says_which_plugins_are_loaded(
+    module: types.ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "wobble_states.py").write_text(TEN_LINES)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "wobble_states")
+    installed(monkeypatch, "wobble_states")
+    hint = r"entry point of the group tral_fsm\.states\. Loaded plugins: wobble_states of wobble 1\.2 with Wobble$"
+    with pytest.raises(MachineError, match=hint):
+        loads(WOBBLE.replace("Wobble", "Wabble"))
+
+
+def test_a_plugin_without_a_registered_class_says_so(
+    module: types.ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "wobble_states.py").write_text(TEN_LINES.replace("@states.register", ""))
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "wobble_states")
+    installed(monkeypatch, "wobble_states")
+    with pytest.raises(MachineError, match=r"wobble_states of wobble 1\.2 with no type \(no class has @register\)"):
+        loads(WOBBLE)
+
+
+def test_the_doctor_loads_each_plugin(module: types.ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    for value, works in (("wobble_states", True), ("wobble_states:nothing", False)):
+        entry = EntryPoint("wobble", value, plugins.GROUP)
+        monkeypatch.setattr(doctor.metadata, "entry_points", lambda group, entry=entry: [entry])
+        (found,) = [finding for finding in doctor.examine() if finding.topic == "plugin"]
+        assert (found.name, found.ok, found.needed, bool(found.remedy)) == ("wobble", works, True, not works)
+
+
 def test_a_type_that_is_taken_is_refused() -> None:
     class MotorSpec(StateSpec):
         type: Literal["Motor"] = "Motor"
@@ -165,6 +197,16 @@ class TestMembersThatTheSpecAsksFor:
         with pytest.raises(MachineError, match=r"GoalSpec says that it is targetable, but .*Goal has no 'set_target'"):
             register(Goal)
         assert "Goal" not in STATES
+
+
+def test_a_class_without_its_spec_in_brackets_is_refused() -> None:
+    class Bare(State):  # type: ignore[type-arg]
+        pass
+
+    with pytest.raises(
+        MachineError, match=r"Bare does not say which spec it runs: .* such as .*Bare\(State\[.*BareSpec\]\)"
+    ):
+        register(Bare)
 
 
 def test_a_class_may_be_defined_anew_under_its_name() -> None:

@@ -13,6 +13,7 @@ import pytest
 from pages import PAGES, ROOT, read, table
 
 from tral_env import randomization
+from tral_env.course.generate import FAMILIES
 from tral_env.interface import CORE_LAYOUT, OPTIONAL_GROUPS
 from tral_env.randomization import LEVELS
 from tral_env.world import RESET_OPTIONS
@@ -92,3 +93,7 @@ def test_environment_page_names_every_key_of_info() -> None:
         ended = terminated or truncated
     env.close()
     assert shown == keys
+
+
+def test_courses_page_describes_every_family() -> None:
+    assert [row[0].strip("`") for row in table(read("docs/courses.md"), "| family |")] == [*FAMILIES]

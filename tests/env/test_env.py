@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env
 
 from tral_env.config import WIDE_LENS, CarConfig, TaskConfig
 from tral_env.course.generate import SCENARIOS
-from tral_env.interface import CORE_LAYOUT, Layout, action_space
+from tral_env.interface import CORE_LAYOUT, OPTIONAL_GROUPS, Layout, action_space
 from tral_env.randomization import LEVELS, level
 from tral_env.task import REWARD_TERMS
 from tral_env.vector_env import TralCorridorVectorEnv
@@ -31,7 +31,7 @@ print(digest.hexdigest())
 """
 
 
-@pytest.mark.parametrize("groups", [(), ("line", "imu", "battery")])
+@pytest.mark.parametrize("groups", [(), tuple(OPTIONAL_GROUPS)])
 def test_gymnasiums_checker_finds_nothing(groups: tuple[str, ...]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -75,7 +75,7 @@ def test_two_processes_see_the_same_bits() -> None:
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_random_drives_stay_finite_and_in_bounds(scenario: str) -> None:
-    env = TralCorridorVectorEnv(10, scenario=scenario, randomization="hard", groups=("imu", "line", "battery"))
+    env = TralCorridorVectorEnv(10, scenario=scenario, randomization="hard", groups=tuple(OPTIONAL_GROUPS))
     env.reset(seed=100)
     env.action_space.seed(1)
     for _ in range(1000):

@@ -7,10 +7,11 @@ import pytest
 from corridors import corridor
 from numpy.testing import assert_array_equal
 
+from tral_env.interface import OPTIONAL_GROUPS
 from tral_env.vector_env import TralCorridorVectorEnv
 
 INTO_THE_WALL = np.array([0.6, 0.6], np.float32)
-GROUPS = ("line", "imu", "battery")
+GROUPS = tuple(OPTIONAL_GROUPS)
 
 
 def crash(env: Any, seed: int = 2) -> dict[str, Any]:

@@ -25,7 +25,7 @@ import numpy as np
 import tral_fsm
 
 FILE = Path(__file__).with_name("drives.json")
-MADE_FOR = {
+DRIVEN_BY = {
     "straight": "wall",
     "doors": "doors",
     "corners": "corners",
@@ -36,7 +36,7 @@ MADE_FOR = {
     "crossing": "crossing",
     "office": "known_route",
 }
-"""A machine for each family, beside `office`, which drives them all."""
+"""The families that are kept, each with a machine beside `office`. A family that is added later need not be here."""
 LEVELS = ("default", "hard")
 SEEDS = (0, 1, 2)
 TRUTH = (
@@ -65,7 +65,7 @@ class Group(NamedTuple):
 GROUPS = [
     Group(scenario, machine, level)
     for level in LEVELS
-    for scenario, made in MADE_FOR.items()
+    for scenario, made in DRIVEN_BY.items()
     for machine in (made, "office")
 ]
 RAMP = [Group("gates", "gate", "default")]

@@ -343,6 +343,27 @@ def test_options_that_do_not_exist_are_refused(options, error, message):
         car(**options)
 
 
+def test_a_group_that_the_sensors_do_not_provide_is_refused():
+    with pytest.raises(
+        ConfigError, match=r"do not provide battery of the group 'battery'. They provide nothing by name"
+    ):
+        car(groups=("battery",))
+    sensors = SensorGroup(Fixed(ultrasonic_left=1.0), HallCounter())
+    with pytest.raises(
+        ConfigError, match=r"imu_gyro_x, .*imu_accel_z of the group 'imu'. They provide distance, speed:"
+    ):
+        car(groups=("imu",), sensors=sensors)
+
+
+def test_a_group_that_the_sensors_provide_is_read():
+    battery = Fixed(battery=7.5)
+    battery.provided_readings = frozenset({"battery"})
+    env, _ = car(groups=("battery",), sensors=SensorGroup(HallCounter(), battery))
+    observation, _ = env.reset()
+    assert observation[-1] == 7.5
+    env.close()
+
+
 def test_a_reset_has_no_options():
     env, _ = car()
     with pytest.raises(ConfigError, match="course"):

@@ -14,7 +14,7 @@ from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.episode import EpisodeRequest
 from tral_fsm.states.fsm_state import FSMStateSpec
 
-MADE_FOR = {
+FAMILY_OF = {
     "wall": "straight",
     "corridor": "straight",
     "doors": "doors",
@@ -32,7 +32,7 @@ Arrivals = tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float64]]
 COURSE = Path(tral_env.__file__).parent / "course" / "examples" / "default.json"
 
 
-@pytest.mark.parametrize(("name", "scenario"), MADE_FOR.items())
+@pytest.mark.parametrize(("name", "scenario"), FAMILY_OF.items())
 def test_it_drives_its_family(name: str, scenario: str) -> None:
     seeds = SEEDS.get(scenario, range(5))
     runner = BatchRunner([scenario], rows=len(seeds))
@@ -44,7 +44,7 @@ def test_it_drives_its_family(name: str, scenario: str) -> None:
 
 
 def test_office_drives_every_family() -> None:
-    families = [*dict.fromkeys(MADE_FOR.values()), "office"]
+    families = [*dict.fromkeys(FAMILY_OF.values()), "office"]
     runner = BatchRunner(families, rows=16)
     drives = runner.drive(
         [load_machine("office")], [EpisodeRequest(0, family, seed) for family in families for seed in (0,)]

@@ -19,7 +19,7 @@ import machines
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Machines that hit a wall within two seconds: cheap to drive."""
-    for name in machines.MADE_FOR.values():
+    for name in {*machines.MADE_FOR.values(), "office"}:
         (tmp_path / f"{name}.json").write_text(write(blind(0.5, 1.0), "json"))
     return tmp_path
 
@@ -38,6 +38,10 @@ def test_each_family_has_its_machine_and_office_if_asked() -> None:
         "office": [("office", 4)],
     }
     assert machines.jobs(["loop"], range(4, 6), own=True) == {"loop": [("loop", 4), ("loop", 5)]}
+
+
+def test_a_family_without_a_machine_of_its_own_is_driven_by_office() -> None:
+    assert machines.jobs(["slope"], range(2), own=True) == {"slope": [("office", 0), ("office", 1)]}
 
 
 def test_drives_are_those_of_the_machine_that_is_named(folder: Path) -> None:

@@ -1,9 +1,12 @@
-"""Seeded courses: nine families, each a way to draw a `Course` from a random generator."""
+"""Seeded courses: families, each a way to draw a `Course` from a random generator."""
 
 from __future__ import annotations
 
 import math
+import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -21,32 +24,23 @@ from tral_env.errors import ConfigError, CourseError, nearest
 Draft = dict[str, Any]
 """Members of a course, or of one of its parts, before they are checked."""
 
-SCENARIOS: Mapping[str, str] = {
-    "straight": "one straight corridor, 12 to 20 m",
-    "doors": "a straight corridor with recessed doors on both sides, one in ten open",
-    "corners": "3 to 5 segments joined by 90 degree corners",
-    "loop": "a ring of corridors, driven once around",
-    "lane_change": "a straight corridor with cupboards along its walls",
-    "obstacles": "a straight corridor with 1 to 4 boxes in the way",
-    "gates": "1 to 3 ArUco gates in a straight corridor or around a corner",
-    "crossing": "1 to 3 T or X crossings; a marker tells the turn",
-    "office": "25 to 60 m of everything: corners, crossings, doors, cupboards, boxes, gates",
-}
-"""Families of courses: name -> what they are."""
+Sketch = Callable[[np.random.Generator, bool], Draft]
+"""Draws the members of a course: its segments with what stands in them. True: the gates may be hard."""
 
-LIMITS: Mapping[str, tuple[int, int]] = {
-    "straight": (4, 0),
-    "doors": (72, 0),
-    "corners": (12, 0),
-    "loop": (8, 0),
-    "lane_change": (8, 0),
-    "obstacles": (8, 0),
-    "gates": (16, 6),
-    "crossing": (28, 3),
-    "office": (120, 12),
-}
-"""A course of each family has at most so many boxes and markers; a draft with more is dropped. A small limit makes the
-physics fast, since every car of a batch carries as many."""
+
+@dataclass(frozen=True, kw_only=True)
+class Family:
+    """A way to draw courses."""
+
+    meaning: str
+    sketch: Sketch
+    max_boxes: int
+    """A draft with more boxes is dropped. A straight corridor has 4 boxes, and each obstacle and cupboard adds 1. A
+    small limit makes the physics fast, since every car of a batch carries as many."""
+    max_markers: int
+    """A draft with more markers is dropped. A gate has 2 markers, a crossing has 1."""
+
+
 ATTEMPTS = 200
 """The generator gives up when this many drafts have failed; a few in a hundred fail."""
 START_AT = 1.0
@@ -75,7 +69,7 @@ def generate(scenario: str, rng: np.random.Generator, *, hard: bool = False) -> 
     """Draw a course.
 
     Args:
-        scenario: one of `SCENARIOS`.
+        scenario: one of `FAMILIES`.
         rng: source of all randomness; the same state gives the same course.
         hard: gates may stand right behind a corner, and where there is a wall on one side only.
 
@@ -91,19 +85,40 @@ def generate_plan(scenario: str, rng: np.random.Generator, *, hard: bool = False
     Raises:
         ConfigError: no such scenario.
     """
-    if scenario not in SCENARIOS:
-        raise ConfigError(f"unknown scenario '{scenario}': {nearest(scenario, SCENARIOS)}")
-    family, (boxes, markers) = _FAMILIES[scenario], LIMITS[scenario]
+    if scenario not in FAMILIES:
+        raise ConfigError(f"unknown scenario '{scenario}': {nearest(scenario, FAMILIES)}")
+    return draw(scenario, FAMILIES[scenario], rng, hard=hard)
+
+
+def draw(name: str, family: Family, rng: np.random.Generator, *, hard: bool = False) -> tuple[Course, Plan]:
+    """Draw drafts of a family until one can be driven, and give it with its plan.
+
+    Raises:
+        CourseError: none of `ATTEMPTS` drafts can be driven; the message tells the most frequent cause.
+    """
+    causes: list[str] = []
     for _ in range(ATTEMPTS):
-        draft = family(rng, hard)
-        course = Course.model_validate({"name": scenario, "start": _start(rng, draft), **draft})
+        draft = family.sketch(rng, hard)
+        course = Course.model_validate({"name": name, "start": _start(rng, draft), **draft})
         try:
             plan = build_plan(course)
-        except CourseError:
+        except CourseError as error:
+            causes.append(str(error))
             continue
-        if len(plan.box_kind) <= boxes and len(plan.marker_id) <= markers:
+        if len(plan.box_kind) <= family.max_boxes and len(plan.marker_id) <= family.max_markers:
             return course, plan
-    raise CourseError(f"no drivable course of '{scenario}' in {ATTEMPTS} drafts")
+        causes.append(
+            f"{len(plan.box_kind)} boxes and {len(plan.marker_id)} markers, where the family allows "
+            f"{family.max_boxes} and {family.max_markers}"
+        )
+    raise CourseError(f"no drivable course of '{name}' in {ATTEMPTS} drafts. {_most_frequent(causes)}")
+
+
+def _most_frequent(causes: list[str]) -> str:
+    """Tell how often the most frequent cause came, and its first text; causes that differ in numbers alone are one."""
+    kinds = [re.sub(r"-?\d+(\.\d+)?", "#", cause) for cause in causes]
+    (kind, count), *_ = Counter(kinds).most_common(1)
+    return f"The most frequent cause, in {count} drafts: {causes[kinds.index(kind)]}"
 
 
 def _uniform(rng: np.random.Generator, low: float, high: float) -> float:
@@ -352,14 +367,62 @@ def _furnish(rng: np.random.Generator, segment: Draft, what: str, begin: float, 
     return len(segment.get("gates", ()))
 
 
-_FAMILIES: Mapping[str, Callable[[np.random.Generator, bool], Draft]] = {
-    "straight": _straight,
-    "doors": _doors,
-    "corners": _corners,
-    "loop": _loop,
-    "lane_change": _lane_change,
-    "obstacles": _obstacles,
-    "gates": _gates,
-    "crossing": _crossing,
-    "office": _office,
+FAMILIES: Mapping[str, Family] = {
+    "straight": Family(
+        meaning="one straight corridor, 12 to 20 m",
+        sketch=_straight,
+        max_boxes=4,
+        max_markers=0,
+    ),
+    "doors": Family(
+        meaning="a straight corridor with recessed doors on both sides, one in ten open",
+        sketch=_doors,
+        max_boxes=72,
+        max_markers=0,
+    ),
+    "corners": Family(
+        meaning="3 to 5 segments joined by 90 degree corners",
+        sketch=_corners,
+        max_boxes=12,
+        max_markers=0,
+    ),
+    "loop": Family(
+        meaning="a ring of corridors, driven once around",
+        sketch=_loop,
+        max_boxes=8,
+        max_markers=0,
+    ),
+    "lane_change": Family(
+        meaning="a straight corridor with cupboards along its walls",
+        sketch=_lane_change,
+        max_boxes=8,
+        max_markers=0,
+    ),
+    "obstacles": Family(
+        meaning="a straight corridor with 1 to 4 boxes in the way",
+        sketch=_obstacles,
+        max_boxes=8,
+        max_markers=0,
+    ),
+    "gates": Family(
+        meaning="1 to 3 ArUco gates in a straight corridor or around a corner",
+        sketch=_gates,
+        max_boxes=16,
+        max_markers=6,
+    ),
+    "crossing": Family(
+        meaning="1 to 3 T or X crossings; a marker tells the turn",
+        sketch=_crossing,
+        max_boxes=28,
+        max_markers=3,
+    ),
+    "office": Family(
+        meaning="25 to 60 m of everything: corners, crossings, doors, cupboards, boxes, gates",
+        sketch=_office,
+        max_boxes=120,
+        max_markers=12,
+    ),
 }
+"""The families of courses by name. To add one: docs/extending.md."""
+SCENARIOS: Mapping[str, str] = {name: family.meaning for name, family in FAMILIES.items()}
+"""Families of courses: name -> what they are."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tral_env.assets import asset_path
 from tral_env.config import LineConfig
-from tral_env.course.generate import LIMITS
+from tral_env.course.generate import FAMILIES
 from tral_env.course.markers import MARKER_IDS, marker_image, material_name
 from tral_env.course.plan import BOX_KINDS, Array, Plan
 from tral_env.errors import ConfigError, nearest
@@ -56,9 +56,9 @@ class Pool:
         Raises:
             ConfigError: no such family.
         """
-        if name not in LIMITS:
-            raise ConfigError(f"unknown scenario '{name}': {nearest(name, LIMITS)}")
-        return cls(*LIMITS[name])
+        if name not in FAMILIES:
+            raise ConfigError(f"unknown scenario '{name}': {nearest(name, FAMILIES)}")
+        return cls(FAMILIES[name].max_boxes, FAMILIES[name].max_markers)
 
     def union(self, other: Pool) -> Pool:
         """The smallest pool that holds what either of two pools holds."""

@@ -20,7 +20,7 @@ from tral_env.hardware.i2c import Smbus
 from tral_env.hardware.pwm import Pca9685, PulseOutput, Recorder
 from tral_env.hardware.sensors import Sensors, provided_by
 from tral_env.hardware.sonar import SonarArray
-from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ, Layout, action_space
+from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ, OPTIONAL_GROUPS, Layout, action_space
 
 Observation = NDArray[np.float32]
 OUTPUTS = ("recorder", "pca9685")
@@ -69,7 +69,8 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             output: "recorder", "pca9685", or an object.
             sensors: "srf08", an object, or None.
             bus: I2C bus of what is opened here.
-            groups: optional groups of fields, see `tral_env.interface.OPTIONAL_GROUPS`.
+            groups: optional groups of fields, see `tral_env.interface.OPTIONAL_GROUPS`. The sensors must name all
+                fields of a group in `provided_readings`.
             max_duration_s: length of an episode, s.
             clock: time that never goes back, s.
             sleep: waits some seconds.
@@ -96,6 +97,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         self.output = _output(output, self.calibration, bus, clock, sleep)
         try:
             self.sensors = _sensors(sensors, bus, sleep)
+            _check_provided(groups, self.sensors)
         except BaseException:
             self.output.close()
             raise
@@ -253,6 +255,18 @@ def _output(
     if output == "pca9685":
         return Pca9685(calibration, bus, sleep=sleep)
     raise ConfigError(f"unknown output '{output}': {nearest(output, OUTPUTS)}")
+
+
+def _check_provided(groups: Sequence[str], sensors: Sensors | None) -> None:
+    provided = sorted(provided_by(sensors) or ())
+    for group in groups:
+        missing = [field.name for field in OPTIONAL_GROUPS[group] if field.name not in provided]
+        if missing:
+            raise ConfigError(
+                f"groups: the sensors of this car do not provide {', '.join(missing)} of the group '{group}'. "
+                f"They provide {', '.join(provided) or 'nothing by name'}: give sensors that name these readings in "
+                "`provided_readings`, or leave the group out"
+            )
 
 
 def _sensors(sensors: str | Sensors | None, bus: int | str | Smbus, sleep: Callable[[float], None]) -> Sensors | None:

@@ -15,7 +15,7 @@ from tral_env.sensors.hall import EdgeSpeed
 
 
 class Sensors(Protocol):
-    """A source of readings, named as in `tral_env.interface.CORE_FIELDS`.
+    """A source of readings, named as in `tral_env.interface.CORE_FIELDS` and `OPTIONAL_GROUPS`.
 
     It should also have `provided_readings`, the names of all readings that it may give, as a frozenset: then
     `tral_env.interface.check_readings` can refuse a policy that needs more.

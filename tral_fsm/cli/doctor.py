@@ -12,8 +12,10 @@ from typing import Annotated
 
 import typer
 
+from tral_env.errors import MachineError
 from tral_env.perception import opengl
 from tral_fsm.cli.console import MACHINE_LACKS
+from tral_fsm.definition import plugins
 
 _CORE = (
     "mujoco",
@@ -76,7 +78,7 @@ class Finding:
 def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON and nothing else.")] = False,
 ) -> None:
-    """Check this computer: packages, OpenGL, video encoder and extras, each with its remedy.
+    """Check this computer: packages, OpenGL, video encoder, plugins and extras, each with its remedy.
 
     The exit code is 0 if the core works, which is driving with projected markers, else 3.
     """
@@ -91,7 +93,7 @@ def command(
 
 
 def examine() -> list[Finding]:
-    """Check Python, packages, physics, OpenGL, encoder and extras."""
+    """Check Python, packages, physics, OpenGL, encoder, plugins and extras."""
     python = ".".join(str(part) for part in sys.version_info[:3])
     return [
         Finding(topic="core", name="python", ok=sys.version_info >= (3, 11), needed=True, detail=python),
@@ -99,6 +101,7 @@ def examine() -> list[Finding]:
         _physics(),
         *_opengl(),
         _encoder(),
+        *_plugins(),
         *(
             _package(name, f"extra {extra}", f"pip install 'tral-env[{extra}]'", needed=False)
             for extra, names in EXTRAS.items()
@@ -189,6 +192,22 @@ def _encoder() -> Finding:
         detail, ok = str(error).splitlines()[0], False
     remedy = "" if ok else "install ffmpeg and set IMAGEIO_FFMPEG_EXE to it, or drive with --no-video"
     return Finding(topic="video", name="encoder", ok=ok, needed=False, detail=detail, remedy=remedy)
+
+
+def _plugins() -> list[Finding]:
+    """Load each distribution that brings states or conditions: one that fails stops every machine."""
+    findings = []
+    for entry in metadata.entry_points(group=plugins.GROUP):
+        try:
+            detail, ok = plugins.load(entry), True
+        except MachineError as error:
+            detail, ok = str(error), False
+        remedy = "" if ok else "mend or uninstall that distribution"
+        findings.append(Finding(topic="plugin", name=entry.name, ok=ok, needed=True, detail=detail, remedy=remedy))
+    none = Finding(
+        topic="plugin", name="-", ok=True, needed=False, detail=f"no entry point of the group {plugins.GROUP}"
+    )
+    return findings or [none]
 
 
 def _show(findings: list[Finding]) -> None:

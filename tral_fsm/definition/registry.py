@@ -51,10 +51,16 @@ class Registry(dict[str, type[T]]):
             The class, unchanged.
 
         Raises:
-            MachineError: the spec is of the wrong kind or has no type, another spec has its type already, or the class
-                lacks a member that the spec asks for.
+            MachineError: the class names no spec, its spec is of the wrong kind or has no type, another spec has its type
+                already, or the class lacks a member that the spec asks for.
         """
         spec: type[Any] = runtime.spec_type
+        if spec is self.base:
+            name = runtime.__qualname__
+            raise MachineError(
+                f"{name} does not say which spec it runs: write the class of the spec in brackets "
+                f"behind its base, such as {name}({runtime.__mro__[1].__name__}[{name}Spec])"
+            )
         if not issubclass(spec, self.base):
             raise MachineError(f"{runtime.__qualname__} runs {spec.__qualname__}, which is no {self.base.__name__}")
         name = type_name(spec)

@@ -16,7 +16,7 @@ from tral_fsm.definition import packaged
 from tral_fsm.definition.checks import FormatError, Problem, check_level, unknown_machine
 from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.machine import MachineDefinition, StateSpec, TransitionSpec
-from tral_fsm.definition.plugins import load_plugins
+from tral_fsm.definition.plugins import load_plugins, where_own_types_come_from
 from tral_fsm.definition.validated import Id, Spec
 from tral_fsm.formats.plain import MAX_PROBLEMS, EnoughProblemsError, Plain, Problems, condensed, located
 from tral_fsm.states import STATES
@@ -166,7 +166,10 @@ class Reader:
         name = raw.get("type")
         if not isinstance(name, str) or name not in known:
             got = f"got no type of {what}" if "type" not in raw else f"got {_show(name)}, which is no type of {what}"
-            self.complain(f"{pointer}/type", f"{got}: {nearest(name, known)}")
+            self.complain(
+                f"{pointer}/type",
+                f"{got}: {nearest(name, known)}" + (f". {where_own_types_come_from()}" if name else ""),
+            )
             return None
         self._keys(raw, known[name], pointer, also=also)
         return known[name]

@@ -5,8 +5,10 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
+from tral_env.errors import MachineError
 from tral_fsm.conditions.base import Condition, build
 from tral_fsm.control.command import Command
 from tral_fsm.definition.checks import FormatError, check
@@ -145,11 +147,18 @@ class Machine:
 
         Returns:
             The command of the state that was active, with the target of the state that is entered.
+
+        Raises:
+            MachineError: the state answered no command, or one with a number that is not finite.
         """
         entered = None
         if self._active < 0:
             entered = self.start(estimate)
         command = self._states[self._active].tick(estimate)
+        if not isinstance(command, Command) or not isfinite(
+            (command.steering or 0.0) + (command.speed or 0.0) + (command.throttle or 0.0)
+        ):
+            raise self._refused(command, estimate)
         if entered is not None:
             command = command._replace(target=entered)
         for triggered, way in self._asked[self._active]:
@@ -157,6 +166,15 @@ class Machine:
                 target = self._transit(way, estimate)
                 return command if target is None else command._replace(target=target)
         return command
+
+    def _refused(self, command: object, estimate: CarEstimate) -> MachineError:
+        """Word the error for an answer of the active state that is no command of finite numbers."""
+        spec = self.active.spec
+        where = "/".join(str(part) for part in (*self.path, spec.id))
+        return MachineError(
+            f"state {where!r} ({spec.type}) answered {command!r} at {estimate.time:.4f} s: "
+            "expected a Command whose steering, speed and throttle are None or finite"
+        )
 
     def _transit(self, way: _Way, estimate: CarEstimate) -> Detection | None:
         """Leave the old state, enter the new one, hand it its target."""
