@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tral_env.errors import ConfigError
-from tral_fsm.evaluation.statistics import bootstrap, mean_of, sign_test
 from tral_fsm.tuning.holdout import compare, figures
 from tral_fsm.tuning.objective import Objective, Weights, parts
 
@@ -55,12 +54,6 @@ def test_weights_below_0_are_refused() -> None:
         Weights(time=-1)
 
 
-def test_the_sign_test_is_exact() -> None:
-    assert sign_test(0, 0) == 1.0
-    assert sign_test(0, 5) == pytest.approx(2 / 32)
-    assert sign_test(1, 5) == pytest.approx(2 * (1 + 6) / 64)
-
-
 def test_the_same_drives_are_within_noise() -> None:
     drives = [drive(seed=k, time_s=10.0 + k) for k in range(20)]
     same = compare(drives, drives, Objective())
@@ -93,19 +86,6 @@ def test_the_rmse_of_many_drives_counts_ticks() -> None:
     long, short = drive(clearance_rmse=0.02, clearance_samples=300), drive(clearance_rmse=0.06, clearance_samples=100)
     got = figures([long, short], Objective()).clearance_rmse_m.value
     assert got == pytest.approx(math.sqrt((300 * 0.02**2 + 100 * 0.06**2) / 400))
-
-
-def test_the_bootstrap_interval_of_a_mean_is_near_the_normal_one() -> None:
-    values = np.random.default_rng(1).normal(5.0, 1.0, 100)
-    got = mean_of(values.tolist())
-    half = 1.96 * values.std() / 10
-    assert got.low == pytest.approx(values.mean() - half, abs=0.03)
-    assert got.high == pytest.approx(values.mean() + half, abs=0.03)
-
-
-def test_one_drive_or_none_has_no_interval() -> None:
-    assert bootstrap(lambda index: np.zeros(len(index)), 0).value is None
-    assert mean_of([3.0]).low is None
 
 
 def test_the_settled_error_is_compared_beside_the_whole_one() -> None:

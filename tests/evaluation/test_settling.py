@@ -29,7 +29,7 @@ def test_it_is_reached_from_either_side() -> None:
     assert ticks([-0.3, -0.04, 0.1]) == [False, True, True]
 
 
-def test_who_never_arrives_counts_after_four_metres() -> None:
+def test_a_car_that_never_arrives_counts_after_four_metres() -> None:
     assert ticks([0.3] * 6, speed=METRE) == [False, False, False, True, True, True]
     assert ticks([0.3] * 6, speed=-METRE) == [False, False, False, True, True, True]
 

@@ -1,12 +1,11 @@
+"""Figures over many episodes."""
+
 from __future__ import annotations
 
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from tral_fsm.evaluation.statistics import wilson
 from tral_fsm.evaluation.summary import summarize
 
 
@@ -24,20 +23,6 @@ def record(outcome: str = "success", **changes: Any) -> dict[str, Any]:
         "gates_total": 0,
         **changes,
     }
-
-
-def test_wilson_of_known_cases() -> None:
-    assert wilson(0, 10) == pytest.approx((0.0, 0.27753), abs=1e-5)
-    assert wilson(10, 10) == pytest.approx((0.72247, 1.0), abs=1e-5)
-    assert wilson(5, 10) == pytest.approx((0.23659, 0.76341), abs=1e-5)
-    assert wilson(0, 0) == (0.0, 1.0)
-
-
-@given(st.integers(1, 500).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
-def test_wilson_holds_the_rate_within_the_unit_interval(counts: tuple[int, int]) -> None:
-    successes, trials = counts
-    low, high = wilson(successes, trials)
-    assert 0 <= low <= successes / trials <= high <= 1
 
 
 def test_outcomes_are_counted() -> None:

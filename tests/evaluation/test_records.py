@@ -1,0 +1,71 @@
+"""Lines of records: whole, cut off and damaged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from tral_env.errors import ConfigError
+from tral_fsm.evaluation.records import append, begin_run, collect, made_with, read_lines
+
+
+@dataclass(frozen=True)
+class Run:
+    """Settings of a run."""
+
+    policy: str = "wall"
+
+
+def test_lines_come_back_in_their_order(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "a.jsonl"
+    assert read_lines(path) == []
+    append(path, {"a": 1})
+    append(path, {"b": 2})
+    assert path.read_text() == '{"a": 1}\n{"b": 2}\n'
+    assert read_lines(path) == [{"a": 1}, {"b": 2}]
+
+
+def test_a_last_line_that_was_cut_off_does_not_count_and_the_next_one_replaces_it(tmp_path: Path) -> None:
+    path = tmp_path / "a.jsonl"
+    path.write_text('{"a": 1}\n{"b": ')
+    assert read_lines(path) == [{"a": 1}]
+    append(path, {"c": 3})
+    assert path.read_text() == '{"a": 1}\n{"c": 3}\n'
+
+
+def test_a_whole_last_line_without_its_end_stays(tmp_path: Path) -> None:
+    path = tmp_path / "a.jsonl"
+    path.write_text('{"a": 1}')
+    append(path, {"b": 2})
+    assert read_lines(path) == [{"a": 1}, {"b": 2}]
+
+
+@pytest.mark.parametrize("damage", ['{"b": ', "5"])
+def test_a_damaged_line_before_the_last_one_is_refused(tmp_path: Path, damage: str) -> None:
+    path = tmp_path / "a.jsonl"
+    path.write_text(f'{{"a": 1}}\n{damage}\n{{"c": 3}}\n')
+    with pytest.raises(ConfigError, match=r"a.jsonl:2: the line is damaged"):
+        read_lines(path)
+
+
+def test_a_file_goes_on_with_its_settings_and_machines_alone(tmp_path: Path) -> None:
+    path = tmp_path / "a.jsonl"
+    begin_run(path, Run(), {"wall": "1f"})
+    assert [line["kind"] for line in made_with(path, Run(), {"wall": "1f"})] == ["run"]
+    with pytest.raises(ConfigError, match="wall changed since it was made"):
+        made_with(path, Run(), {"wall": "2e"})
+    with pytest.raises(ConfigError, match=r"was made with .*'wall'.*, not .*'office'"):
+        made_with(path, Run(policy="office"), {"wall": "1f"})
+
+
+def _twice(number: int) -> list[dict[str, int]]:
+    return [{"number": number}, {"number": 10 * number}]
+
+
+def test_the_lines_of_each_call_are_appended_and_counted(tmp_path: Path) -> None:
+    path, counted = tmp_path / "a.jsonl", []
+    collect(_twice, [(1,), (2,)], 1, path, lambda: counted.append(1))
+    assert sorted(line["number"] for line in read_lines(path)) == [1, 2, 10, 20]
+    assert len(counted) == 4
