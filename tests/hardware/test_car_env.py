@@ -348,7 +348,7 @@ def test_a_group_that_the_sensors_do_not_provide_is_refused():
         ConfigError, match=r"do not provide battery of the group 'battery'. They provide nothing by name"
     ):
         car(groups=("battery",))
-    sensors = SensorGroup(Fixed(ultrasonic_left=1.0), HallCounter())
+    sensors = SensorGroup(HallCounter())
     with pytest.raises(
         ConfigError, match=r"imu_gyro_x, .*imu_accel_z of the group 'imu'. They provide distance, speed:"
     ):

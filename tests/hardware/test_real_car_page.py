@@ -32,8 +32,13 @@ def test_the_dry_run_does_what_it_says(capsys):
     assert lines[3].endswith("steering_us=1530.0, throttle_us=1530.0)")
 
 
-def test_the_hall_example_counts_one_edge(capsys):
+def test_the_refusal_example_names_what_is_missing(capsys):
     exec(compile(EXAMPLES[1], "docs/real_car.md", "exec"), {})
+    assert "the policy needs ultrasonic_right, distance, speed" in capsys.readouterr().out
+
+
+def test_the_hall_example_counts_one_edge(capsys):
+    exec(compile(EXAMPLES[2], "docs/real_car.md", "exec"), {})
     assert capsys.readouterr().out == "0.02513\n"
 
 

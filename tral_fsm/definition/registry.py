@@ -51,8 +51,8 @@ class Registry(dict[str, type[T]]):
             The class, unchanged.
 
         Raises:
-            MachineError: the class names no spec, its spec is of the wrong kind or has no type, another spec has its type
-                already, or the class lacks a member that the spec asks for.
+            MachineError: the class names no spec, its spec is of the wrong kind or has no type, another spec has its
+                type already, or the class lacks a member that the spec asks for.
         """
         spec: type[Any] = runtime.spec_type
         if spec is self.base:
