@@ -86,6 +86,12 @@ def test_inner_machines_stand_below_each_packaged_one_once() -> None:
     assert "0: halt" in words(drawn)
 
 
+def test_an_inner_machine_that_two_states_share_is_drawn_once() -> None:
+    drawn = pictured(holding(INNER, INNER))
+    headings = [mark.text for mark in drawn.marks if isinstance(mark, Words) and mark.at[0] == 20]
+    assert headings == ["outer", "inner, in state 0"]
+
+
 def test_machines_are_looked_up_as_the_caller_says() -> None:
     drawn = picture(holding("mine"), resolve={"mine": INNER}.__getitem__)
     assert "0: halt" in words(drawn)

@@ -24,9 +24,10 @@ from tral_fsm.tuning import Objective, Progress, Racing, Settings, Stage, Task, 
 from tral_fsm.tuning.evaluator import Evaluator
 from tral_fsm.tuning.found import described
 from tral_fsm.tuning.journal import BEFORE, NAME, Journal
+from tral_fsm.tuning.objective import Weights
 from tral_fsm.tuning.parameters import find
 from tral_fsm.tuning.search.cma_es import CmaSearch
-from tral_fsm.tuning.search.optuna import front
+from tral_fsm.tuning.search.optuna import front, objective_costs
 from tral_fsm.tuning.search.space import Trial
 from tral_fsm.tuning.study import Study, check_apart
 
@@ -212,9 +213,17 @@ def test_cma_refuses_what_is_no_real_number() -> None:
 
 
 def test_the_front_holds_what_nothing_beats() -> None:
-    a, b, c = (trial((k,), 0, (0, 0, *costs)) for k, costs in enumerate([(1, 3, 0), (2, 1, 0), (3, 2, 0)]))
+    a, b, c = (trial((k,), 0, (0, 0, *costs)) for k, costs in enumerate([(0.01, 3, 0), (0.02, 1, 0), (0.03, 2, 0)]))
     failing = trial((9.0,), 0, (0.5, 0.2, 0, 0, 0))
     assert front([c, b, a, failing], ("clearance", "time")) == [a, b]
+
+
+def test_failed_drives_weigh_the_same_in_the_search_and_in_the_front() -> None:
+    failing = trial((9.0,), 0, (0.5, 0.25, 0.1, 2.0, 0))
+    weights = Weights(failure=4.0, unfinished=8.0, clearance=10.0, time=0.5)
+    assert objective_costs(failing, ("clearance", "time"), weights) == (1.0 + 4.0, 1.0 + 4.0)
+    cheap = Weights(failure=0.0, unfinished=0.0)
+    assert front([failing, trial((1.0,), 0, (0, 0, 0.2, 3.0, 0))], ("clearance", "time"), cheap) == [failing]
 
 
 def test_without_optuna_the_remedy_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from tral_env.errors import MachineError
@@ -16,8 +16,20 @@ from tral_fsm.draw.layout import layout
 INK, PALE, INNER = "#22272e", "#f6f8fa", "#eef4ff"
 _TONES = ("#0b5cad", "#b3261e", "#1b7f3b", "#7a3db8", "#a85a00", "#00707a", "#a3195b", "#5a6472", "#5f6b00", "#3f3fbf")
 """Colours of the arrows that leave a state, one state after the other; each is readable on white."""
-_HEADING = 30
+_MARGIN = 20
+"""Room beside a heading, px."""
+_HEADING, _BELOW_HEADING = 30, 10
+"""Height of a heading, of which the machine below may use the last px."""
+_DESCENT, _HEADING_DESCENT = 3, 4
+"""Distance from the base line of a text to the end of its line, px."""
 _BETWEEN = 30
+"""Room between two machines, px."""
+_DOT = 6
+"""Radius of the dot before the root, px."""
+_INSET = 3
+"""Distance of the two outlines of a final state, px."""
+_HEAD_LENGTH, _HEAD_HALF = 9, 4
+"""Length and half width of an arrow's head, px."""
 
 Resolve = Callable[[str], MachineDefinition]
 
@@ -30,6 +42,10 @@ class Line:
     colour: str
     title: str = ""
     """Full text, which viewers show on request."""
+
+    def moved(self, down: int) -> Line:
+        """The line, some px further down."""
+        return replace(self, points=tuple((x, y + down) for x, y in self.points))
 
 
 @dataclass(frozen=True)
@@ -45,6 +61,10 @@ class Outline:
     strong: bool = False
     title: str = ""
 
+    def moved(self, down: int) -> Outline:
+        """The outline, some px further down."""
+        return replace(self, y=self.y + down)
+
 
 @dataclass(frozen=True)
 class Dot:
@@ -52,6 +72,10 @@ class Dot:
 
     centre: Point
     radius: int
+
+    def moved(self, down: int) -> Dot:
+        """The dot, some px further down."""
+        return replace(self, centre=(self.centre[0], self.centre[1] + down))
 
 
 @dataclass(frozen=True)
@@ -63,6 +87,10 @@ class Words:
     colour: str = INK
     bold: bool = False
     align: Literal["left", "middle"] = "left"
+
+    def moved(self, down: int) -> Words:
+        """The line of text, some px further down."""
+        return replace(self, at=(self.at[0], self.at[1] + down))
 
 
 Mark = Line | Outline | Dot | Words
@@ -92,28 +120,33 @@ def picture(machine: MachineDefinition, resolve: Resolve | None = None, directio
     marks: list[Mark] = []
     width, height = 0, 0
     panels = list(_panels(machine, resolve))
-    for heading, part in panels:
+    for number, (heading, part) in enumerate(panels, 1):
         laid = layout(part, direction=direction)
         top = height
         if len(panels) > 1:
-            marks.append(Words((20, top + _HEADING - 4), text.printable(heading), bold=True))
-            top += _HEADING - 10
-        marks += _moved(_marks(part, laid), top)
-        width = max(width, laid.width, text.width(heading, bold=True) + 40 if len(panels) > 1 else 0)
-        height = top + laid.height + (_BETWEEN if part is not panels[-1][1] else 0)
+            marks.append(Words((_MARGIN, top + _HEADING - _HEADING_DESCENT), text.printable(heading), bold=True))
+            top += _HEADING - _BELOW_HEADING
+        marks += [mark.moved(top) for mark in _marks(part, laid)]
+        width = max(width, laid.width, text.width(heading, bold=True) + 2 * _MARGIN if len(panels) > 1 else 0)
+        height = top + laid.height + (_BETWEEN if number < len(panels) else 0)
     return Picture(width, height, tuple(marks), text.printable(panels[0][0]))
 
 
 def _panels(machine: MachineDefinition, resolve: Resolve | None) -> Iterator[tuple[str, MachineDefinition]]:
-    """Headings and machines, outer ones first; a packaged machine comes once."""
+    """Headings and machines, outer ones first; each machine comes once."""
     front: list[tuple[str, MachineDefinition]] = [(machine.name or "machine", machine)]
     seen: set[str] = set()
+    inline: set[int] = set()
+    """Identities of machines that stand in a state."""
     while front:
         heading, here = front.pop(0)
         yield heading, here
         for state in here.states:
             inner = state.inner
             if isinstance(inner, MachineDefinition):
+                if id(inner) in inline:
+                    continue
+                inline.add(id(inner))
                 front.append((f"{inner.name or 'inline'}, in state {text.state_name(state)}", inner))
             elif inner is not None and inner not in seen:
                 seen.add(inner)
@@ -130,7 +163,7 @@ def _marks(machine: MachineDefinition, laid: Arrangement) -> Iterator[Mark]:
     place = ordinals(machine)
     start, end = laid.root
     yield Line((start, end), INK, title="root")
-    yield Dot(start, 6)
+    yield Dot(start, _DOT)
     words: list[Mark] = []
     for route in laid.routes:
         transitions = [machine.transitions[i] for i in route.transitions]
@@ -141,7 +174,7 @@ def _marks(machine: MachineDefinition, laid: Arrangement) -> Iterator[Mark]:
         for i, transition in zip(route.transitions, transitions, strict=True):
             for line in text.transition_lines(transition, place[i]):
                 y += text.LINE
-                words.append(Words((route.label.x, y - 3), line, colour))
+                words.append(Words((route.label.x, y - _DESCENT), line, colour))
     yield from _boxes(machine, laid, tone)
     yield from words
 
@@ -155,29 +188,18 @@ def _boxes(machine: MachineDefinition, laid: Arrangement, tone: dict[int | str, 
         yield Outline(box.x, box.y, box.w, box.h, fill, colour, state.id == machine.root, title)
         if state.may_end and state.id not in left:
             # A final state has a second outline.
-            yield Outline(box.x + 3, box.y + 3, box.w - 6, box.h - 6, "none", colour)
+            yield Outline(box.x + _INSET, box.y + _INSET, box.w - 2 * _INSET, box.h - 2 * _INSET, "none", colour)
         lines = text.state_lines(state)
-        y = box.y + (box.h - text.LINE * (1 + len(lines))) // 2 + text.LINE - 3
+        y = box.y + (box.h - text.LINE * (1 + len(lines))) // 2 + text.LINE - _DESCENT
         x = box.x + box.w // 2
         yield Words((x, y), text.state_name(state), bold=True, align="middle")
         for index, line in enumerate(lines, 1):
             yield Words((x, y + index * text.LINE), line, align="middle")
 
 
-def _moved(marks: Iterator[Mark], down: int) -> Iterator[Mark]:
-    for mark in marks:
-        if isinstance(mark, Line):
-            yield Line(tuple((x, y + down) for x, y in mark.points), mark.colour, mark.title)
-        elif isinstance(mark, Outline):
-            yield Outline(mark.x, mark.y + down, mark.w, mark.h, mark.fill, mark.colour, mark.strong, mark.title)
-        elif isinstance(mark, Dot):
-            yield Dot((mark.centre[0], mark.centre[1] + down), mark.radius)
-        else:
-            yield Words((mark.at[0], mark.at[1] + down), mark.text, mark.colour, mark.bold, mark.align)
-
-
 def arrow_head(line: Line) -> tuple[Point, ...]:
     """The triangle at the end of a line."""
     (x0, y0), (x1, y1) = line.points[-2:]
     dx, dy = (x1 > x0) - (x1 < x0), (y1 > y0) - (y1 < y0)
-    return (x1, y1), (x1 - 9 * dx + 4 * dy, y1 - 9 * dy + 4 * dx), (x1 - 9 * dx - 4 * dy, y1 - 9 * dy - 4 * dx)
+    x, y = x1 - _HEAD_LENGTH * dx, y1 - _HEAD_LENGTH * dy
+    return (x1, y1), (x + _HEAD_HALF * dy, y + _HEAD_HALF * dx), (x - _HEAD_HALF * dy, y - _HEAD_HALF * dx)

@@ -11,9 +11,9 @@ from tral_fsm.tuning.classical.experiments import relay, step, wall_gains
 from tral_fsm.tuning.classical.loops import Response
 from tral_fsm.tuning.evaluator import Evaluator, OnStage, Stage, Task
 from tral_fsm.tuning.found import Tuned
-from tral_fsm.tuning.landscape import CostPlane
+from tral_fsm.tuning.landscape import CostPlane, Sensitivity
 from tral_fsm.tuning.objective import Objective
-from tral_fsm.tuning.page_data import PageData, Surroundings, WallLoops
+from tral_fsm.tuning.page_data import PageData, WallLoops
 from tral_fsm.tuning.parameters import Parameter
 from tral_fsm.tuning.sensitivity import sensitivity
 
@@ -54,14 +54,14 @@ def examples(
         pooling=objective.pooling,
         command=command,
         version=version,
-        surroundings=_surroundings(tuned, task, objective, processes, size, on_stage) if size > 1 else None,
+        sensitivity=_sensitivity(tuned, task, objective, processes, size, on_stage) if size > 1 else None,
         loops=_wall_loops(tuned, on_stage),
     )
 
 
-def _surroundings(
+def _sensitivity(
     tuned: Tuned, task: Task, objective: Objective, processes: int, size: int, on_stage: OnStage | None
-) -> Surroundings | None:
+) -> Sensitivity | None:
     values = [each.before for each in tuned.parameters] if tuned.values is None else list(tuned.values)
     real = real_parameters(tuned.parameters)[:MAX_LINES]
     if not real:
@@ -76,8 +76,7 @@ def _surroundings(
             objective,
             size=size,
         )
-    landmarks = {} if found.plane is None else _landmarks(tuned.new, found.plane)
-    return Surroundings(plane=found.plane, lines=found.lines, courses=found.courses, landmarks=landmarks)
+    return found if found.plane is None else replace(found, landmarks=_landmarks(tuned.new, found.plane))
 
 
 def real_parameters(parameters: Sequence[Parameter]) -> list[int]:

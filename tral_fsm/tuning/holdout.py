@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,21 @@ from tral_fsm.tuning.objective import Objective
 
 MIN_COURSES = 6
 """Number of courses for a verdict: the sign test gives 2 / 2^5 > 5 % on five, and 2 / 2^6 < 5 % on six."""
+
+
+class Change(StrEnum):
+    """What the search has changed."""
+
+    BETTER = "better"
+    WORSE = "worse"
+    NOISE = "noise"
+
+
+_VERDICTS = {
+    Change.BETTER: "The tuned machine is better than the old one on courses that it was not tuned on.",
+    Change.WORSE: "The tuned machine is worse than the old one on courses that it was not tuned on.",
+    Change.NOISE: "The gain is within noise: on other courses the old machine may well be the better one.",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,13 +90,16 @@ class Comparison:
         )
 
     @property
+    def change(self) -> Change:
+        """Whether the new machine is better, worse, or neither beyond noise."""
+        if self.within_noise:
+            return Change.NOISE
+        return Change.WORSE if (self.cost.value or 0.0) > 0.0 else Change.BETTER
+
+    @property
     def verdict(self) -> str:
         """Verdict as a sentence."""
-        if self.within_noise:
-            return "The gain is within noise: on other courses the old machine may well be the better one."
-        if (self.cost.value or 0.0) > 0.0:
-            return "The tuned machine is worse than the old one on courses that it was not tuned on."
-        return "The tuned machine is better than the old one on courses that it was not tuned on."
+        return _VERDICTS[self.change]
 
     def record(self) -> dict[str, Any]:
         """As plain values."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,3 +41,16 @@ class CostLine:
     """(n,) cost at each value; NaN where the definition allows no such machine."""
     failed: Array
     """(n,) share of drives that did not arrive."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensitivity:
+    """Cost around a machine."""
+
+    plane: CostPlane | None
+    """Plane of the first two real parameters; None: there are fewer."""
+    lines: list[CostLine]
+    courses: int
+    """Number of courses that each point has driven."""
+    landmarks: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Classical gains in the plane: name -> (x, y)."""

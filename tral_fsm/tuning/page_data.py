@@ -2,25 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from tral_fsm.tuning.classical.design import Gains
 from tral_fsm.tuning.classical.loops import Response
 from tral_fsm.tuning.found import Tuned
-from tral_fsm.tuning.landscape import CostLine, CostPlane
-
-
-@dataclass(frozen=True, kw_only=True)
-class Surroundings:
-    """Cost around the machine that was found."""
-
-    plane: CostPlane | None
-    """Plane of the first two real parameters; None: there are fewer."""
-    lines: list[CostLine]
-    courses: int
-    """Number of courses that each point has driven."""
-    landmarks: dict[str, tuple[float, float]] = field(default_factory=dict)
-    """Classical gains in the plane: name -> (x, y)."""
+from tral_fsm.tuning.landscape import Sensitivity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +40,7 @@ class PageData:
     """The command line of the search."""
     version: str
     """Version of tral-env."""
-    surroundings: Surroundings | None = None
+    sensitivity: Sensitivity | None = None
     """Cost around the result; None: not driven."""
     loops: WallLoops | None = None
     """Step responses; None: the machine has no state that follows a wall."""

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.tuning.evaluator import Evaluator, SeededCourse
-from tral_fsm.tuning.landscape import CostLine, CostPlane
+from tral_fsm.tuning.landscape import CostLine, CostPlane, Sensitivity
 from tral_fsm.tuning.objective import Objective
 from tral_fsm.tuning.parameters import Parameter, Value, allowed, apply
 from tral_fsm.tuning.search.space import from_unit
@@ -18,16 +17,6 @@ from tral_fsm.tuning.search.space import from_unit
 Array = NDArray[np.float64]
 Axis = tuple[Parameter, Array]
 """A parameter and its values on the grid, (size,)."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Sensitivity:
-    """Cost around a machine."""
-
-    plane: CostPlane | None
-    lines: list[CostLine]
-    courses: int
-    """Number of courses that each point has driven."""
 
 
 def sensitivity(

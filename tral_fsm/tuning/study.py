@@ -302,7 +302,7 @@ def _found(study: Study, values: Values | None, old_trial: Trial, trials: list[T
         old_trial=old_trial,
         trials=trials,
         generations=[len(each) for each in study.journal.generations],
-        front=front(trials, objectives),
+        front=front(trials, objectives, study.objective.weights),
         objectives=objectives,
     )
 

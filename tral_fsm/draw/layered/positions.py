@@ -8,14 +8,17 @@ from collections.abc import Sequence
 from tral_fsm.draw.layered.graph import GRID, Graph
 
 _SWEEPS = 40
+"""Number of sweeps that bring slots near to their neighbours. Source: choice."""
 _STRAIGHTENING = 16
+"""Number of sweeps after these that make arrows straight. Source: choice."""
 _MAX_SLOTS = 1000
 """Number of slots from which on there are fewer sweeps, to limit the time. Source: choice."""
 _PASSING, _ENDING = 4.0, 1.0
 """Weights of a bend between two passing pieces of an arrow, and at a box. Source: choice."""
 _PLACED = 1.3
+"""Factor on the weight of slots that were placed in the same sweep. Source: choice."""
 
-Wish = tuple[float, float]
+Desired = tuple[float, float]
 """A place and its weight."""
 
 
@@ -36,9 +39,9 @@ def positions(graph: Graph, layers: Sequence[Sequence[int]]) -> list[float]:
         straighten = sweep >= finding
         forth = sweep % 2 == 1
         for layer in layers if forth else reversed(layers):
-            wishes = [_wishes(graph, slot, position, ends, forth) for slot in layer]
+            desired = [_desired(graph, slot, position, ends, forth) for slot in layer]
             gaps = [gap(graph, one, two) for one, two in itertools.pairwise(layer)]
-            for slot, now in zip(layer, settled(wishes, gaps, straighten), strict=True):
+            for slot, now in zip(layer, isotonic(desired, gaps, straighten), strict=True):
                 position[slot] = now
     # Gaps are multiples of the grid, so rounding all alike keeps them.
     exact = [float(GRID * int(p // GRID + (p % GRID >= GRID / 2))) for p in position]
@@ -98,14 +101,14 @@ def gap(graph: Graph, one: int, two: int) -> int:
     return -(-(a.after + b.before + GRID * boxes) // GRID) * GRID
 
 
-def _wishes(
+def _desired(
     graph: Graph, slot: int, position: Sequence[float], ends: dict[tuple[int, int], float], forth: bool
-) -> tuple[list[Wish], float]:
+) -> tuple[list[Desired], float]:
     """Places at which the links of a slot would be straight, and its present place.
 
     Slots that were placed just before have a larger weight, so that a straight line grows.
     """
-    wishes = []
+    desired = []
     for link, other, placed in [
         *((link, graph.links[link].near, forth) for link in graph.nearer[slot]),
         *((link, graph.links[link].far, not forth) for link in graph.farther[slot]),
@@ -115,24 +118,28 @@ def _wishes(
         alone = len(graph.nearer[slot] if link in graph.nearer[slot] else graph.farther[slot]) == 1
         own = 0.0 if alone else ends[link, slot] - position[slot]
         weight = (_PASSING if passing else _ENDING) * (_PLACED if placed else 1.0)
-        wishes.append((ends[link, other] - own, weight))
-    return wishes, position[slot]
+        desired.append((ends[link, other] - own, weight))
+    return desired, position[slot]
 
 
-def settled(wishes: Sequence[tuple[list[Wish], float]], gaps: Sequence[float], medians: bool) -> list[float]:
-    """Places in order, at least `gaps` apart, as near as possible to the wishes: isotonic regression.
+def isotonic(desired: Sequence[tuple[list[Desired], float]], gaps: Sequence[float], medians: bool) -> list[float]:
+    """Places in order, at least `gaps` apart, as near as possible to the desired ones: isotonic regression.
+
+    The pool adjacent violators algorithm: neighbours that would change their order become one block.
 
     Args:
-        wishes: for each place the wishes, and the place itself if there are none.
+        desired: for each place the desired ones, and the place itself if there are none.
         gaps: smallest distance of each place to the next.
-        medians: minimize the sum of distances, not of their squares, which meets most wishes exactly.
+        medians: minimize the sum of distances, not of their squares, which meets most of them exactly.
+
+    Source: Ayer et al. 1955, An empirical distribution function for sampling with incomplete information.
     """
     shift = 0.0
-    blocks: list[tuple[int, list[Wish], float]] = []
+    blocks: list[tuple[int, list[Desired], float]] = []
     shifts = []
-    for index, (wished, stay) in enumerate(wishes):
+    for index, (places, stay) in enumerate(desired):
         shifts.append(shift)
-        own = [(place - shift, weight) for place, weight in wished] or [(stay - shift, 1e-3)]
+        own = [(place - shift, weight) for place, weight in places] or [(stay - shift, 1e-3)]
         count, value = 1, _middle(own, medians)
         while blocks and blocks[-1][2] >= value:
             before, theirs, _ = blocks.pop()
@@ -144,16 +151,16 @@ def settled(wishes: Sequence[tuple[list[Wish], float]], gaps: Sequence[float], m
     return [value + shift for value, shift in zip(values, shifts, strict=True)]
 
 
-def _middle(wishes: list[Wish], median: bool) -> float:
-    total = sum(weight for _, weight in wishes)
+def _middle(desired: list[Desired], median: bool) -> float:
+    total = sum(weight for _, weight in desired)
     if not median:
-        return sum(place * weight for place, weight in wishes) / total
+        return sum(place * weight for place, weight in desired) / total
     half = 0.0
-    for place, weight in sorted(wishes):
+    for place, weight in sorted(desired):
         half += weight
         if half >= total / 2.0:
             return place
-    raise AssertionError("no wishes")
+    raise AssertionError("no desired place")
 
 
 def link_ends(graph: Graph, position: Sequence[float]) -> dict[tuple[int, int], float]:
@@ -169,9 +176,9 @@ def link_ends(graph: Graph, position: Sequence[float]) -> dict[tuple[int, int], 
             low = position[slot] - what.reach
             step = min(2 * GRID, GRID * (2 * what.reach // max(1, len(links) - 1) // GRID))
             high = position[slot] + what.reach - step * (len(links) - 1)
-            wishes = [([(float(position[others[link]]), 1.0)], 0.0) for link in ordered]
+            desired = [([(float(position[others[link]]), 1.0)], 0.0) for link in ordered]
             for index, (link, at) in enumerate(
-                zip(ordered, settled(wishes, [step] * (len(links) - 1), medians=True), strict=True)
+                zip(ordered, isotonic(desired, [step] * (len(links) - 1), medians=True), strict=True)
             ):
                 ends[link, slot] = min(max(at - index * step, low), high) + index * step
     return ends

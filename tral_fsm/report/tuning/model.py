@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from tral_fsm.report.tuning.figures import NEW, OLD, figure
+from tral_fsm.report.tuning.plots import NEW, OLD, figure
 from tral_fsm.tuning.classical.design import Gains, LinearCar, lqr, margins, step_response
 from tral_fsm.tuning.classical.loops import Response
 

@@ -12,12 +12,13 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from tral_fsm.evaluation.seeds import stretches
-from tral_fsm.report.tuning import figures as pictures
 from tral_fsm.report.tuning import model as tuning_model
+from tral_fsm.report.tuning import plots
 from tral_fsm.tuning.classical.loops import WallGains
 from tral_fsm.tuning.found import Tuned
-from tral_fsm.tuning.holdout import Comparison
-from tral_fsm.tuning.page_data import PageData, Surroundings
+from tral_fsm.tuning.holdout import Change, Comparison
+from tral_fsm.tuning.landscape import Sensitivity
+from tral_fsm.tuning.page_data import PageData
 from tral_fsm.tuning.tables import MARGIN_HEADER, before_cell, estimate_cell, margin_cells, range_cell, value_cell
 
 
@@ -44,7 +45,7 @@ def report_html(page: PageData) -> str:
 
 
 def context(page: PageData) -> dict[str, Any]:
-    """Content of the template: plain texts, lists of cells, and pictures."""
+    """Content of the template: plain texts, lists of cells, and plots."""
     return {
         "title": f"Tuning of {page.tuned.old.name or 'a machine'}",
         **_head(page),
@@ -57,10 +58,9 @@ def context(page: PageData) -> dict[str, Any]:
 
 def _head(page: PageData) -> dict[str, Any]:
     tuned, comparison = page.tuned, page.tuned.comparison
-    noise = comparison is None or comparison.within_noise
     return {
         "verdict": tuned.verdict,
-        "verdict_class": "noise" if noise else "better" if "better" in tuned.verdict else "worse",
+        "verdict_class": Change.NOISE if comparison is None else comparison.change,
         "scenarios": ", ".join(page.scenarios),
         "seeds": stretches(page.seeds),
         "randomization": page.randomization,
@@ -104,7 +104,7 @@ def _checked(found: Comparison | None) -> dict[str, Any] | None:
 def _numbers(tuned: Tuned) -> dict[str, list[list[str]]]:
     values = tuned.values or (None,) * len(tuned.parameters)
     rows = [
-        [pictures.named(each), before_cell(each), before_cell(each) if value is None else value_cell(value),
+        [plots.named(each), before_cell(each), before_cell(each) if value is None else value_cell(value),
          range_cell(each)]
         for each, value in zip(tuned.parameters, values, strict=True)
     ]  # fmt: skip
@@ -127,26 +127,26 @@ def _pictures_of_search(page: PageData) -> list[Picture]:
     if tuned.old_drives:
         shown.append(
             picture(
-                pictures.histogram(tuned.old_drives, tuned.new_drives),
+                plots.histogram(tuned.old_drives, tuned.new_drives),
                 "Clearance on the held-out courses",
                 "Every tick on plain straight walls; what is beyond half a metre is counted at the edge.",
             )
         )
     shown.append(
         picture(
-            pictures.convergence(tuned.trials, tuned.old_trial),
+            plots.convergence(tuned.trials, tuned.old_trial),
             "The search",
             "Each dot is a candidate. One that dropped out of its race counts as no better than the weakest that "
             "stayed.",
         )
     )
-    if page.surroundings is not None:
-        shown += _pictures_of_surroundings(tuned, page.surroundings)
+    if page.sensitivity is not None:
+        shown += _pictures_of_sensitivity(tuned, page.sensitivity)
     chosen = next((each for each in tuned.trials if each.full and each.values == tuned.values), None)
     if tuned.front:
         shown.append(
             picture(
-                pictures.pareto(tuned.trials, tuned.front, tuned.old_trial, chosen, tuned.objectives),
+                plots.pareto(tuned.trials, tuned.front, tuned.old_trial, chosen, tuned.objectives),
                 "What must be traded for what",
                 "Candidates whose drives all arrived, on the courses of the search.",
             )
@@ -154,7 +154,7 @@ def _pictures_of_search(page: PageData) -> list[Picture]:
     return shown
 
 
-def _pictures_of_surroundings(tuned: Tuned, around: Surroundings) -> list[Picture]:
+def _pictures_of_sensitivity(tuned: Tuned, around: Sensitivity) -> list[Picture]:
     shown = []
     values = dict(zip((each.label for each in tuned.parameters), tuned.values or (), strict=False))
     old = [float(line.parameter.before) for line in around.lines]
@@ -162,11 +162,11 @@ def _pictures_of_surroundings(tuned: Tuned, around: Surroundings) -> list[Pictur
     if around.plane is not None:
         marks = _marks(tuned, found, old) | around.landmarks
         caption = f"{around.plane.cost.size} points, {around.courses} courses each, all other parameters as found."
-        shown.append(picture(pictures.plane(around.plane, marks), "Cost over two parameters", caption))
+        shown.append(picture(plots.plane(around.plane, marks), "Cost over two parameters", caption))
     caption = (
         f"One parameter at a time, {around.courses} courses. Black: found; dashes: as it was; crosses: drives fail."
     )
-    shown.append(picture(pictures.sensitivity(around.lines, found, old), "How much each parameter matters", caption))
+    shown.append(picture(plots.sensitivity(around.lines, found, old), "How much each parameter matters", caption))
     return shown
 
 
@@ -181,11 +181,13 @@ def _pictures_of_loops(page: PageData) -> list[Picture]:
     """Pictures of a wall following state before and after, in the linear model and in the simulation."""
     if page.loops is None:
         return []
+    _, _, response = next(iter(page.loops.responses.values()))
     return [
         picture(
             tuning_model.steps(page.loops.responses),
-            f"A step of 15 cm in wanted clearance, state {page.loops.state}",
-            "Simulated without randomization (line: mean of 8 cars; band: all), clips off; dashes: linear model.",
+            f"A step of {100 * response.step_m:.3g} cm in wanted clearance, state {page.loops.state}",
+            f"Simulated with randomization {response.randomization!r} (line: mean of {len(response.clearance)} cars; "
+            "band: all), clips off; dashes: linear model.",
         ),
         picture(
             tuning_model.stability(page.loops.gains),

@@ -92,7 +92,8 @@ def step(
             for row in np.flatnonzero(stepped & ~ended & (count < keep)):
                 clearance[row, count[row]] = now[row]
                 count[row] += 1
-    return Response(time=CONTROL_PERIOD_S * np.arange(keep, dtype=np.float64), clearance=clearance)
+    time = CONTROL_PERIOD_S * np.arange(keep, dtype=np.float64)
+    return Response(time=time, clearance=clearance, step_m=size, randomization=randomization)
 
 
 def relay(

@@ -32,6 +32,10 @@ class Response:
     """(k,) time since the step, s."""
     clearance: Array
     """(n, k) true clearance of n cars as a share of the step: 0 before it, 1 wanted after it."""
+    step_m: float
+    """Height of the step, m."""
+    randomization: str = "none"
+    """Level at which the cars differ: none, default or hard."""
 
     @property
     def mean(self) -> Array:

@@ -150,9 +150,7 @@ class OptunaSearch:
         """Values that the study minimizes: the cost, or the objectives, each with the cost of failures."""
         if not self.objectives:
             return [done.cost]
-        by_name = dict(zip(PARTS, done.parts, strict=True))
-        failing = self.weights.failure * by_name["failure"] + self.weights.unfinished * by_name["unfinished"]
-        return [getattr(self.weights, name) * by_name[name] + failing for name in self.objectives]
+        return list(objective_costs(done, self.objectives, self.weights))
 
     @property
     def trials(self) -> list[Trial]:
@@ -180,14 +178,16 @@ def _distribution(optuna: Any, parameter: Parameter) -> Any:
     return optuna.distributions.FloatDistribution(parameter.low, parameter.high, log=parameter.log)
 
 
-def front(trials: Sequence[Trial], objectives: Sequence[str]) -> list[Trial]:
-    """Pareto front: trials that no other trial dominates; failed drives count more than any objective.
+def front(trials: Sequence[Trial], objectives: Sequence[str], weights: Weights | None = None) -> list[Trial]:
+    """Pareto front: trials that no other trial dominates in `objective_costs`.
 
     Args:
         trials: the trials, of which those count that drove all courses.
         objectives: some of `OBJECTIVES`.
+        weights: weights of the search.
     """
-    rows = [(each, _judged(each, objectives)) for each in trials if each.full]
+    weights = weights or Weights()
+    rows = [(each, objective_costs(each, objectives, weights)) for each in trials if each.full]
     best = [
         (each, mine)
         for each, mine in rows
@@ -197,7 +197,8 @@ def front(trials: Sequence[Trial], objectives: Sequence[str]) -> list[Trial]:
     return list(unique.values())
 
 
-def _judged(each: Trial, objectives: Sequence[str]) -> tuple[float, ...]:
-    by_name = dict(zip(PARTS, each.parts, strict=True))
-    failing = 100.0 * (by_name["failure"] + by_name["unfinished"])
-    return tuple(by_name[name] + failing for name in objectives)
+def objective_costs(done: Trial, objectives: Sequence[str], weights: Weights) -> tuple[float, ...]:
+    """Weighted part of each objective; the cost of failed drives is added to each."""
+    by_name = dict(zip(PARTS, done.parts, strict=True))
+    failing = weights.failure * by_name["failure"] + weights.unfinished * by_name["unfinished"]
+    return tuple(getattr(weights, name) * by_name[name] + failing for name in objectives)
