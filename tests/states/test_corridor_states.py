@@ -5,12 +5,15 @@ import math
 from typing import Any
 
 import pytest
+import toy
 from readings import one_state, two_states
 
+from tral_env.geometry import FRONT_SONAR_X_M, curvature
 from tral_fsm import FormatError
 from tral_fsm.estimation.estimate import CarEstimate
+from tral_fsm.estimation.front_obstacle import FrontObstacle
 from tral_fsm.formats.tral_json import loads
-from tral_fsm.states.corridor import BackUp, BackUpSpec
+from tral_fsm.states.corridor import BackUp, BackUpSpec, Turn, TurnSpec
 
 CRUISE = {"type": "FollowCorridor", "throttle": 0.2}
 
@@ -61,10 +64,43 @@ class TestStates:
         assert pushed[:8] == [-0.3] * 8
         assert pushed[9:] == [0.0] * 3
 
-    @pytest.mark.parametrize(("side", "sign"), [("left", 1), ("right", -1)])
-    def test_a_turn_steers_to_its_side_with_the_lock_that_fits(self, side: str, sign: int) -> None:
-        far = one_state(type="Turn", side=side, throttle=0.2, lock=0.85)
-        assert far.tick()[0] == pytest.approx(sign * 0.85)
+
+class TestTurn:
+    @staticmethod
+    def begun(obstacle: float, **given: Any) -> float:
+        """Steering at the beginning of a turn, with an obstacle ahead [m]."""
+        turn = Turn(TurnSpec(id=0, throttle=0.2, **given))
+        estimate = CarEstimate(obstacle=FrontObstacle(range=obstacle))
+        turn.on_enter(estimate)
+        steering = turn.tick(estimate).steering
+        assert steering is not None
+        return steering
+
+    @pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
+    def test_its_circle_ends_beside_the_wall_ahead(self, side: str, sign: float) -> None:
+        # from the rear axle: radius 1 m, then 0.65 m of room; 0.25 m are kept for lateness
+        obstacle = 1.0 + 0.65 + 0.25 - FRONT_SONAR_X_M
+        steering = self.begun(obstacle, side=side, room=0.65, lock=0.1)
+        assert curvature(steering) == pytest.approx(sign * 1.0)
+
+    def test_it_steers_by_at_least_its_share_of_full_lock(self) -> None:
+        assert self.begun(5.0, lock=0.85) == pytest.approx(0.85)
+
+    def test_a_wall_that_is_too_near_asks_for_no_more_than_every_car_can(self) -> None:
+        assert self.begun(0.2, lock=0.1) == pytest.approx(0.9)
+
+    @pytest.mark.parametrize("tolerance", [2.0, 10.0])
+    @pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
+    def test_it_ends_within_its_tolerance_of_a_right_angle(self, side: str, sign: float, tolerance: float) -> None:
+        turn = {"type": "Turn", "side": side, "speed": 0.5, "tolerance_deg": tolerance}
+        bench = two_states({"type": "Finished"}, turn)
+        world = toy.Toy([])
+        rest = []
+        while bench.active == "a":
+            world.drive(toy.one_car(bench.driver), toy.TICK)
+            rest.append(90.0 - sign * math.degrees(bench.estimate.yaw))
+        assert rest[-1] <= tolerance < rest[-2]
+        assert math.degrees(world.yaw) == pytest.approx(sign * (90.0 - tolerance), abs=8.0)
 
 
 class TestBackUp:

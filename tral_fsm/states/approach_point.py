@@ -62,6 +62,12 @@ class ApproachPoint(DrivingState[ApproachPointSpec]):
     """Drives to a point by dead reckoning: on a circle through it, or, with a heading, onto its axis."""
 
     finished = False
+    gate = NO_GATE
+    """Id of the gate that the point stands before."""
+    free = True
+    """The car may pass the point in any direction."""
+    point: Pose = (0.0, 0.0, 0.0)
+    """Where the car drives to, in the frame of dead reckoning."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
         """Aim at the spec's point, seen from the car now."""
@@ -69,7 +75,7 @@ class ApproachPoint(DrivingState[ApproachPointSpec]):
         self.finished = False
         self.gate = NO_GATE
         self.free = spec.heading_deg is None
-        self.point: Pose = estimate.to_reckoning((spec.x, spec.y, math.radians(spec.heading_deg or 0.0)))
+        self.point = estimate.to_reckoning((spec.x, spec.y, math.radians(spec.heading_deg or 0.0)))
 
     def set_target(self, estimate: CarEstimate, target: Pose, gate: int = NO_GATE) -> None:
         """Aim at the point `before` the one that is handed over, on its axis."""

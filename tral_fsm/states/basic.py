@@ -41,6 +41,8 @@ class Motor(DrivingState[MotorSpec]):
     """Fixed steering and speed."""
 
     finished = False
+    entry = 0.0
+    """`CarEstimate.distance` at entry, m."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
         """Remember where the state began."""
@@ -81,6 +83,11 @@ class StopSpec(StateSpec):
 
 class Stop(State[StopSpec]):
     """Brakes against the direction in which the car rolls, then stays in neutral, so that the car does not reverse."""
+
+    until = 0.0
+    """Time until which the state brakes in any case, s."""
+    direction = 1.0
+    """Direction in which the car rolled at entry: +1 forward, -1 backward."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
         """Remember when the state began and in which direction the car rolls."""

@@ -245,6 +245,8 @@ class BackUp(State[BackUpSpec]):
     """Drives in reverse, where the wheels turn the car the other way."""
 
     finished = False
+    entry = 0.0
+    """`CarEstimate.distance` at entry, m."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
         """Remember where the state began."""

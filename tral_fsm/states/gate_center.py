@@ -10,6 +10,7 @@ from tral_fsm.control.command import Command
 from tral_fsm.definition.machine import DrivingSpec
 from tral_fsm.definition.needs import DISTANCE, GATE
 from tral_fsm.definition.validated import quantity
+from tral_fsm.estimation.detections import NOTHING
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import DrivingState
 
@@ -45,6 +46,14 @@ class ArucoGateCenter(DrivingState[ArucoGateCenterSpec]):
     """
 
     finished = False
+    gate = NOTHING
+    """The gate to whose middle the car turns."""
+    entry = 0.0
+    """`CarEstimate.distance` at entry, m."""
+    side = 0.0
+    """Side of the middle in the tick before: +1 left, -1 right, 0 not known."""
+    error = math.nan
+    """Angle to the axis in the tick before, rad."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
         """Nothing is known of the gate's side yet."""

@@ -89,6 +89,16 @@ class SCurve(DrivingState[SCurveSpec]):
     """
 
     finished = False
+    gate = NO_GATE
+    """Id of the gate that the arcs end before."""
+    target: Pose = (0.0, 0.0, 0.0)
+    """Where the arcs end, in the frame of dead reckoning."""
+    arcs: Biarc | None = None
+    """None: no two arcs lead to the target."""
+    begin: Pose = (0.0, 0.0, 0.0)
+    """Where the arcs begin, seen from the target."""
+    turning: Pose = (0.0, 0.0, 0.0)
+    """Where one arc meets the other, seen from the target."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
         """Plan the way to the spec's point, seen from the car now."""
@@ -105,7 +115,6 @@ class SCurve(DrivingState[SCurveSpec]):
     def plan_to(self, estimate: CarEstimate, pose: Pose, before: float) -> None:
         """Plan the way to a pose of dead reckoning."""
         self.target = along(pose, -before - self.spec.straight)
-        """Where the arcs end."""
         self.plan(estimate)
 
     def plan(self, estimate: CarEstimate) -> None:

@@ -244,6 +244,15 @@ class FollowWallRamp(WallState[FollowWallRampSpec]):
     """Wall following with a clearance that is linear in the distance driven. It is finished where the distance ends."""
 
     finished = False
+    entry = 0.0
+    """`CarEstimate.distance` at entry, m."""
+
+    def __init__(self, spec: FollowWallRampSpec) -> None:
+        super().__init__(spec)
+        self.start = self.target = spec.target
+        """Clearance at the beginning and at the end, m."""
+        self.length = spec.distance
+        """Distance over which it changes, m."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
         """Start from the clearance of the spec, or from the range now."""
