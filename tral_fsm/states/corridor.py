@@ -13,8 +13,9 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from tral_env.geometry import FRONT_SONAR_X_M
+from tral_env.se2 import clip
 from tral_fsm.control.command import Command
-from tral_fsm.control.laws import clip, slowed, steering_for
+from tral_fsm.control.laws import clipped_steering_for, slowed
 from tral_fsm.definition.machine import DrivingSpec
 from tral_fsm.definition.validated import Side, quantity
 from tral_fsm.estimation.estimate import CarEstimate
@@ -89,7 +90,7 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
         approach = clip(self.offset / (2.0 * spec.length) + slope, self.steepest)
         path_curvature = 2.0 / spec.length * (approach - math.sin(estimate.heading))
         wanted = (self.reference, self.clearance) if self.reference else NO_CLEARANCE
-        steering, speed = clip(steering_for(path_curvature), _SURE_LOCK), self.speed_now(estimate)
+        steering, speed = clip(clipped_steering_for(path_curvature), _SURE_LOCK), self.speed_now(estimate)
         return self.drive(steering, speed, wanted=wanted)
 
     def shift(self, estimate: CarEstimate) -> float:
@@ -160,14 +161,14 @@ class Turn(DrivingState[TurnSpec]):
         sign = 1.0 if self.spec.side == "left" else -1.0
         self.target_yaw = estimate.along + sign * _QUARTER
         radius = max(estimate.obstacle.range + FRONT_SONAR_X_M - _LATE - self.spec.room, 0.1)
-        self.lock = max(min(steering_for(1.0 / radius), _SURE_LOCK), self.spec.lock)
+        self.lock = max(min(clipped_steering_for(1.0 / radius), _SURE_LOCK), self.spec.lock)
 
     def tick(self, estimate: CarEstimate) -> Command:
         """Steer to that direction."""
         spec = self.spec
         rest = self.target_yaw - estimate.yaw
         self.finished = abs(rest) <= math.radians(spec.tolerance_deg)
-        return self.drive(clip(steering_for(2.0 / spec.length * math.sin(clip(rest, _QUARTER))), self.lock))
+        return self.drive(clip(clipped_steering_for(2.0 / spec.length * math.sin(clip(rest, _QUARTER))), self.lock))
 
 
 class BackUpSpec(DrivingSpec):
@@ -196,4 +197,4 @@ class BackUp(DrivingState[BackUpSpec]):
     def tick(self, estimate: CarEstimate) -> Command:
         """Steer so that the car points along the corridor in the end."""
         self.finished = estimate.distance - self.entry >= self.spec.distance
-        return self.drive(steering_for(2.0 / self.spec.length * math.sin(estimate.heading)))
+        return self.drive(clipped_steering_for(2.0 / self.spec.length * math.sin(estimate.heading)))

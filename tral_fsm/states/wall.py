@@ -9,9 +9,9 @@ from typing import Any, ClassVar, Literal, TypeVar
 from pydantic import Field
 
 from tral_env.interface import NO_ECHO_M
-from tral_env.se2 import Pose
+from tral_env.se2 import Pose, clip
 from tral_fsm.control.command import Command
-from tral_fsm.control.laws import clip, damping, pid, pid_rate, ramp, slowed, steering_for
+from tral_fsm.control.laws import clipped_steering_for, damping, pid, pid_rate, ramp, slowed
 from tral_fsm.definition.machine import DrivingSpec
 from tral_fsm.definition.validated import Side, quantity
 from tral_fsm.estimation.estimate import CarEstimate
@@ -161,7 +161,7 @@ class WallState(DrivingState[W]):
 
 def hold_course(estimate: CarEstimate) -> float:
     """Steering that turns the car back to the corridor's direction and keeps it there."""
-    return steering_for(-2.0 / _HOLD_LENGTH * math.sin(estimate.heading))
+    return clipped_steering_for(-2.0 / _HOLD_LENGTH * math.sin(estimate.heading))
 
 
 def _clearance() -> Any:
