@@ -55,6 +55,9 @@ HALL_METRES_PER_TICK = 0.02513
 """The rim of the rear left wheel travels this far from one tick of the hall sensor to the next: 8 magnets, 2 pi 0.032
 / 8. Source: ucboard."""
 
+STANDING_MPS = 0.05
+"""Below this speed the car counts as standing, m/s. Source: choice, half of the hall sensor's slowest reading."""
+
 
 def steering_play(speed: float) -> float:
     """Play of the steering at a speed [m/s], in units of steering: play / sqrt(1 + (v / v0)^2).

@@ -1,4 +1,4 @@
-"""Poses in the plane: compose, invert, transform, wrap.
+"""Poses in the plane: compose, invert, transform, wrap, clip.
 
 A pose is x [m], y [m], yaw [rad, counter-clockwise] of a frame in another one. Functions on floats serve one car at a
 time; their twins that end in `_n` take arrays of poses (..., 3) and points (..., 2). `wrap` and `rotate` take either.
@@ -17,6 +17,11 @@ Pose = tuple[float, float, float]
 """x [m], y [m], yaw [rad]."""
 Number = TypeVar("Number", float, NDArray[np.float64], NDArray[np.floating])
 """A float, or an array of any shape."""
+
+
+def clip(value: float, limit: float = 1.0) -> float:
+    """Bring a value into [-limit, limit]."""
+    return -limit if value < -limit else limit if value > limit else value
 
 
 def wrap(angle: Number) -> Number:

@@ -12,6 +12,7 @@ import toy
 from tral_fsm import conditions, load_machine, states
 from tral_fsm.control.command import IDLE
 from tral_fsm.control.speed import SpeedController
+from tral_fsm.estimation import estimator
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.estimation.estimator import Estimator
 from tral_fsm.runtime.machine import Machine
@@ -48,6 +49,12 @@ def test_states_and_conditions_know_nothing_of_estimation_but_what_is_immutable(
     ] == []
 
 
+def test_the_estimator_knows_no_commands_and_no_laws() -> None:
+    known = [thing for thing in vars(estimator).values() if hasattr(thing, "__module__")]
+    assert known
+    assert [thing for thing in known if thing.__module__.startswith("tral_fsm.control")] == []
+
+
 @pytest.mark.parametrize("name", ["office", "wall", "corridor"])
 def test_a_machine_leaves_the_estimator_and_its_estimate_as_they_were(name: str) -> None:
     machine, estimator, speed_controller = Machine(load_machine(name)), Estimator(), SpeedController()
@@ -55,7 +62,7 @@ def test_a_machine_leaves_the_estimator_and_its_estimate_as_they_were(name: str)
 
     def act(observation: np.ndarray) -> np.ndarray:
         nonlocal command
-        estimate = estimator.update(observation.tolist(), command)
+        estimate = estimator.update(observation.tolist(), command.steering_trim, command.target)
         before = pickle.dumps((estimator, estimate))
         command = machine.tick(estimate)
         assert pickle.dumps((estimator, estimate)) == before

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tral_env.geometry import curvature, steering_play
 from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT
-from tral_fsm.control.laws import clip
+from tral_env.se2 import clip
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.estimation.estimator import Estimator
 from tral_fsm.estimation.gate_tracker import GateTracker

@@ -6,9 +6,8 @@ import pytest
 from readings import Bench, one_state, two_states
 
 from tral_env.geometry import curvature, steering_play
-from tral_env.se2 import Pose, relative
+from tral_env.se2 import Pose, clip, relative
 from tral_fsm.control import biarc as arcs
-from tral_fsm.control.laws import clip
 
 HERE = (0.0, 0.0, 0.0)
 TICK = 1 / 80
@@ -34,7 +33,7 @@ def approach(
         behind = steering + trim - wheel
         wheel += clip(behind - clip(behind, steering_play(speed)), TICK / 0.15)
         bend = curvature(wheel)
-        pose = arcs.along(pose, speed * TICK, bend)
+        pose = arcs.pose_on_arc(pose, speed * TICK, bend)
         driven += speed * TICK * (1 - bend * 0.155 / 2)
     return relative(gate, pose), bench
 

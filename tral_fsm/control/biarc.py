@@ -8,8 +8,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tral_env.se2 import Pose, relative
-from tral_fsm.control.laws import clip
+from tral_env.se2 import Pose, clip, relative
 
 _MAX_TURN = 0.75 * math.pi
 """Neither arc turns by more: a car that needs more drives past and comes again."""
@@ -30,7 +29,7 @@ class Biarc(NamedTuple):
     """Length of the second, m."""
 
 
-def along(frame: Pose, distance: float, curvature: float = 0.0) -> Pose:
+def pose_on_arc(frame: Pose, distance: float, curvature: float = 0.0) -> Pose:
     """The pose after a distance [m] on an arc that begins at a pose."""
     turn = curvature * distance
     half = turn / 2.0
@@ -39,7 +38,7 @@ def along(frame: Pose, distance: float, curvature: float = 0.0) -> Pose:
     return x + chord * math.cos(heading + half), y + chord * math.sin(heading + half), heading + turn
 
 
-def beside(x: float, y: float, curvature: float) -> Pose:
+def arc_coordinates(x: float, y: float, curvature: float) -> Pose:
     """Where a point is beside an arc: distance along it [m], offset to its left [m], direction of the arc there."""
     if abs(curvature) < 1e-9:
         return x, y, 0.0
@@ -73,12 +72,12 @@ def _through(curvature: float, end: Pose, sin: float, cos: float) -> Biarc | Non
         middle = (end[0] / 2.0, end[1] / 2.0)
     else:
         middle = ((end[0] + sin / curvature) / 2.0, (end[1] + (1.0 - cos) / curvature) / 2.0)
-    first = beside(*middle, curvature)[0]
-    turning = along((0.0, 0.0, 0.0), first, curvature)
-    second = beside(*relative(turning, end)[:2], -curvature)[0]
+    first = arc_coordinates(*middle, curvature)[0]
+    turning = pose_on_arc((0.0, 0.0, 0.0), first, curvature)
+    second = arc_coordinates(*relative(turning, end)[:2], -curvature)[0]
     if min(first, second) < -_TOLERANCE_M or max(first, second) * abs(curvature) > _MAX_TURN:
         return None
-    x, y, _ = along(turning, second, -curvature)
+    x, y, _ = pose_on_arc(turning, second, -curvature)
     if math.hypot(x - end[0], y - end[1]) > _TOLERANCE_M:
         return None
     return Biarc(curvature, max(first, 0.0), max(second, 0.0))
@@ -102,13 +101,13 @@ def out_of_reach(pose: Pose, radius: float, aside: float) -> str:
         return f"the target is {-ahead:.2f} m behind"
     if abs(heading) <= _MAX_ANGLE and abs(offset - ahead * math.tan(heading)) <= aside:
         return ""
-    bend = math.inf
+    curvature = math.inf
     for near in (clip(offset, aside), 0.0, aside, -aside):
         arcs = biarc(x - sin * near, y + cos * near, heading)
         if arcs is not None:
-            bend = min(bend, abs(arcs.curvature))
-            if bend * radius <= 1.0:
+            curvature = min(curvature, abs(arcs.curvature))
+            if curvature * radius <= 1.0:
                 return ""
-    if bend == math.inf:
+    if curvature == math.inf:
         return f"no way leads to {x:.2f}, {y:+.2f} m, {math.degrees(heading):+.0f} deg"
-    return f"an arc of {1.0 / bend:.2f} m is needed, {radius:.2f} m the least"
+    return f"an arc of {1.0 / curvature:.2f} m is needed, {radius:.2f} m the least"

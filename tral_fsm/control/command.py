@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
+
+from tral_fsm.estimation.detections import Detection
 
 
 class Command(NamedTuple):
@@ -26,8 +28,8 @@ class Command(NamedTuple):
     """Wall that the state keeps a clearance to: +1 left, -1 right, NaN none."""
     wanted_clearance: float = math.nan
     """That clearance, from side ultrasonic to wall, m."""
-    target: Any = None
-    """A gate that is the target from now on, a `Detection`; None: no change. The machine fills it in."""
+    target: Detection | None = None
+    """A gate that is the target from now on; None: no change. The machine fills it in."""
 
 
 IDLE = Command()

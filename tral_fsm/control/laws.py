@@ -9,16 +9,12 @@ import math
 
 from tral_env import geometry
 from tral_env.geometry import FULL_LOCK, WHEELBASE_M
+from tral_env.se2 import clip
 
 PID_S = 0.0125
 """Time of a tick in the controllers of 2016, s."""
 PID_INVS = 80.0
 """1 / PID_S, Hz."""
-
-
-def clip(value: float, limit: float = 1.0) -> float:
-    """Bring a value into [-limit, limit]."""
-    return -limit if value < -limit else limit if value > limit else value
 
 
 def pid(p: float, i: float, d: float, error: float, error_sum: float, error_old: float) -> float:
@@ -35,7 +31,7 @@ def pid(p: float, i: float, d: float, error: float, error_sum: float, error_old:
     Returns:
         y, steering towards the wall, not yet clipped.
     """
-    return p * error + i * error_sum * PID_S + d * (error - error_old) * PID_INVS
+    return pid_rate(p, i, d, error, error_sum, (error - error_old) * PID_INVS)
 
 
 def pid_rate(p: float, i: float, d: float, error: float, error_sum: float, rate: float) -> float:
@@ -84,14 +80,14 @@ def ramp(start: float, target: float, distance: float, driven: float) -> float:
     return start + (target - start) * driven / distance
 
 
-def steering_for(path_curvature: float) -> float:
+def clipped_steering_for(path_curvature: float) -> float:
     """Steering command in [-1, 1] for a curvature [1/m], + = left."""
     return clip(geometry.steering_for(path_curvature))
 
 
 def pursuit(x: float, y: float) -> float:
     """Steering onto the circle through a point (x forward, y left) [m]: curvature 2 y / (x^2 + y^2)."""
-    return steering_for(2.0 * y / max(x * x + y * y, 1e-6))
+    return clipped_steering_for(2.0 * y / max(x * x + y * y, 1e-6))
 
 
 def curvature_onto(
@@ -112,7 +108,11 @@ def curvature_onto(
 
 def line(offset: float, heading: float, length: float, steepest: float = math.pi / 4.0, slope: float = 0.0) -> float:
     """Steering in [-1, 1] with the curvature of `curvature_onto`."""
+<<<<<<< HEAD
     return steering_for(curvature_onto(offset, heading, length, steepest, slope))
+=======
+    return clipped_steering_for(curvature_onto(offset, heading, length, steepest))
+>>>>>>> w-est
 
 
 def slowed(speed: float | None, slow_speed: float, slow_front: float | None, front: float) -> float | None:

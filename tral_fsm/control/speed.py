@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from tral_env.geometry import STANDING_MPS
+from tral_env.se2 import clip
 from tral_fsm.control.command import Command
-from tral_fsm.control.laws import PID_S, clip
+from tral_fsm.control.laws import PID_S
 
 THROTTLE_DEAD = 0.1
 """Throttle at which the car begins to roll. Source: line through the level/speed table of the same cars."""
@@ -15,8 +17,9 @@ SPEED_I = 0.25
 """Throttle a second for a speed error of 1 m/s, which weight and battery cause. Source: choice."""
 SPEED_I_LIMIT = 0.25
 """The integral adds at most this much throttle. Source: choice."""
-STANDING_MPS = 0.05
-"""Below this speed the car counts as standing, m/s. Source: choice, half of the hall sensor's slowest reading."""
+_MIN_BRAKING_MPS = 0.15
+"""A slower car is not braked by the regulator, m/s: at standstill that would be reverse gear. Source: choice, one and a
+half times the hall sensor's slowest reading."""
 STALL_TICKS = 80
 """A car that stands for so long although it should drive gets neutral. Source: choice."""
 NEUTRAL_TICKS = 16
@@ -43,7 +46,7 @@ def speed_control(wanted: float, speed: float, integral: float) -> tuple[float, 
     error = wanted - speed
     integral = clip(integral + SPEED_I * error * PID_S, SPEED_I_LIMIT)
     throttle = clip(feed_forward(wanted) + SPEED_P * error + integral)
-    return (max(throttle, 0.0) if speed < 0.15 else throttle), integral
+    return (max(throttle, 0.0) if speed < _MIN_BRAKING_MPS else throttle), integral
 
 
 class SpeedController:

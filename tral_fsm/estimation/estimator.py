@@ -7,9 +7,7 @@ from collections.abc import Sequence
 
 from tral_env.geometry import MARKER_BOARD_WIDTH_M
 from tral_env.interface import CONTROL_PERIOD_S
-from tral_env.se2 import compose
-from tral_fsm.control.command import IDLE, Command
-from tral_fsm.control.laws import clip
+from tral_env.se2 import clip, compose
 from tral_fsm.estimation.detections import MIN_SUPPORT, NOTHING, Agreement, Detection
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.estimation.front_obstacle import FrontObstacleTracker
@@ -67,12 +65,19 @@ class Estimator:
         self._marker = NOTHING
         self._walls_now = self.walls.left.estimate, self.walls.right.estimate, self.walls.sure
 
-    def update(self, row: Sequence[float], command: Command = IDLE) -> CarEstimate:
+    def straight_steering(self, given_trim: float | None) -> float:
+        """Steering at which the car drives straight: the trim that its file gives, and the learnt offset."""
+        return self.steering_offset + (given_trim or 0.0)
+
+    def update(
+        self, row: Sequence[float], given_trim: float | None = None, target: Detection | None = None
+    ) -> CarEstimate:
         """Take the readings of a tick.
 
         Args:
             row: the readings in the order of `Readings`.
-            command: what the machine answered in the tick before.
+            given_trim: steering that the car needs to run straight, as its machine file says; None: 0.
+            target: a gate that the machine chose as its target in the tick before; None: no change.
 
         Returns:
             What is known now.
@@ -80,9 +85,9 @@ class Estimator:
         readings = Readings._make(row)
         self.tick += 1
         time = self.tick * CONTROL_PERIOD_S
-        if command.target is not None:
-            self.gates.target = command.target
-        self.odometry.update(readings, self.steering_offset + (command.steering_trim or 0.0), self.steering_gain)
+        if target is not None:
+            self.gates.target = target
+        self.odometry.update(readings, self.straight_steering(given_trim), self.steering_gain)
         left = self._left.update(readings.ultrasonic_left, readings.ultrasonic_left_age, time)
         front = self._front.update(readings.ultrasonic_front, readings.ultrasonic_front_age, time)
         right = self._right.update(readings.ultrasonic_right, readings.ultrasonic_right_age, time)

@@ -14,11 +14,9 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from tral_env.geometry import FULL_LOCK, TRACK_M, WHEELBASE_M, curvature, steering_play
+from tral_env.geometry import FULL_LOCK, STANDING_MPS, TRACK_M, WHEELBASE_M, curvature, steering_play
 from tral_env.interface import CONTROL_PERIOD_S
-from tral_env.se2 import compose, to_outer
-from tral_fsm.control.laws import clip
-from tral_fsm.control.speed import STANDING_MPS
+from tral_env.se2 import clip, compose, to_outer
 from tral_fsm.estimation.readings import Readings
 
 CURVATURE_PER_STEERING = FULL_LOCK / WHEELBASE_M

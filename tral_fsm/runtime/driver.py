@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from tral_env.se2 import clip
 from tral_fsm.control.command import IDLE, Command
-from tral_fsm.control.laws import clip
 from tral_fsm.control.speed import SpeedController
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.estimation.estimate import CarEstimate
@@ -56,12 +56,17 @@ class Driver:
         Returns:
             Steering and throttle.
         """
+<<<<<<< HEAD
         self.estimate = estimate = self.estimator.update(row, self.command)
         if self.watch.update(row, self.command, self._throttle):
             command = self.watch.stop(estimate.speed, self._direction)
         else:
             self._direction = estimate.direction
             command = self.machine.tick(estimate)
+=======
+        self.estimate = estimate = self.estimator.update(row, self.command.steering_trim, self.command.target)
+        command = self.machine.tick(estimate)
+>>>>>>> w-est
         if command.steering_trim is None:
             command = command._replace(steering_trim=self.command.steering_trim)
         self.command = command
@@ -72,8 +77,8 @@ class Driver:
         """Steering in [-1, 1] that the real car needs for a command: command / gain + given trim + learnt offset."""
         if command.steering is None:
             return 0.0
-        offset = self.estimator.steering_offset + (command.steering_trim or 0.0)
-        return clip(command.steering / self.estimator.steering_gain + offset)
+        straight = self.estimator.straight_steering(command.steering_trim)
+        return clip(command.steering / self.estimator.steering_gain + straight)
 
     @property
     def active_path(self) -> str:

@@ -12,9 +12,9 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from tral_env.se2 import Pose, relative
-from tral_fsm.control.biarc import Biarc, along, beside, biarc, out_of_reach
+from tral_fsm.control.biarc import Biarc, arc_coordinates, biarc, out_of_reach, pose_on_arc
 from tral_fsm.control.command import Command
-from tral_fsm.control.laws import curvature_onto, steering_for
+from tral_fsm.control.laws import clipped_steering_for, curvature_onto
 from tral_fsm.definition.machine import DrivingSpec
 from tral_fsm.definition.needs import HALL
 from tral_fsm.definition.validated import quantity
@@ -114,7 +114,12 @@ class SCurve(DrivingState[SCurveSpec]):
 
     def plan_to(self, estimate: CarEstimate, pose: Pose, before: float) -> None:
         """Plan the way to a pose of dead reckoning."""
+<<<<<<< HEAD
         self.target = along(pose, -before - self.spec.straight)
+=======
+        self.target = pose_on_arc(pose, -before - self.spec.straight)
+        """Where the arcs end."""
+>>>>>>> w-est
         self.plan(estimate)
 
     def plan(self, estimate: CarEstimate) -> None:
@@ -123,12 +128,12 @@ class SCurve(DrivingState[SCurveSpec]):
         self.arcs = arcs if arcs is not None and abs(arcs.curvature) * self.spec.radius <= 1.0 else None
         if self.arcs is not None:
             self.begin = relative(self.target, estimate.pose)
-            self.turning = along(self.begin, self.arcs.first, self.arcs.curvature)
+            self.turning = pose_on_arc(self.begin, self.arcs.first, self.arcs.curvature)
 
     def take(self, estimate: CarEstimate, gate: Detection) -> None:
         """Take a new detection of the gate: plan again or, near the end, move the plan."""
         old = self.arcs
-        self.target = along((gate.x, gate.y, gate.heading), -self.spec.before - self.spec.straight)
+        self.target = pose_on_arc((gate.x, gate.y, gate.heading), -self.spec.before - self.spec.straight)
         if old is None or estimate.from_here(self.target)[0] > _LAST_PLAN:
             self.plan(estimate)
             self.arcs = self.arcs or old
@@ -145,7 +150,7 @@ class SCurve(DrivingState[SCurveSpec]):
         self.finished = here[0] >= spec.straight - spec.tolerance
         ahead, offset, heading = self.beside_way(here, _LEAD_S * estimate.speed)
         correction = curvature_onto(offset, heading, spec.length, math.radians(spec.max_angle_deg))
-        return self.drive(steering_for(ahead + correction))
+        return self.drive(clipped_steering_for(ahead + correction))
 
     def beside_way(self, here: Pose, lead: float) -> Pose:
         """Curvature of the way `lead` metres ahead, and the car beside the way: offset [m], heading [rad]."""
@@ -153,11 +158,11 @@ class SCurve(DrivingState[SCurveSpec]):
         if arcs is None:
             return 0.0, here[1], here[2]
         x, y, heading = relative(self.begin, here)
-        s, offset, direction = beside(x, y, arcs.curvature)
+        s, offset, direction = arc_coordinates(x, y, arcs.curvature)
         if s < arcs.first:
             return self.curvature(arcs, s + lead), offset, heading - direction
         x, y, heading = relative(self.turning, here)
-        s, offset, direction = beside(x, y, -arcs.curvature)
+        s, offset, direction = arc_coordinates(x, y, -arcs.curvature)
         if s < arcs.second:
             return self.curvature(arcs, arcs.first + s + lead), offset, heading - direction
         return 0.0, here[1], here[2]
@@ -172,7 +177,9 @@ class SCurve(DrivingState[SCurveSpec]):
     def unreachable(self, estimate: CarEstimate) -> str:
         """Why the end of the arcs cannot be reached; empty: it can."""
         passed = min(max(relative(self.target, estimate.pose)[0], 0.0), self.spec.straight)
-        return out_of_reach(estimate.from_here(along(self.target, passed)), self.spec.radius, self.aside(estimate))
+        return out_of_reach(
+            estimate.from_here(pose_on_arc(self.target, passed)), self.spec.radius, self.aside(estimate)
+        )
 
     def aside(self, estimate: CarEstimate) -> float:
         """How far the car may miss the target, m: in a gate of known opening, the free space beside the car."""
