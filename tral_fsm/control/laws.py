@@ -108,11 +108,7 @@ def curvature_onto(
 
 def line(offset: float, heading: float, length: float, steepest: float = math.pi / 4.0, slope: float = 0.0) -> float:
     """Steering in [-1, 1] with the curvature of `curvature_onto`."""
-<<<<<<< HEAD
-    return steering_for(curvature_onto(offset, heading, length, steepest, slope))
-=======
-    return clipped_steering_for(curvature_onto(offset, heading, length, steepest))
->>>>>>> w-est
+    return clipped_steering_for(curvature_onto(offset, heading, length, steepest, slope))
 
 
 def slowed(speed: float | None, slow_speed: float, slow_front: float | None, front: float) -> float | None:

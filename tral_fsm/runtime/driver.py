@@ -56,17 +56,12 @@ class Driver:
         Returns:
             Steering and throttle.
         """
-<<<<<<< HEAD
-        self.estimate = estimate = self.estimator.update(row, self.command)
+        self.estimate = estimate = self.estimator.update(row, self.command.steering_trim, self.command.target)
         if self.watch.update(row, self.command, self._throttle):
             command = self.watch.stop(estimate.speed, self._direction)
         else:
             self._direction = estimate.direction
             command = self.machine.tick(estimate)
-=======
-        self.estimate = estimate = self.estimator.update(row, self.command.steering_trim, self.command.target)
-        command = self.machine.tick(estimate)
->>>>>>> w-est
         if command.steering_trim is None:
             command = command._replace(steering_trim=self.command.steering_trim)
         self.command = command

@@ -15,16 +15,10 @@ from pydantic import Field
 from tral_env.geometry import FRONT_SONAR_X_M
 from tral_env.se2 import clip
 from tral_fsm.control.command import Command
-<<<<<<< HEAD
-from tral_fsm.control.laws import clip, line, slowed, steering_for
+from tral_fsm.control.laws import clipped_steering_for, line, slowed
 from tral_fsm.definition.machine import DrivingSpec, StateSpec, steering_trim
 from tral_fsm.definition.needs import DISTANCE, NOTHING, SIDES, ultrasonic
 from tral_fsm.definition.validated import Side, quantity, required
-=======
-from tral_fsm.control.laws import clipped_steering_for, slowed
-from tral_fsm.definition.machine import DrivingSpec
-from tral_fsm.definition.validated import Side, quantity
->>>>>>> w-est
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import NO_CLEARANCE, DrivingState, State
 
@@ -112,12 +106,7 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
         slope = self.shift_line(estimate)
         steering = line(-self.offset, estimate.heading, self.spec.length, self.steepest, slope)
         wanted = (self.reference, self.clearance) if self.reference else NO_CLEARANCE
-<<<<<<< HEAD
         return self.drive(clip(steering, _SURE_LOCK), self.speed_now(estimate), wanted=wanted)
-=======
-        steering, speed = clip(clipped_steering_for(path_curvature), _SURE_LOCK), self.speed_now(estimate)
-        return self.drive(steering, speed, wanted=wanted)
->>>>>>> w-est
 
     def carry_line(self, estimate: CarEstimate) -> None:
         """Keep the line where it is in the frame of dead reckoning while the car moves."""
@@ -226,15 +215,9 @@ class Turn(DrivingState[TurnSpec]):
     def tick(self, estimate: CarEstimate) -> Command:
         """Steer to that direction."""
         spec = self.spec
-<<<<<<< HEAD
         turned_too_far = estimate.yaw - self.target_yaw
         self.finished = abs(turned_too_far) <= math.radians(spec.tolerance_deg)
         return self.drive(clip(line(0.0, clip(turned_too_far, _QUARTER), spec.length), self.lock))
-=======
-        rest = self.target_yaw - estimate.yaw
-        self.finished = abs(rest) <= math.radians(spec.tolerance_deg)
-        return self.drive(clip(clipped_steering_for(2.0 / spec.length * math.sin(clip(rest, _QUARTER))), self.lock))
->>>>>>> w-est
 
 
 class BackUpSpec(StateSpec):
@@ -273,12 +256,7 @@ class BackUp(State[BackUpSpec]):
 
     def tick(self, estimate: CarEstimate) -> Command:
         """Steer so that the car points along the corridor in the end."""
-<<<<<<< HEAD
         spec = self.spec
         self.finished = estimate.distance - self.entry >= spec.distance
         forward = line(0.0, estimate.heading, spec.length)
         return Command(-forward, throttle=spec.throttle, steering_trim=spec.steering_trim)
-=======
-        self.finished = estimate.distance - self.entry >= self.spec.distance
-        return self.drive(clipped_steering_for(2.0 / self.spec.length * math.sin(estimate.heading)))
->>>>>>> w-est

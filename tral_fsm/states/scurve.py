@@ -114,12 +114,8 @@ class SCurve(DrivingState[SCurveSpec]):
 
     def plan_to(self, estimate: CarEstimate, pose: Pose, before: float) -> None:
         """Plan the way to a pose of dead reckoning."""
-<<<<<<< HEAD
-        self.target = along(pose, -before - self.spec.straight)
-=======
         self.target = pose_on_arc(pose, -before - self.spec.straight)
         """Where the arcs end."""
->>>>>>> w-est
         self.plan(estimate)
 
     def plan(self, estimate: CarEstimate) -> None:

@@ -11,11 +11,7 @@ from pydantic import Field
 from tral_env.interface import NO_ECHO_M
 from tral_env.se2 import Pose, clip
 from tral_fsm.control.command import Command
-<<<<<<< HEAD
-from tral_fsm.control.laws import clip, damping, line, pid, pid_rate, ramp, slowed
-=======
-from tral_fsm.control.laws import clipped_steering_for, damping, pid, pid_rate, ramp, slowed
->>>>>>> w-est
+from tral_fsm.control.laws import damping, line, pid, pid_rate, ramp, slowed
 from tral_fsm.definition.machine import DrivingSpec
 from tral_fsm.definition.needs import DISTANCE, NOTHING, SIDES, ultrasonic
 from tral_fsm.definition.validated import Side, quantity
@@ -172,11 +168,7 @@ class WallState(DrivingState[W]):
 
 def hold_course(estimate: CarEstimate) -> float:
     """Steering that turns the car back to the corridor's direction and keeps it there."""
-<<<<<<< HEAD
     return line(0.0, estimate.heading, _HOLD_LENGTH)
-=======
-    return clipped_steering_for(-2.0 / _HOLD_LENGTH * math.sin(estimate.heading))
->>>>>>> w-est
 
 
 def _clearance() -> Any:
