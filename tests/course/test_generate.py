@@ -54,12 +54,12 @@ DIGESTS = {
     "loop": "75c2b5d63d1bc72e",
     "lane_change": "5163dbf1160b44d0",
     "obstacles": "8ae75dc00d51d59a",
-    "gates": "91a179e743d530d7",
+    "gates": "aa8e7c6a625b38d5",
     "crossing": "5917690f1ca5b4d1",
-    "office": "8ea285f0017d6007",
+    "office": "4d47f71a20c090bc",
 }
 """Family -> digest of its first five courses. A new family adds a line and changes none."""
-HARD_DIGESTS = DIGESTS | {"gates": "46153b56ebc5cae7"}
+HARD_DIGESTS = DIGESTS | {"gates": "ff8cc15ef6de40da"}
 
 
 def digest(family: str, hard: bool) -> str:

@@ -163,9 +163,10 @@ def test_rays_and_contacts_in_a_pool_are_those_of_a_compiled_corridor():
 def test_the_collision_sensor_tells_the_way_into_the_wall(model: mujoco.MjModel, pool: Pool):
     data = parked_at(model, build_plan(Course.load(example_path("ring"))), pool, (4, 0.93))
     mujoco.mj_forward(model, data)
-    found, *normal = data.sensor("collision").data
+    found, *place, nx, ny, nz = data.sensor("collision").data
     assert found > 0
-    np.testing.assert_allclose(np.abs(normal), [0, 1, 0], atol=1e-6)
+    np.testing.assert_allclose([nx, ny, nz], [0, 1, 0], atol=1e-6)
+    assert place[1] == pytest.approx(1.0, abs=0.03)
 
 
 def test_dressing_gives_each_kind_its_material(model: mujoco.MjModel, pool: Pool):
