@@ -36,6 +36,9 @@ NOTHING_SEEN_ID = -1.0
 
 GATE_MARKER_IDS = range(0, 40)
 """Gate k is the pair of markers 2k (left post) and 2k + 1 (right post), seen in driving direction."""
+STRONG_GATES = (1, 2, 3, 10, 11, 12, 15, 16)
+"""Gates whose codes are read well when blurred, and are not seen where there is no marker. Generated courses have no
+others; use them first on yours. Source: `DetectionModel.weakness`, benchmarks/false_sightings.py."""
 TURN_MARKER_IDS: Mapping[str, int] = {"left": 40, "right": 41, "straight": 42}
 """Markers that tell a turn at a crossing."""
 

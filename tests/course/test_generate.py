@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from tral_env.course.generate import FAMILIES, Draft, Family, draw, generate, generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Segment
-from tral_env.course.markers import STRONG_GATES
 from tral_env.errors import ConfigError, CourseError
+from tral_env.interface import STRONG_GATES
 
 SEEDS = range(40)
 

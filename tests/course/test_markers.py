@@ -10,9 +10,10 @@ import pytest
 from tral_env.config import CameraConfig
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, example_path
-from tral_env.course.markers import MARKER_IDS, STRONG_GATES, marker_image
+from tral_env.course.markers import MARKER_IDS, marker_image
 from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool, apply_materials, build_model
+from tral_env.interface import STRONG_GATES
 from tral_env.perception.detection_model import DETECTION_MODEL
 
 LENS = CameraConfig()

@@ -16,10 +16,10 @@ from tral_env.course.frames import Frame, place_segments
 from tral_env.course.furniture import FRAME_WIDTH
 from tral_env.course.geometry import build_plan, overlap_problems
 from tral_env.course.layout import Course
-from tral_env.course.markers import STRONG_GATES
 from tral_env.course.overlap import level_half
 from tral_env.course.plan import Plan
 from tral_env.errors import ConfigError, CourseError, nearest
+from tral_env.interface import STRONG_GATES
 
 Draft = dict[str, Any]
 """Members of a course, or of one of its parts, before they are checked."""

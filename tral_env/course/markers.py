@@ -10,9 +10,6 @@ from tral_env.geometry import MARKER_MODULES, MARKER_QUIET_MODULES
 
 MARKER_IDS = tuple(range(43))
 """Markers that a course can hold: 0 to 39 on gates, 40 to 42 at crossings."""
-STRONG_GATES = (1, 2, 3, 10, 11, 12, 15, 16)
-"""Gates whose codes are read well when blurred, and are not seen where there is no marker. Generated courses have no
-others; use them first on yours. Source: `DetectionModel.weakness`, benchmarks/false_sightings.py."""
 PIXELS_PER_MODULE = 8
 """A cell of the texture is this wide: from 0.6 to 7 m the detector reads 4, 8, 16 and 32 alike."""
 

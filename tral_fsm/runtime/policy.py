@@ -33,11 +33,11 @@ class MachinePolicy:
             FormatError: the definition cannot run.
         """
         self.definition = definition
-        self.needed_readings = library.needed_readings(definition)
-        """Names of the readings without which the machine cannot drive, see `tral_env.interface.check_readings`."""
         self._trace = trace
         self._drivers: list[Driver] = []
         self.reset()
+        self.needed_readings = library.needed_readings(definition)
+        """Names of the readings without which the machine cannot drive, see `tral_env.interface.check_readings`."""
 
     def reset(self, n: int = 1) -> None:
         """Start again with n cars."""
