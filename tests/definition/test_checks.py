@@ -272,10 +272,10 @@ class TestTargetsOfMachines:
 def test_many_transitions_of_a_state_are_checked_in_time_that_grows_with_their_number() -> None:
     ways = [way(k, 0, 1, type="Timer", seconds=k + 1.0) for k in range(500)]
     ways[-1]["seconds"] = 1.0
-    start = time.perf_counter()
+    start = time.process_time()
     found = problems(machine(*ways))
     assert found == {"/transitions/499": "transition 499 can never fire: 0, checked before it, has the same condition"}
-    assert time.perf_counter() - start < 1.0
+    assert time.process_time() - start < 1.0
 
 
 class TestWhatConditionsSayOfThemselves:
