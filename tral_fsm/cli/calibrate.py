@@ -6,11 +6,12 @@ import contextlib
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tral_env.errors import ConfigError
+from tral_fsm.cli import board_options
 from tral_fsm.cli.console import FAILED
 from tral_fsm.evaluation.files import prepare_folder, write_json
 from tral_fsm.evaluation.host import versions
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
     Frames = Iterator[tuple[str, "NDArray[np.uint8] | None"]]
 
-BoardKind = Literal["charuco", "chessboard"]
 
 GOOD, POOR = "camera_info.yaml", "poor_camera_info.yaml"
 """Files of a good and of a poor calibration: a poor one never replaces a good one."""
@@ -51,7 +51,11 @@ class CalibrateArguments:
 
 
 def make_board(
-    kind: BoardKind, columns: int | None, rows: int | None, square_mm: float | None, marker_mm: float | None
+    kind: board_options.BoardKind,
+    columns: int | None,
+    rows: int | None,
+    square_mm: float | None,
+    marker_mm: float | None,
 ) -> Board:
     """The board that the options describe; an option that is None is that of `tral print board`.
 
@@ -76,13 +80,11 @@ def command(
     ] = "wide",
     shots: Annotated[int, typer.Option(min=1, help="Number of images of the simulated camera.")] = 40,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated board's poses.")] = 0,
-    board: Annotated[BoardKind, typer.Option(help="Kind of the board.")] = "charuco",
-    columns: Annotated[int | None, typer.Option(min=3, help="Squares in a row; default: 7, chessboard: 10.")] = None,
-    rows: Annotated[int | None, typer.Option(min=3, help="Squares in a column; default: 5, chessboard: 7.")] = None,
-    square_mm: Annotated[float | None, typer.Option(help="Edge of a square, mm; default: 36, chessboard: 25.")] = None,
-    marker_mm: Annotated[
-        float | None, typer.Option(help="Edge of a charuco marker, mm; default: 7/9 of a square.")
-    ] = None,
+    board: board_options.Kind = "charuco",
+    columns: board_options.Columns = None,
+    rows: board_options.Rows = None,
+    square_mm: board_options.SquareMm = None,
+    marker_mm: board_options.MarkerMm = None,
     every: Annotated[int, typer.Option(min=1, help="Of a video or a camera, look at one in this many frames.")] = 5,
     max_views: Annotated[int, typer.Option(min=4, help="Stop after this many usable views.")] = 60,
     radial: Annotated[

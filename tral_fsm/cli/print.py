@@ -9,7 +9,8 @@ import typer
 
 from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
-from tral_fsm.cli.calibrate import BoardKind, make_board
+from tral_fsm.cli import board_options
+from tral_fsm.cli.calibrate import make_board
 from tral_fsm.evaluation.files import prepare_folder
 
 if TYPE_CHECKING:
@@ -33,13 +34,11 @@ _Size = Annotated[float, typer.Option(help="Edge of the black square, mm; the ca
 
 @app.command()
 def board(
-    board: Annotated[BoardKind, typer.Option(help="Kind of the board.")] = "charuco",
-    columns: Annotated[int | None, typer.Option(min=3, help="Squares in a row; default: 7, chessboard: 10.")] = None,
-    rows: Annotated[int | None, typer.Option(min=3, help="Squares in a column; default: 5, chessboard: 7.")] = None,
-    square_mm: Annotated[float | None, typer.Option(help="Edge of a square, mm; default: 36, chessboard: 25.")] = None,
-    marker_mm: Annotated[
-        float | None, typer.Option(help="Edge of a charuco marker, mm; default: 7/9 of a square.")
-    ] = None,
+    board: board_options.Kind = "charuco",
+    columns: board_options.Columns = None,
+    rows: board_options.Rows = None,
+    square_mm: board_options.SquareMm = None,
+    marker_mm: board_options.MarkerMm = None,
     paper: _Paper = "A4",
     out: _Out = None,
 ) -> None:

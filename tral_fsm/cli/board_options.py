@@ -1,0 +1,14 @@
+"""Options of the commands that print or look at a calibration board."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import typer
+
+BoardKind = Literal["charuco", "chessboard"]
+Kind = Annotated[BoardKind, typer.Option(help="Kind of the board.")]
+Columns = Annotated[int | None, typer.Option(min=3, help="Squares in a row; default: 7, chessboard: 10.")]
+Rows = Annotated[int | None, typer.Option(min=3, help="Squares in a column; default: 5, chessboard: 7.")]
+SquareMm = Annotated[float | None, typer.Option(help="Edge of a square, mm; default: 36, chessboard: 25.")]
+MarkerMm = Annotated[float | None, typer.Option(help="Edge of a charuco marker, mm; default: 7/9 of a square.")]
