@@ -7,8 +7,6 @@ import pytest
 from readings import Bench, two_states
 
 from tral_env.geometry import MARKER_BOARD_WIDTH_M, curvature, steering_play
-from tral_fsm.conditions.base import RUNTIMES
-from tral_fsm.definition.conditions import CONDITIONS
 
 
 def fires(bench: Bench, **readings: float) -> bool:
@@ -250,10 +248,6 @@ class TestCombined:
         )
         assert fires(bench, front=0.5, **TestArucoGateFound.SEEN)
         assert bench.machine.active.length == pytest.approx(2.0)
-
-
-def test_every_type_of_condition_can_run() -> None:
-    assert set(RUNTIMES) == set(CONDITIONS)
 
 
 def test_the_trace_tells_the_values_that_were_compared() -> None:

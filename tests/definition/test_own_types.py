@@ -15,9 +15,7 @@ from tral_fsm.states import base as states
 
 
 class TestYourOwnState:
-    def test_it_takes_ten_lines(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.delitem(STATES, "Weave", raising=False)
-
+    def test_it_takes_ten_lines(self) -> None:
         class WeaveSpec(StateSpec):
             type: Literal["Weave"] = "Weave"
             period: float = 2.0
@@ -31,7 +29,7 @@ class TestYourOwnState:
             bench = Bench({"root": 0, "states": [{"id": 0, "type": "Weave", "period": 0.05, "final": True}]})
             assert [bench.tick()[0] for _ in range(4)] == pytest.approx([1.0, 0.0, -1.0, 0.0], abs=1e-9)
         finally:
-            del STATES["Weave"], states.RUNTIMES["Weave"]
+            STATES.unregister("Weave")
 
     def test_so_does_a_condition(self) -> None:
         class SpeedSpec(ConditionSpec):
@@ -48,4 +46,4 @@ class TestYourOwnState:
             bench.tick(speed=0.6)
             assert bench.active == "b"
         finally:
-            del CONDITIONS["Speed"], conditions.RUNTIMES["Speed"]
+            CONDITIONS.unregister("Speed")

@@ -46,5 +46,4 @@ class ConditionSpec(Spec):
 
 
 CONDITIONS = Registry(ConditionSpec)
-"""Every known type of condition. Importing `tral_fsm.conditions` adds those of the package, `conditions.register` any
-other."""
+"""Every known type of condition. Importing `tral_fsm` adds those of the package, `conditions.register` any other."""

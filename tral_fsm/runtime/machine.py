@@ -10,12 +10,12 @@ from typing import Any
 from tral_fsm.conditions.base import Condition, build
 from tral_fsm.control.command import Command
 from tral_fsm.definition.checks import FormatError, check
-from tral_fsm.definition.machine import MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition.machine import STATES, MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.definition.validated import Id
 from tral_fsm.estimation.detections import Detection
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.formats import library
-from tral_fsm.states.base import RUNTIMES, State, Targetable
+from tral_fsm.states.base import State, Targetable
 from tral_fsm.states.fsm_state import FSMState
 
 
@@ -87,7 +87,7 @@ class Machine:
         self._active = -1
 
     def _state(self, spec: StateSpec) -> State[Any]:
-        runtime = RUNTIMES[spec.type](spec)
+        runtime: State[Any] = STATES.runtime(spec.type)(spec)
         if isinstance(runtime, FSMState):
             inner = runtime.spec.machine
             inner = library.by_name(inner) if isinstance(inner, str) else inner
