@@ -70,7 +70,7 @@ class Machine:
         Raises:
             FormatError: the definition cannot run.
         """
-        problems = [] if checked else [*check(definition), *library.check_inner(definition)]
+        problems = [] if checked else check(definition, library.by_name)
         if problems:
             raise FormatError(definition.name or "machine", problems)
         self.definition = definition
