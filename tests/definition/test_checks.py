@@ -82,8 +82,8 @@ class TestAlwaysAndNever:
     )
     def test_what_may_fire_or_not_is_neither(self, condition: dict[str, Any]) -> None:
         spec = loads(json.dumps(machine(way(0, 0, 1, **condition)))).transitions[0].when
-        assert not spec.always()
-        assert not spec.never()
+        assert not spec.holds_always
+        assert not spec.holds_never
 
     def test_the_same_condition_again_never_fires(self) -> None:
         found = problems(machine(way(0, 0, 1, **NEAR), way(1, 0, 1, **NEAR)))

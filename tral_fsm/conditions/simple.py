@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, cast
 
 from pydantic import Field
 
+from tral_env.errors import MachineError
 from tral_env.interface import NO_ECHO_M
 from tral_fsm.conditions.base import Condition
 from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.validated import SonarName, quantity, required
 from tral_fsm.estimation.estimate import CarEstimate
-from tral_fsm.states.base import State
+from tral_fsm.states.base import Finishable, State
+
+_ROUNDING_S = 5e-10
+"""A time that is short of its limit by rounding alone counts as over, s."""
 
 
 class AlwaysSpec(ConditionSpec):
@@ -20,7 +24,8 @@ class AlwaysSpec(ConditionSpec):
 
     type: Literal["Always"] = "Always"
 
-    def always(self) -> bool:
+    @property
+    def holds_always(self) -> bool:
         """The condition holds in every tick."""
         return True
 
@@ -41,7 +46,8 @@ class DistanceSpec(ConditionSpec):
     type: Literal["Distance"] = "Distance"
     distance: float = required("m", "distance since entry, by the hall sensor", ge=0.0, le=10000.0)
 
-    def always(self) -> bool:
+    @property
+    def holds_always(self) -> bool:
         """Whether there is no distance to drive."""
         return self.distance == 0.0
 
@@ -70,7 +76,8 @@ class TimerSpec(ConditionSpec):
     type: Literal["Timer"] = "Timer"
     seconds: float = required("s", "time since entry", ge=0.0, le=100000.0)
 
-    def always(self) -> bool:
+    @property
+    def holds_always(self) -> bool:
         """Whether there is no time to wait."""
         return self.seconds == 0.0
 
@@ -85,8 +92,8 @@ class Timer(Condition[TimerSpec]):
         self.entry = estimate.time
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Whether the time is over; half a nanosecond of rounding is forgiven."""
-        return estimate.time - self.entry >= self.spec.seconds - 5e-10
+        """Whether the time is over."""
+        return estimate.time - self.entry >= self.spec.seconds - _ROUNDING_S
 
     def why(self, estimate: CarEstimate) -> str:
         """Time since entry and time wanted."""
@@ -163,9 +170,15 @@ class Finished(Condition[FinishedSpec]):
 
     counts = False
 
+    def __init__(self, spec: FinishedSpec, owner: State[Any]) -> None:
+        super().__init__(spec, owner)
+        if not isinstance(owner, Finishable):
+            raise MachineError(f"{spec.type} leaves {type(owner).__qualname__}, which has no 'finished'")
+        self.finishable: Finishable = owner
+
     def triggered(self, estimate: CarEstimate) -> bool:
         """Ask the owner."""
-        return bool(self.owner.finished)  # type: ignore[attr-defined]
+        return self.finishable.finished
 
     def why(self, estimate: CarEstimate) -> str:
         """The state that is finished."""
@@ -201,7 +214,7 @@ class Unreachable(Condition[UnreachableSpec]):
     def triggered(self, estimate: CarEstimate) -> bool:
         """Whether there has been a reason for long enough."""
         self.since = min(self.since, estimate.time) if self.owner.unreachable(estimate) else math.inf
-        return estimate.time - self.since >= self.spec.seconds - 5e-10
+        return estimate.time - self.since >= self.spec.seconds - _ROUNDING_S
 
     def why(self, estimate: CarEstimate) -> str:
         """The reason."""
@@ -229,7 +242,7 @@ class SensorLevel(Condition[SensorLevelSpec]):
     def __init__(self, spec: SensorLevelSpec, owner: State[Any]) -> None:
         super().__init__(spec, owner)
         self.is_below = spec.below is not None
-        self.level = spec.below if spec.below is not None else spec.above if spec.above is not None else math.nan
+        self.level = cast(float, spec.below if self.is_below else spec.above)  # a file gives exactly one
         self.agreed = 0
         self.fresh = True
 

@@ -161,7 +161,7 @@ def _reachable(level: _Level) -> Iterator[Problem]:
     """The root leads to every state."""
     targets: dict[Id, list[Id]] = {}
     for _, transition in level.transitions:
-        if not transition.when.never():
+        if not transition.when.holds_never:
             targets.setdefault(transition.source, []).append(transition.target)
     seen, front = {level.root}, [level.root]
     while front:
@@ -179,7 +179,7 @@ def _exits(level: _Level) -> Iterator[Problem]:
     left = {
         transition.source
         for _, transition in level.transitions
-        if transition.target != transition.source and not transition.when.never()
+        if transition.target != transition.source and not transition.when.holds_never
     }
     for index, state in level.states:
         if state.id not in left and not state.may_end:
@@ -243,7 +243,7 @@ def _shadowed(level: _Level) -> Iterator[Problem]:
         if not transition.when.type:
             continue
         dead = f"transition {transition.id!r} can never fire"
-        if transition.when.never():
+        if transition.when.holds_never:
             yield Problem(f"/transitions/{index}", f"{dead}: its condition holds in no tick")
         # As text, since a value in a plugin's condition may have no hash.
         same = (transition.source, repr(transition.when))
@@ -254,7 +254,7 @@ def _shadowed(level: _Level) -> Iterator[Problem]:
             other = same_before[same]
             yield Problem(f"/transitions/{index}", f"{dead}: {other!r}, checked before it, has the same condition")
         same_before.setdefault(same, transition.id)
-        if transition.when.always():
+        if transition.when.holds_always:
             always_before.setdefault(transition.source, transition.id)
 
 
@@ -267,7 +267,7 @@ def _cycles(level: _Level) -> Iterator[Problem]:
     first: dict[Id, tuple[int, TransitionSpec]] = {}
     for index, transition in level.transitions:
         first.setdefault(transition.source, (index, transition))
-    at_once = {state: (index, transition) for state, (index, transition) in first.items() if transition.when.always()}
+    at_once = {source: found for source, found in first.items() if found[1].when.holds_always}
     done: set[Id] = set()
     for start in at_once:
         path: list[Id] = []

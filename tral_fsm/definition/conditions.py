@@ -19,10 +19,6 @@ class ConditionSpec(Spec):
     """The state that the transition leaves must be able to say that it is finished."""
     asks_owner_target: ClassVar[bool] = False
     """The state that the transition leaves must take a target."""
-    word_before: ClassVar[str] = ""
-    """What stands before its parts when it is told in words, with its space: "not "."""
-    word_between: ClassVar[str] = ""
-    """What stands between its parts when it is told in words, with its spaces: " and "."""
 
     type: str
 
@@ -36,11 +32,13 @@ class ConditionSpec(Spec):
         """Whether the condition may hand a gate to the next state."""
         return False
 
-    def always(self) -> bool:
+    @property
+    def holds_always(self) -> bool:
         """Whether the condition holds in every tick, whatever the car reads."""
         return False
 
-    def never(self) -> bool:
+    @property
+    def holds_never(self) -> bool:
         """Whether the condition never holds, whatever the car reads."""
         return False
 
