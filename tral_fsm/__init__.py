@@ -13,6 +13,9 @@ from tral_fsm.runtime.machine import Machine, Transit
 from tral_fsm.runtime.policy import MachinePolicy, load_policy
 from tral_fsm.states import State
 
+states.STATES.register_all(states.BUILT_IN)
+conditions.CONDITIONS.register_all(conditions.BUILT_IN)
+
 __all__ = [
     "CarEstimate",
     "Command",

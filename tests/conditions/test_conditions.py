@@ -8,8 +8,8 @@ from readings import Bench, two_states
 
 from tral_env.errors import MachineError
 from tral_env.geometry import MARKER_BOARD_WIDTH_M, curvature, steering_play
-from tral_fsm.conditions.base import RUNTIMES
-from tral_fsm.definition.conditions import CONDITIONS
+from tral_fsm.conditions.simple import Finished, FinishedSpec
+from tral_fsm.states.basic import Idle, IdleSpec
 
 
 def fires(bench: Bench, **readings: float) -> bool:
@@ -40,6 +40,10 @@ class TestFinished:
     def test_it_fires_when_its_state_is_finished(self) -> None:
         bench = two_states({"type": "Finished"}, {"type": "Motor", "throttle": 0.1, "distance": 0.5})
         assert [fires(bench, distance=d) for d in (0.0, 0.4, 0.5)] == [False, False, True]
+
+    def test_a_state_that_cannot_finish_is_no_owner(self) -> None:
+        with pytest.raises(MachineError, match="Finished leaves Idle, which has no 'finished'"):
+            Finished(FinishedSpec(), Idle(IdleSpec(id=0)))
 
 
 class TestSensorLevel:
@@ -272,10 +276,6 @@ class TestCombined:
         )
         assert sees(bench, front=0.5, **TestArucoGateFound.SEEN)
         assert bench.machine.active.length == pytest.approx(2.0)
-
-
-def test_every_type_of_condition_can_run() -> None:
-    assert set(RUNTIMES) == set(CONDITIONS)
 
 
 def test_the_trace_tells_the_values_that_were_compared() -> None:

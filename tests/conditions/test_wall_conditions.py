@@ -83,6 +83,14 @@ class TestConditions:
             seen.append(bench.active)
         assert seen == ["a"] * 3 + ["b"] * 3
 
+    def test_a_new_obstacle_does_not_fire_before_six_readings_tell_how_far_aside_it_is(self) -> None:
+        bench = two_states({"type": "ObstacleAhead", "below": 3.0, "aside_below": 0.3})
+        seen = []
+        for k in range(8):
+            bench.tick(front=2.0 - 0.06 * k, distance=0.06 * k, speed=0.5)
+            seen.append(bench.active)
+        assert seen == ["a"] * 5 + ["b"] * 3
+
     @pytest.mark.parametrize(("readings", "beyond"), [(2, 6.0), (3, 6.0), (5, 6.0), (2, 1.6), (3, 1.6)])
     def test_an_opening_fires_after_so_many_readings(self, readings: int, beyond: float) -> None:
         bench = two_states({"type": "Opening", "side": "right", "readings": readings})

@@ -10,7 +10,7 @@ import pytest
 from tral_fsm import FormatError, MachineDefinition, MachinePolicy, check, load_machine
 from tral_fsm.conditions.combined import AllSpec, AnySpec, NotSpec
 from tral_fsm.conditions.detections import ArucoGateFoundSpec
-from tral_fsm.conditions.simple import AlwaysSpec, DistanceSpec
+from tral_fsm.conditions.simple import AlwaysSpec, DistanceSpec, FinishedSpec
 from tral_fsm.definition import packaged
 from tral_fsm.definition.machine import TransitionSpec
 from tral_fsm.formats import library
@@ -82,8 +82,8 @@ class TestAlwaysAndNever:
     )
     def test_what_may_fire_or_not_is_neither(self, condition: dict[str, Any]) -> None:
         spec = loads(json.dumps(machine(way(0, 0, 1, **condition)))).transitions[0].when
-        assert not spec.always()
-        assert not spec.never()
+        assert not spec.holds_always
+        assert not spec.holds_never
 
     def test_the_same_condition_again_never_fires(self) -> None:
         found = problems(machine(way(0, 0, 1, **NEAR), way(1, 0, 1, **NEAR)))
@@ -248,6 +248,13 @@ class TestNamedMachines:
         made = MachineDefinition(root=0, states=(FSMStateSpec(id=0, machine="./wall.json", final=True),))
         with pytest.raises(FormatError, match=r"got '\./wall\.json', which is no packaged machine"):
             MachinePolicy(made)
+
+    def test_in_a_definition_made_in_python_each_problem_is_told_once(self) -> None:
+        states = (MotorSpec(id=0, throttle=0.1), FSMStateSpec(id=1, machine="wal", final=True))
+        ways = (TransitionSpec(id=0, source=0, target=1, when=FinishedSpec()),)
+        with pytest.raises(FormatError) as caught:
+            MachinePolicy(MachineDefinition(root=0, states=states, transitions=ways))
+        assert [problem.pointer for problem in caught.value.problems] == ["/transitions/0/type", "/states/1/machine"]
 
 
 class TestTargetsOfMachines:

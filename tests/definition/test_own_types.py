@@ -16,9 +16,7 @@ from tral_fsm.states import base as states
 
 
 class TestYourOwnState:
-    def test_it_takes_ten_lines(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.delitem(STATES, "Weave", raising=False)
-
+    def test_it_takes_ten_lines(self) -> None:
         class WeaveSpec(StateSpec):
             type: Literal["Weave"] = "Weave"
             period: float = 2.0
@@ -32,7 +30,7 @@ class TestYourOwnState:
             bench = Bench({"root": 0, "states": [{"id": 0, "type": "Weave", "period": 0.05, "final": True}]})
             assert [bench.tick()[0] for _ in range(4)] == pytest.approx([1.0, 0.0, -1.0, 0.0], abs=1e-9)
         finally:
-            del STATES["Weave"], states.RUNTIMES["Weave"]
+            STATES.unregister("Weave")
 
     @pytest.mark.parametrize("answer", [None, (0.5, 1.0), Command(steering=math.nan), Command(speed=math.inf)])
     def test_an_answer_that_is_no_command_names_state_type_and_time(self, answer: object) -> None:
@@ -53,7 +51,7 @@ class TestYourOwnState:
             ):
                 bench.tick()
         finally:
-            del STATES["Mute"], states.RUNTIMES["Mute"]
+            STATES.unregister("Mute")
 
     def test_so_does_a_condition(self) -> None:
         class SpeedSpec(ConditionSpec):
@@ -70,4 +68,4 @@ class TestYourOwnState:
             bench.tick(speed=0.6)
             assert bench.active == "b"
         finally:
-            del CONDITIONS["Speed"], conditions.RUNTIMES["Speed"]
+            CONDITIONS.unregister("Speed")

@@ -17,7 +17,7 @@ from tral_fsm.definition import plugins
 from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
 from tral_fsm.definition.machine import STATES, StateSpec
 from tral_fsm.formats.tral_json import loads
-from tral_fsm.states.base import RUNTIMES, State, register
+from tral_fsm.states.base import State, register
 
 WOBBLE = '{"root": 0, "states": [{"id": 0, "type": "Wobble", "final": true}]}'
 
@@ -30,8 +30,7 @@ def module(monkeypatch: pytest.MonkeyPatch) -> Iterator[types.ModuleType]:
     plugins.load_plugins.cache_clear()
     yield made
     plugins.load_plugins.cache_clear()
-    STATES.pop("Wobble", None)
-    RUNTIMES.pop("Wobble", None)
+    STATES.unregister("Wobble")
 
 
 def installed(monkeypatch: pytest.MonkeyPatch, value: str) -> list[str]:
@@ -227,7 +226,7 @@ def test_a_class_may_be_defined_anew_under_its_name() -> None:
         again = define()
         assert CONDITIONS["Nod"] is again
     finally:
-        del CONDITIONS["Nod"], conditions.RUNTIMES["Nod"]
+        CONDITIONS.unregister("Nod")
 
 
 def test_a_state_is_no_condition() -> None:

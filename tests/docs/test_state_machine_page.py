@@ -8,11 +8,9 @@ from readings import Bench
 
 from tral_env.geometry import curvature
 from tral_fsm import FormatError
-from tral_fsm.conditions.base import RUNTIMES as CONDITION_RUNTIMES
 from tral_fsm.definition.conditions import CONDITIONS
 from tral_fsm.definition.machine import STATES
 from tral_fsm.formats.tral_json import loads
-from tral_fsm.states.base import RUNTIMES
 
 PAGE = (Path(__file__).parents[2] / "docs/state_machine.md").read_text("utf-8")
 
@@ -36,11 +34,9 @@ def test_the_python_examples_run_and_the_states_of_ones_own_drive() -> None:
         steering, throttle = circle.tick()
         assert (curvature(steering), throttle) == (pytest.approx(0.5), 0.2)
     finally:
-        for known in (STATES, RUNTIMES):
-            known.pop("Weave", None)
-            known.pop("Circle", None)
-        for known in (CONDITIONS, CONDITION_RUNTIMES):
-            known.pop("FasterThan", None)
+        for name in ("Weave", "Circle"):
+            STATES.unregister(name)
+        CONDITIONS.unregister("FasterThan")
 
 
 def test_the_json_example_is_a_machine() -> None:

@@ -23,7 +23,4 @@ BUILT_IN = (
 )  # fmt: skip
 """The conditions of the package, in the order of the schema and of all lists."""
 
-for _condition in BUILT_IN:
-    register(_condition)
-
 __all__ = ["BUILT_IN", "CONDITIONS", "Condition", "register"]

@@ -51,12 +51,11 @@ class Condition(Runtime[C]):
         return None
 
 
-RUNTIMES: dict[str, type[Condition[Any]]] = CONDITIONS.runtimes
-"""Type of condition -> the class that runs it."""
 register = CONDITIONS.register
 """Let machine files name a class of conditions from now on; also a decorator."""
 
 
 def build(spec: ConditionSpec, owner: State[Any]) -> Condition[Any]:
     """The running condition of a spec."""
-    return RUNTIMES[spec.type](spec, owner)
+    runtime: type[Condition[Any]] = CONDITIONS.runtime(spec.type)
+    return runtime(spec, owner)

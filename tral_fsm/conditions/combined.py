@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 from pydantic import Field, SerializeAsAny
 
@@ -72,17 +72,17 @@ class Combination(Condition[C]):
 class AllSpec(CombinedSpec):
     """Fires when all of its conditions hold in the same tick."""
 
-    word_between: ClassVar[str] = " and "
-
     type: Literal["All"] = "All"
 
-    def always(self) -> bool:
+    @property
+    def holds_always(self) -> bool:
         """Whether each part always holds."""
-        return all(part.always() for part in self.of)
+        return all(part.holds_always for part in self.of)
 
-    def never(self) -> bool:
+    @property
+    def holds_never(self) -> bool:
         """Whether one part never holds."""
-        return any(part.never() for part in self.of)
+        return any(part.holds_never for part in self.of)
 
 
 class All(Combination[AllSpec]):
@@ -107,17 +107,17 @@ class All(Combination[AllSpec]):
 class AnySpec(CombinedSpec):
     """Fires when one of its conditions holds."""
 
-    word_between: ClassVar[str] = " or "
-
     type: Literal["Any"] = "Any"
 
-    def always(self) -> bool:
+    @property
+    def holds_always(self) -> bool:
         """Whether one part always holds."""
-        return any(part.always() for part in self.of)
+        return any(part.holds_always for part in self.of)
 
-    def never(self) -> bool:
+    @property
+    def holds_never(self) -> bool:
         """Whether all parts never hold."""
-        return all(part.never() for part in self.of)
+        return all(part.holds_never for part in self.of)
 
 
 class AnyOf(Combination[AnySpec]):
@@ -148,8 +148,6 @@ class AnyOf(Combination[AnySpec]):
 class NotSpec(CombinedSpec):
     """Fires when its one condition does not hold."""
 
-    word_before: ClassVar[str] = "not "
-
     type: Literal["Not"] = "Not"
     of: tuple[SerializeAsAny[ConditionSpec], ...] = Field(
         description="one condition, in an array", min_length=1, max_length=1
@@ -160,13 +158,15 @@ class NotSpec(CombinedSpec):
         """Nothing is handed over: the gate is not seen."""
         return False
 
-    def always(self) -> bool:
+    @property
+    def holds_always(self) -> bool:
         """Whether the part never holds."""
-        return self.of[0].never()
+        return self.of[0].holds_never
 
-    def never(self) -> bool:
+    @property
+    def holds_never(self) -> bool:
         """Whether the part always holds."""
-        return self.of[0].always()
+        return self.of[0].holds_always
 
 
 class Not(Combination[NotSpec]):

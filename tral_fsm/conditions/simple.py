@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, cast
 
 from pydantic import Field
 
+from tral_env.errors import MachineError
 from tral_env.interface import NO_ECHO_M
 from tral_fsm.conditions.base import Condition
 from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.needs import DISTANCE, ultrasonic
 from tral_fsm.definition.validated import SonarName, quantity, required
 from tral_fsm.estimation.estimate import CarEstimate
-from tral_fsm.states.base import State
+from tral_fsm.states.base import Finishable, State
+
+_ROUNDING_S = 5e-10
+"""A time that is short of its limit by rounding alone counts as over, s."""
 
 
 class AlwaysSpec(ConditionSpec):
@@ -21,7 +25,8 @@ class AlwaysSpec(ConditionSpec):
 
     type: Literal["Always"] = "Always"
 
-    def always(self) -> bool:
+    @property
+    def holds_always(self) -> bool:
         """The condition holds in every tick."""
         return True
 
@@ -42,7 +47,8 @@ class DistanceSpec(ConditionSpec):
     type: Literal["Distance"] = "Distance"
     distance: float = required("m", "distance since entry, by the hall sensor", ge=0.0, le=10000.0)
 
-    def always(self) -> bool:
+    @property
+    def holds_always(self) -> bool:
         """Whether there is no distance to drive."""
         return self.distance == 0.0
 
@@ -76,7 +82,8 @@ class TimerSpec(ConditionSpec):
     type: Literal["Timer"] = "Timer"
     seconds: float = required("s", "time since entry", ge=0.0, le=100000.0)
 
-    def always(self) -> bool:
+    @property
+    def holds_always(self) -> bool:
         """Whether there is no time to wait."""
         return self.seconds == 0.0
 
@@ -91,8 +98,8 @@ class Timer(Condition[TimerSpec]):
         self.entry = estimate.time
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Whether the time is over; half a nanosecond of rounding is forgiven."""
-        return estimate.time - self.entry >= self.spec.seconds - 5e-10
+        """Whether the time is over."""
+        return estimate.time - self.entry >= self.spec.seconds - _ROUNDING_S
 
     def why(self, estimate: CarEstimate) -> str:
         """Time since entry and time wanted."""
@@ -179,9 +186,15 @@ class Finished(Condition[FinishedSpec]):
 
     counts = False
 
+    def __init__(self, spec: FinishedSpec, owner: State[Any]) -> None:
+        super().__init__(spec, owner)
+        if not isinstance(owner, Finishable):
+            raise MachineError(f"{spec.type} leaves {type(owner).__qualname__}, which has no 'finished'")
+        self.finishable: Finishable = owner
+
     def triggered(self, estimate: CarEstimate) -> bool:
         """Ask the owner."""
-        return bool(self.owner.finished)  # type: ignore[attr-defined]
+        return self.finishable.finished
 
     def why(self, estimate: CarEstimate) -> str:
         """The state that is finished."""
@@ -222,7 +235,7 @@ class Unreachable(Condition[UnreachableSpec]):
     def triggered(self, estimate: CarEstimate) -> bool:
         """Whether there has been a reason for long enough."""
         self.since = min(self.since, estimate.time) if self.owner.unreachable(estimate) else math.inf
-        return estimate.time - self.since >= self.spec.seconds - 5e-10
+        return estimate.time - self.since >= self.spec.seconds - _ROUNDING_S
 
     def why(self, estimate: CarEstimate) -> str:
         """The reason."""
@@ -255,7 +268,7 @@ class SensorLevel(Condition[SensorLevelSpec]):
     def __init__(self, spec: SensorLevelSpec, owner: State[Any]) -> None:
         super().__init__(spec, owner)
         self.is_below = spec.below is not None
-        self.level = spec.below if spec.below is not None else spec.above if spec.above is not None else math.nan
+        self.level = cast(float, spec.below if self.is_below else spec.above)  # a file gives exactly one
         self.agreed = 0
         self.fresh = True
 

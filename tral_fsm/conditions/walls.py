@@ -78,7 +78,8 @@ class ObstacleAheadSpec(ConditionSpec):
     aside_below: float | None = quantity(
         None,
         "m",
-        "the obstacle is nearer to the car's way than this, as far as the readings tell; null: anywhere",
+        "the obstacle is nearer to the car's way than this, told by six readings over about 25 cm; before, the "
+        "condition does not fire; null: anywhere",
         gt=0.0,
     )
 
@@ -118,13 +119,16 @@ class ObstacleAhead(Condition[ObstacleAheadSpec]):
     def triggered(self, estimate: CarEstimate) -> bool:
         """Whether the obstacle is near, and is one that the file asks for."""
         ahead = estimate.obstacle
-        level = self.below or self.level(estimate)
+        level = self.level(estimate)
         if ahead.range < level and self.known(ahead):
             return True
         return self.anything and ahead.last_range < level and ahead.streak >= self.spec.readings
 
     def known(self, ahead: FrontObstacle) -> bool:
-        """Whether readings enough agree on the obstacle, and it was first heard and lies where the file says."""
+        """Whether readings enough agree on the obstacle, and it was first heard and lies where the file says.
+
+        How far aside it lies is told by six readings over about 25 cm. Until then it is NaN, which is below no limit.
+        """
         spec = self.spec
         if ahead.support < spec.readings or not spec.heard_above < ahead.first_range <= spec.heard_below:
             return False

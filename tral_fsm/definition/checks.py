@@ -8,6 +8,7 @@ from itertools import chain
 from typing import cast
 
 from tral_env.errors import MachineError, nearest, problem_report
+from tral_fsm.definition import packaged
 from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.machine import STATES, MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.definition.validated import Id
@@ -41,20 +42,47 @@ class FormatError(MachineError):
         return FormatError, (self.source, self.problems)
 
 
-def check(machine: MachineDefinition) -> list[Problem]:
-    """All faults in how the parts of a machine fit together, also in the inline machines inside it.
+Load = Callable[[str], MachineDefinition]
+"""Gives the packaged machine of a name, without looking into it."""
+
+
+def check(machine: MachineDefinition, load: Load | None = None, around: tuple[str, ...] = ()) -> list[Problem]:
+    """All faults in how the parts of a machine fit together, also in the machines inside it.
 
     Args:
         machine: the definition.
+        load: for the packaged machines that the machine names; None: they are taken for right.
+        around: names of the machines around this one, the outermost first.
 
     Returns:
         The problems, with JSON pointers into the definition; empty if it can be driven.
     """
-    problems = list(check_level(machine.root, machine.states, machine.transitions))
+    states: list[StateSpec] = []
+    inside: list[Problem] = []
     for index, state in enumerate(machine.states):
-        if isinstance(state.inner, MachineDefinition):
-            problems += [replace(p, pointer=f"/states/{index}/machine{p.pointer}") for p in check(state.inner)]
-    return problems
+        held, found = _held(state.inner, load, around)
+        states.append(state if held is None else state.model_copy(update={"machine": held}))
+        inside += [replace(p, pointer=f"/states/{index}/machine{p.pointer}") for p in found]
+    return [*check_level(machine.root, states, machine.transitions), *inside]
+
+
+def _held(
+    inner: MachineDefinition | str | None, load: Load | None, around: tuple[str, ...]
+) -> tuple[MachineDefinition | None, list[Problem]]:
+    """The machine behind the name that a state gives, None without one, and the problems of the machine it holds.
+
+    Whether a named machine ends, or its root takes a target, is known only when it has been loaded.
+    """
+    if isinstance(inner, MachineDefinition):
+        return None, check(inner, load, around)
+    if inner is None or load is None:
+        return None, []
+    if inner not in packaged.names():
+        return None, [Problem("", unknown_machine(inner, packaged.names()))]
+    if inner in around:
+        return None, [Problem("", f"holds itself: {' > '.join((*around, inner))}")]
+    held = load(inner)
+    return held, [Problem("", f"in {inner!r}, {problem}") for problem in check(held, load, (*around, inner))]
 
 
 def check_level(
@@ -76,7 +104,7 @@ def check_level(
     yield from _shadowed(level)
     if level.whole and not broken:
         yield from _reachable(level)
-        yield from _ways_out(level)
+        yield from _exits(level)
         yield from _cycles(level)
 
 
@@ -88,12 +116,16 @@ class _Level:
     ) -> None:
         self.root = root
         self.states = [(index, state) for index, state in enumerate(states) if state is not None]
-        self.transitions = [(index, way) for index, way in enumerate(transitions) if way is not None]
+        self.transitions = [
+            (index, transition) for index, transition in enumerate(transitions) if transition is not None
+        ]
         self.by_id: dict[Id, StateSpec] = {}
         for _, state in self.states:
             self.by_id.setdefault(state.id, state)
         self.all_states = None not in states
-        known = all(state.type for _, state in self.states) and all(way.when.type for _, way in self.transitions)
+        known = all(state.type for _, state in self.states) and all(
+            transition.when.type for _, transition in self.transitions
+        )
         self.whole = root is not None and self.all_states and None not in transitions and known
 
 
@@ -117,8 +149,8 @@ def _ends(level: _Level) -> Iterator[Problem]:
         return  # an end may be a state whose id could not be read
     if level.root is not None and level.root not in level.by_id:
         yield Problem("/root", f"got {level.root!r}, which is no state: {nearest(level.root, level.by_id)}")
-    for index, way in level.transitions:
-        for name, end in (("from", way.source), ("to", way.target)):
+    for index, transition in level.transitions:
+        for name, end in (("from", transition.source), ("to", transition.target)):
             if end not in level.by_id:
                 yield Problem(
                     f"/transitions/{index}/{name}", f"got {end!r}, which is no state: {nearest(end, level.by_id)}"
@@ -127,13 +159,13 @@ def _ends(level: _Level) -> Iterator[Problem]:
 
 def _reachable(level: _Level) -> Iterator[Problem]:
     """The root leads to every state."""
-    ways: dict[Id, list[Id]] = {}
-    for _, way in level.transitions:
-        if not way.when.never():
-            ways.setdefault(way.source, []).append(way.target)
+    targets: dict[Id, list[Id]] = {}
+    for _, transition in level.transitions:
+        if not transition.when.holds_never:
+            targets.setdefault(transition.source, []).append(transition.target)
     seen, front = {level.root}, [level.root]
     while front:
-        for target in ways.get(cast(Id, front.pop()), ()):
+        for target in targets.get(cast(Id, front.pop()), ()):
             if target not in seen:
                 seen.add(target)
                 front.append(target)
@@ -142,9 +174,13 @@ def _reachable(level: _Level) -> Iterator[Problem]:
             yield Problem(f"/states/{index}", f"state {state.id!r} ({state.type}) cannot be reached from the root")
 
 
-def _ways_out(level: _Level) -> Iterator[Problem]:
+def _exits(level: _Level) -> Iterator[Problem]:
     """Every state can be left for another one, except those that may end the machine."""
-    left = {way.source for _, way in level.transitions if way.target != way.source and not way.when.never()}
+    left = {
+        transition.source
+        for _, transition in level.transitions
+        if transition.target != transition.source and not transition.when.holds_never
+    }
     for index, state in level.states:
         if state.id not in left and not state.may_end:
             yield Problem(
@@ -170,9 +206,9 @@ def _with_parts(
 
 def _conditions(level: _Level) -> Iterator[Problem]:
     """States can do what conditions ask: say that they are finished, have a target, take a gate."""
-    for index, way in level.transitions:
-        owner, target = level.by_id.get(way.source), level.by_id.get(way.target)
-        for condition, pointer, hands_over in _with_parts(way.when, f"/transitions/{index}"):
+    for index, transition in level.transitions:
+        owner, target = level.by_id.get(transition.source), level.by_id.get(transition.target)
+        for condition, pointer, hands_over in _with_parts(transition.when, f"/transitions/{index}"):
             if owner is not None and owner.type:
                 yield from _of_owner(condition, owner, f"{pointer}/type")
             if hands_over and target is not None and target.type and not target.takes_target:
@@ -203,22 +239,23 @@ def _shadowed(level: _Level) -> Iterator[Problem]:
     """Every transition can fire, and none stands behind one that always fires first."""
     always_before: dict[Id, Id] = {}
     same_before: dict[tuple[Id, str], Id] = {}
-    for index, way in level.transitions:
-        if not way.when.type:
+    for index, transition in level.transitions:
+        if not transition.when.type:
             continue
-        dead = f"transition {way.id!r} can never fire"
-        if way.when.never():
+        dead = f"transition {transition.id!r} can never fire"
+        if transition.when.holds_never:
             yield Problem(f"/transitions/{index}", f"{dead}: its condition holds in no tick")
-        same = (way.source, repr(way.when))  # text, since a value in a plugin's condition may have no hash
-        if way.source in always_before:
-            other = always_before[way.source]
+        # As text, since a value in a plugin's condition may have no hash.
+        same = (transition.source, repr(transition.when))
+        if transition.source in always_before:
+            other = always_before[transition.source]
             yield Problem(f"/transitions/{index}", f"{dead}: {other!r}, checked before it, fires always")
         elif same in same_before:
             other = same_before[same]
             yield Problem(f"/transitions/{index}", f"{dead}: {other!r}, checked before it, has the same condition")
-        same_before.setdefault(same, way.id)
-        if way.when.always():
-            always_before.setdefault(way.source, way.id)
+        same_before.setdefault(same, transition.id)
+        if transition.when.holds_always:
+            always_before.setdefault(transition.source, transition.id)
 
 
 def _cycles(level: _Level) -> Iterator[Problem]:
@@ -228,9 +265,9 @@ def _cycles(level: _Level) -> Iterator[Problem]:
     lead out.
     """
     first: dict[Id, tuple[int, TransitionSpec]] = {}
-    for index, way in level.transitions:
-        first.setdefault(way.source, (index, way))
-    at_once = {state: (index, way) for state, (index, way) in first.items() if way.when.always()}
+    for index, transition in level.transitions:
+        first.setdefault(transition.source, (index, transition))
+    at_once = {source: found for source, found in first.items() if found[1].when.holds_always}
     done: set[Id] = set()
     for start in at_once:
         path: list[Id] = []
@@ -245,42 +282,6 @@ def _cycles(level: _Level) -> Iterator[Problem]:
                 f"/transitions/{at_once[here][0]}",
                 f"goes round in no time: {' > '.join(str(name) for name in round_trip)}, each left at once",
             )
-
-
-def check_inner(
-    machine: MachineDefinition, names: Iterable[str], load: Callable[[str], MachineDefinition], around: tuple[str, ...]
-) -> list[Problem]:
-    """All faults of the packaged machines that a machine names: unknown, holding itself, asked for what they cannot do.
-
-    Args:
-        machine: the outer one.
-        names: names of the packaged machines.
-        load: gives the packaged machine of a name, without looking into it.
-        around: names of the machines around, the outermost first.
-    """
-    problems: list[Problem] = []
-    known: list[StateSpec] = []
-    for index, state in enumerate(machine.states):
-        known.append(state)
-        at, inner = f"/states/{index}/machine", state.inner
-        if inner is None:
-            continue
-        if isinstance(inner, MachineDefinition):
-            found = check_inner(inner, names, load, around)
-            problems += [replace(p, pointer=at + p.pointer) for p in found]
-        elif inner not in names:
-            problems.append(Problem(at, unknown_machine(inner, names)))
-        elif inner in around:
-            problems.append(Problem(at, f"holds itself: {' > '.join((*around, inner))}"))
-        else:
-            held = load(inner)
-            found = check_inner(held, names, load, (*around, inner))
-            problems += [Problem(at, f"in {inner!r}, {problem}") for problem in found]
-            known[index] = state.model_copy(update={"machine": held})
-    # Whether a named machine ends, or its root takes a target, is known only now.
-    told = {str(problem) for problem in _conditions(_Level(machine.root, machine.states, machine.transitions))}
-    found = list(_conditions(_Level(machine.root, known, machine.transitions)))
-    return problems + [problem for problem in found if str(problem) not in told]
 
 
 def unknown_machine(name: object, names: Iterable[str]) -> str:

@@ -20,10 +20,6 @@ class ConditionSpec(Spec):
     """The state that the transition leaves must be able to say that it is finished."""
     asks_owner_target: ClassVar[bool] = False
     """The state that the transition leaves must take a target."""
-    word_before: ClassVar[str] = ""
-    """What stands before its parts when it is told in words, with its space: "not "."""
-    word_between: ClassVar[str] = ""
-    """What stands between its parts when it is told in words, with its spaces: " and "."""
 
     type: str
 
@@ -45,15 +41,16 @@ class ConditionSpec(Spec):
         """
         return NOTHING
 
-    def always(self) -> bool:
+    @property
+    def holds_always(self) -> bool:
         """Whether the condition holds in every tick, whatever the car reads."""
         return False
 
-    def never(self) -> bool:
+    @property
+    def holds_never(self) -> bool:
         """Whether the condition never holds, whatever the car reads."""
         return False
 
 
 CONDITIONS = Registry(ConditionSpec)
-"""Every known type of condition. Importing `tral_fsm.conditions` adds those of the package, `conditions.register` any
-other."""
+"""Every known type of condition. Importing `tral_fsm` adds those of the package, `conditions.register` any other."""

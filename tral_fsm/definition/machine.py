@@ -120,4 +120,4 @@ class MachineDefinition(Spec):
 
 
 STATES = Registry(StateSpec)
-"""Every known type of state. Importing `tral_fsm.states` adds those of the package, `states.register` any other."""
+"""Every known type of state. Importing `tral_fsm` adds those of the package, `states.register` any other."""

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from functools import cache
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 
-_FOLDER = files("tral_fsm").joinpath("machines")
+
+def _folder() -> Traversable:
+    return files("tral_fsm").joinpath("machines")
 
 
 @cache
 def names() -> tuple[str, ...]:
     """Names of the packaged machines, sorted."""
-    return tuple(sorted(entry.name[:-5] for entry in _FOLDER.iterdir() if entry.name.endswith(".json")))
+    return tuple(sorted(entry.name[:-5] for entry in _folder().iterdir() if entry.name.endswith(".json")))
 
 
 def text(name: str) -> str:
     """A packaged machine as TRAL JSON."""
-    return _FOLDER.joinpath(f"{name}.json").read_text("utf-8")
+    return _folder().joinpath(f"{name}.json").read_text("utf-8")

@@ -16,6 +16,8 @@ from tral_fsm.definition.validated import Spec, unit_of
 _NO_PARAMETER = ("type", "id", "label", "final", "machine")
 _SIGNS = (("above", ">"), ("below", "<"), ("max", "≤"))
 """Part of a parameter's name -> the sign that says it in the short wording."""
+_COMBINING = {"All": ("", " and "), "Any": ("", " or "), "Not": ("not ", "")}
+"""Type of a condition that combines others -> what stands before its parts, and between them."""
 
 
 def combined(condition: ConditionSpec, wording: Callable[[ConditionSpec], str], inside: bool = False) -> str:
@@ -23,13 +25,14 @@ def combined(condition: ConditionSpec, wording: Callable[[ConditionSpec], str], 
 
     Args:
         condition: what is put into words.
-        wording: gives the words of a condition that combines no others.
+        wording: gives the words of a condition other than All, Any and Not.
         inside: the words stand among others, so that several parts need parentheses.
     """
-    if not condition.parts or not (condition.word_before or condition.word_between):
+    if condition.type not in _COMBINING:
         return wording(condition)
+    before, between = _COMBINING[condition.type]
     parts = [combined(part, wording, inside=True) for part in condition.parts]
-    text = condition.word_before + condition.word_between.join(parts)
+    text = before + between.join(parts)
     return f"({text})" if inside and len(parts) > 1 else text
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, ClassVar, Generic, TypeVar, get_args
 
 from tral_env.errors import MachineError
@@ -27,7 +28,7 @@ class Runtime(Generic[T]):
 R = TypeVar("R", bound=type[Runtime[Any]])
 
 
-class Registry(dict[str, type[T]]):
+class Registry(Mapping[str, type[T]]):
     """Type in machine files -> its spec. It starts empty; `register` fills it."""
 
     def __init__(self, base: type[T]) -> None:
@@ -36,10 +37,35 @@ class Registry(dict[str, type[T]]):
         Args:
             base: what every spec in it derives from.
         """
-        super().__init__()
         self.base = base
-        self.runtimes: dict[str, type[Any]] = {}
-        """Type in machine files -> the class that runs its spec."""
+        self._runtimes: dict[str, type[Any]] = {}
+
+    def __getitem__(self, name: str) -> type[T]:
+        spec: type[T] = self._runtimes[name].spec_type
+        return spec
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._runtimes)
+
+    def __len__(self) -> int:
+        return len(self._runtimes)
+
+    def runtime(self, name: str) -> type[Any]:
+        """The class that runs the spec of a type.
+
+        Raises:
+            KeyError: the type is not known.
+        """
+        return self._runtimes[name]
+
+    def register_all(self, runtimes: Iterable[type[Runtime[Any]]]) -> None:
+        """Register several classes, in the order of the schema and of all lists."""
+        for runtime in runtimes:
+            self.register(runtime)
+
+    def unregister(self, name: str) -> None:
+        """Let machine files no longer name a type. Nothing happens if the type is not known."""
+        self._runtimes.pop(name, None)
 
     def register(self, runtime: R) -> R:
         """Let machine files name the type of a class from now on. It is also a decorator.
@@ -76,5 +102,5 @@ class Registry(dict[str, type[T]]):
                     f"{spec.__qualname__} says that it is {word}, but {runtime.__qualname__} has no {member!r}: "
                     f"define {member!r} in the class"
                 )
-        self[name], self.runtimes[name] = spec, runtime
+        self._runtimes[name] = runtime
         return runtime

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from tral_env.errors import MachineError, nearest
 from tral_fsm import formats
-from tral_fsm.definition import checks, packaged
-from tral_fsm.definition.checks import FormatError, Problem
+from tral_fsm.definition import packaged
+from tral_fsm.definition.checks import FormatError, check
 from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.formats import FORMATS, read_file, tral_json
@@ -40,7 +40,7 @@ def load(name_or_path: str | Path) -> MachineDefinition:
     name = str(name_or_path)
     if name in packaged.names():
         definition = by_name(name)
-        problems = check_inner(definition, (name,))
+        problems = check(definition, by_name, (name,))
         if problems:
             raise FormatError(name, problems)
         return definition
@@ -49,7 +49,7 @@ def load(name_or_path: str | Path) -> MachineDefinition:
         kinds = ", ".join(SUFFIXES)
         raise MachineError(f"{name[:80]!r} is no packaged machine and no file ({kinds}): {nearest(name, names())}")
     definition = read_file(path)
-    problems = check_inner(definition)
+    problems = check(definition, by_name)
     if problems:
         places = formats.places(path)
         raise FormatError(name, [located(problem, places) for problem in problems])
@@ -66,16 +66,6 @@ def by_name(name: str) -> MachineDefinition:
     if name not in packaged.names():
         raise MachineError(f"{name[:80]!r} is no packaged machine: {nearest(name, names())}")
     return tral_json.loads(packaged.text(name), f"{name}.json")
-
-
-def check_inner(machine: MachineDefinition, around: tuple[str, ...] = ()) -> list[Problem]:
-    """Problems of the packaged machines inside a machine, and of the transitions to and from them.
-
-    Args:
-        machine: the outer machine.
-        around: names of the machines around it, the outermost first.
-    """
-    return checks.check_inner(machine, names(), by_name, around)
 
 
 def needed_readings(machine: MachineDefinition) -> frozenset[str]:

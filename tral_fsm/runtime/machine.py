@@ -12,12 +12,12 @@ from tral_env.errors import MachineError
 from tral_fsm.conditions.base import Condition, build
 from tral_fsm.control.command import Command
 from tral_fsm.definition.checks import FormatError, check
-from tral_fsm.definition.machine import MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition.machine import STATES, MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.definition.validated import Id
 from tral_fsm.estimation.detections import Detection
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.formats import library
-from tral_fsm.states.base import RUNTIMES, State, Targetable
+from tral_fsm.states.base import State, Targetable
 from tral_fsm.states.fsm_state import FSMState
 
 
@@ -72,7 +72,7 @@ class Machine:
         Raises:
             FormatError: the definition cannot run.
         """
-        problems = [] if checked else [*check(definition), *library.check_inner(definition)]
+        problems = [] if checked else check(definition, library.by_name)
         if problems:
             raise FormatError(definition.name or "machine", problems)
         self.definition = definition
@@ -89,7 +89,7 @@ class Machine:
         self._active = -1
 
     def _state(self, spec: StateSpec) -> State[Any]:
-        runtime = RUNTIMES[spec.type](spec)
+        runtime: State[Any] = STATES.runtime(spec.type)(spec)
         if isinstance(runtime, FSMState):
             inner = runtime.spec.machine
             inner = library.by_name(inner) if isinstance(inner, str) else inner

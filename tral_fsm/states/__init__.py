@@ -16,7 +16,4 @@ BUILT_IN = (
 )  # fmt: skip
 """The states of the package, in the order of the schema and of all lists."""
 
-for _state in BUILT_IN:
-    register(_state)
-
 __all__ = ["BUILT_IN", "STATES", "DrivingState", "State", "register"]

@@ -7,7 +7,7 @@ with `register`.
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
+from typing import ClassVar, Protocol, TypeVar, runtime_checkable
 
 from tral_env.se2 import Pose
 from tral_fsm.control.command import IDLE, Command
@@ -76,8 +76,6 @@ class State(Runtime[S]):
         return ""
 
 
-RUNTIMES: dict[str, type[State[Any]]] = STATES.runtimes
-"""Type of state -> the class that runs it."""
 register = STATES.register
 """Let machine files name a class of states from now on; also a decorator."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Any, Literal, get_args, get_origin
 
 from pydantic.fields import FieldInfo
@@ -39,7 +40,7 @@ def dumps() -> str:
     return diagram(found)
 
 
-def _texts(specs: dict[str, Any], kind: str) -> list[str]:
+def _texts(specs: Mapping[str, type[Spec]], kind: str) -> list[str]:
     if kind == "state":
         return [f"{name}\n--\n{_parameters(spec)}\n--\nhalign=left" for name, spec in specs.items()]
     return [f"lt=->\n{text}{_below(text)}" for text in map(_parameters, specs.values())]
