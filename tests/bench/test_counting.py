@@ -64,3 +64,18 @@ def test_contestants_take_turns_and_the_warm_up_does_not_count() -> None:
 
 def test_the_time_of_a_step_is_that_of_the_median_round() -> None:
     assert Contestant(name="x", step=lambda: 1, wall=[1.0, 4.0, 400.0]).seconds_per_step == pytest.approx(0.25)
+
+
+def test_contestants_are_closed_after_an_error_too() -> None:
+    closed: list[str] = []
+
+    def fails() -> int:
+        raise ValueError("no step")
+
+    both = [
+        Contestant(name="a", step=lambda: 1, close=lambda: closed.append("a")),
+        Contestant(name="b", step=fails, close=lambda: closed.append("b")),
+    ]
+    with pytest.raises(ValueError, match="no step"):
+        take_turns(both, rounds=1, seconds=0.0)
+    assert sorted(closed) == ["a", "b"]

@@ -1,6 +1,7 @@
 """What `tral bench speed` measures, and how it tells it."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -160,3 +161,25 @@ def test_a_frame_costs_its_rendering_and_more() -> None:
     assert list(cost) == ["in_env_ms", "bare_render_ms", "bare_detect_ms", "bare_pose_ms"]
     assert cost["in_env_ms"] > cost["bare_detect_ms"] > 0.0
     assert cost["bare_pose_ms"] > 0.1  # two markers are in view
+
+
+def test_one_row_is_measured_with_the_first_number_of_threads_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stub(kind: str) -> Callable[..., Contestant]:
+        def make(scenario: str, rows: int = 1, threads: int | str = 1) -> Contestant:
+            counted = 1 if isinstance(threads, str) else threads
+            return Contestant(name=kind, kind=kind, rows=rows, threads=counted, step=lambda: rows, wall=[1.0])
+
+        return make
+
+    for name, kind in (("native", "native"), ("bare_batch", "bare batch"), ("single", "single")):
+        monkeypatch.setattr(speed, name, stub(kind))
+    monkeypatch.setattr(speed, "bare_loop", stub("bare loop"))
+    monkeypatch.setattr(
+        speed,
+        "rival",
+        lambda scenario, rows, mode: Contestant(name=mode, kind=mode, rows=rows, step=lambda: rows, wall=[1.0]),
+    )
+    asked = replace(TINY, rows=(1,), threads=(2, 4), compared=1)
+    field, _ = speed.contestants(asked)
+    assert [(each.rows, each.threads) for each in field if each.kind == "native"] == [(1, 2)]
+    assert speed.ratios(field, asked)["vector_over_bare_batch"] == 1.0

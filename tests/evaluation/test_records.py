@@ -69,3 +69,11 @@ def test_the_lines_of_each_call_are_appended_and_counted(tmp_path: Path) -> None
     collect(_twice, [(1,), (2,)], 1, path, lambda: counted.append(1))
     assert sorted(line["number"] for line in read_lines(path)) == [1, 2, 10, 20]
     assert len(counted) == 4
+
+
+@pytest.mark.parametrize("line", ['{"header": {}}', '{"kind": "drive", "seed": 1}'])
+def test_a_file_of_another_kind_is_refused(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "study.jsonl"
+    path.write_text(f"{line}\n")
+    with pytest.raises(ConfigError, match=r"study.jsonl:1: got no line of a run"):
+        made_with(path, Run())

@@ -139,3 +139,10 @@ def test_the_same_seed_gives_the_same_episode() -> None:
     first, again, other = (drive(Lane(), Cruiser(), seed=seed).trace.readings for seed in (1, 1, 2))
     np.testing.assert_array_equal(first, again)
     assert (first != other).any()
+
+
+def test_the_same_drive_twice_gives_equal_episodes() -> None:
+    first, second = (drive(Lane(), Cruiser(), seed=1) for _ in range(2))
+    assert first == second
+    assert hash(first) == hash(second)
+    assert first != drive(Lane("timeout"), Cruiser(), seed=1)

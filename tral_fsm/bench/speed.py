@@ -33,7 +33,7 @@ def contestants(plan: SpeedPlan) -> tuple[list[Contestant], Skipped]:
     ]
     for rows in plan.rows:
         for threads in plan.threads:
-            if rows == 1 and threads > 1 and len(plan.threads) > 1:
+            if rows == 1 and threads != plan.threads[0]:
                 continue  # more threads do not help one row
             field += [native(plan.scenario, rows, threads), bare_batch(plan.scenario, rows, threads)]
     skipped = []
@@ -82,23 +82,22 @@ def measure(plan: SpeedPlan, on_round: Callable[[str], None] = lambda name: None
 
 def ratios(field: Sequence[Contestant], plan: SpeedPlan) -> dict[str, float]:
     """Medians of the ratios of two contestants, round by round."""
-    threads = plan.threads[-1]
-    ours = _one(field, "native", plan.compared, threads)
+    ours = _one(field, "native", plan.compared)
     pairs = {
         "single_over_bare_loop": (_one(field, "single"), _one(field, "bare loop")),
-        "vector_over_bare_batch": (ours, _one(field, "bare batch", plan.compared, threads)),
+        "vector_over_bare_batch": (ours, _one(field, "bare batch", plan.compared)),
         "vector_over_sync": (ours, _one(field, "sync", plan.rivals)),
         "vector_over_async": (ours, _one(field, "async", plan.rivals)),
     }
     if plan.scaling is not None:
         many, few = plan.scaling
-        pairs[f"rows_{many}_over_{few}"] = _one(field, "native", many, threads), _one(field, "native", few, threads)
+        pairs[f"rows_{many}_over_{few}"] = _one(field, "native", many), _one(field, "native", few)
     return {
         name: statistics.median(a / b for a, b in zip(one.wall, other.wall, strict=True))
         for name, (one, other) in pairs.items()
     }
 
 
-def _one(field: Sequence[Contestant], kind: str, rows: int = 1, threads: int = 1) -> Contestant:
-    """The contestant of a kind with these rows and threads; one row may have one thread alone."""
-    return [each for each in field if (each.kind, each.rows) == (kind, rows) and each.threads in (1, threads)][-1]
+def _one(field: Sequence[Contestant], kind: str, rows: int = 1) -> Contestant:
+    """The contestant of a kind with these rows, and the last number of threads that it was measured with."""
+    return [each for each in field if (each.kind, each.rows) == (kind, rows)][-1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import statistics
 import subprocess
 import sys
 
@@ -34,17 +35,21 @@ print(json.dumps({"mb": kilobytes / 1024}))
 """
 _ROWS, _MORE_ROWS = 16, 272
 """Numbers of rows of the two environments whose memory is compared."""
+_STARTS = 3
+"""Number of interpreters that start one after the other; the first one also warms the cache of files."""
 
 
 def startup_cost(scenario: str) -> dict[str, float]:
     """Measure the cost of a start.
 
     Returns:
-        ``import_s`` of tral_env; ``make_and_reset_s`` of `gym.make` and the first reset with their imports;
-        ``memory_mb_per_row`` of the native vector environment.
+        ``import_s`` of tral_env; ``make_and_reset_s`` of `gym.make` and the first reset with their imports, both the
+        median of some starts; ``memory_mb_per_row`` of the native vector environment.
     """
     few, many = (_run(_MEMORY, scenario, str(rows))["mb"] for rows in (_ROWS, _MORE_ROWS))
-    return {**_run(_BEGIN, scenario), "memory_mb_per_row": (many - few) / (_MORE_ROWS - _ROWS)}
+    starts = [_run(_BEGIN, scenario) for _ in range(_STARTS)]
+    medians = {name: statistics.median(start[name] for start in starts) for name in starts[0]}
+    return {**medians, "memory_mb_per_row": (many - few) / (_MORE_ROWS - _ROWS)}
 
 
 def _run(script: str, *arguments: str) -> dict[str, float]:

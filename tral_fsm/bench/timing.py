@@ -8,6 +8,7 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 
 from tral_env.interface import CONTROL_PERIOD_S
@@ -66,7 +67,7 @@ def take_turns(
     seconds: float,
     on_turn: Callable[[str], None] = lambda name: None,
 ) -> None:
-    """Warm up, run all rounds, and close the contestants.
+    """Warm up, run all rounds, and close the contestants, also after an error.
 
     Args:
         contestants: the contestants, whose speeds are appended.
@@ -74,13 +75,14 @@ def take_turns(
         seconds: time of a turn, s; the warm-up takes a quarter of it.
         on_turn: called with the name of each contestant when its turn comes.
     """
-    for contestant in contestants:
-        contestant.run(seconds / 4)
-        contestant.wall.clear()
-        contestant.cpu.clear()
-    for _ in range(rounds):
+    with ExitStack() as closing:
+        for contestant in reversed(contestants):
+            closing.callback(contestant.close)
         for contestant in contestants:
-            on_turn(contestant.name)
-            contestant.run(seconds)
-    for contestant in contestants:
-        contestant.close()
+            contestant.run(seconds / 4)
+            contestant.wall.clear()
+            contestant.cpu.clear()
+        for _ in range(rounds):
+            for contestant in contestants:
+                on_turn(contestant.name)
+                contestant.run(seconds)

@@ -158,12 +158,12 @@ class DriverPool:
         self._definitions = definitions
         self._drivers: list[Driver | None] = [None] * n
         self._machine = [-1] * n
-        self._idle: list[list[Driver]] = [[] for _ in definitions]
+        self._idle = [[Driver(definition)] for definition in definitions]  # the first one checks its definition
 
     def assign(self, row: int, machine: int) -> None:
         """Let a machine drive a row, from its root on."""
         idle = self._idle[machine]
-        driver = idle.pop() if idle else Driver(self._definitions[machine])
+        driver = idle.pop() if idle else Driver(self._definitions[machine], checked=True)
         driver.reset()
         self._drivers[row], self._machine[row] = driver, machine
 

@@ -28,7 +28,7 @@ class EpisodeRequest:
     seed: int
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Tick:
     """One tick of a drive: the observation, the action, and the truth after it."""
 
@@ -50,7 +50,7 @@ class Tick:
     """True clearance minus the wanted one after the tick, m; NaN where none is wanted or measured."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class EpisodeTrace:
     """An episode tick by tick: row k holds tick k, with time, pose, speed and clearance error at its end."""
 
@@ -177,9 +177,9 @@ def _measured(metres: float) -> float | None:
 
 @dataclass(frozen=True, kw_only=True)
 class Episode(EpisodeResult):
-    """Result of one drive, with its ticks."""
+    """Result of one drive, with its ticks. Episodes are equal if their figures are."""
 
-    trace: EpisodeTrace = field(repr=False)
+    trace: EpisodeTrace = field(repr=False, compare=False)
 
 
 def outcome(info: Mapping[str, Any]) -> Outcome:

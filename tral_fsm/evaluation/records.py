@@ -101,11 +101,14 @@ def made_with(path: Path, settings: Any, machines: Mapping[str, str] | None = No
         machines: digests of the machines, by name.
 
     Raises:
-        ConfigError: the file was made with other settings or other machines, or it is damaged.
+        ConfigError: the file was made with other settings or other machines, it is no file of records, or it is
+            damaged.
     """
     found = read_lines(path)
+    if found and found[0].get("kind") != "run":
+        raise ConfigError(f"{path}:1: got no line of a run, so these are no records of drives: choose another --out")
     for line in found:
-        if line["kind"] == "run" and line["settings"] != asdict(settings):
+        if line.get("kind") == "run" and line["settings"] != asdict(settings):
             raise ConfigError(f"{path} was made with {line['settings']}, not {asdict(settings)}: choose another --out")
         changed = [name for name, was in line.get("machines", {}).items() if was != (machines or {}).get(name)]
         if changed:
