@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from operator import ge, le
 from typing import Any
 
 import numpy as np
@@ -16,10 +17,11 @@ WIDTH = len(CORE_FIELDS)
 _MAX_WIDTH = WIDTH + sum(map(len, OPTIONAL_GROUPS.values()))
 _LOW = np.array([field.low for field in CORE_FIELDS], np.float32)
 _HIGH = np.array([field.high for field in CORE_FIELDS], np.float32)
+_LOWS, _HIGHS = _LOW.tolist(), _HIGH.tolist()
 _UNTOUCHED = "a machine takes the readings as the environment gives them"
 
 
-def checked_rows(observation: Any, n: int) -> NDArray[np.floating]:
+def checked_rows(observation: Any, n: int) -> list[list[float]]:
     """The readings of n cars, if they are readings.
 
     Args:
@@ -27,7 +29,7 @@ def checked_rows(observation: Any, n: int) -> NDArray[np.floating]:
         n: number of cars.
 
     Returns:
-        (n, `WIDTH`), a view.
+        n rows of `WIDTH` readings.
 
     Raises:
         ConfigError: the observation is no array, has another shape, or a value is NaN or out of bounds.
@@ -37,11 +39,16 @@ def checked_rows(observation: Any, n: int) -> NDArray[np.floating]:
     if rows.ndim != 2 or len(rows) != n or not WIDTH <= rows.shape[1] <= _MAX_WIDTH:
         raise ConfigError(_wrong_shape(observation, n))
     rows = rows[:, :WIDTH]
-    # NaN is in no order. For one row `all()` would take four times as long as `bytes`, and broadcasting twice as long.
-    seen = rows[0] if n == 1 else rows
-    if b"\0" in (seen >= _LOW).tobytes() or b"\0" in (seen <= _HIGH).tobytes():
+    readings: list[list[float]] = rows.tolist()
+    # NaN is in no order. NumPy takes longer for one row than Python.
+    within = (
+        all(map(le, _LOWS, readings[0])) and all(map(ge, _HIGHS, readings[0]))
+        if n == 1
+        else ((rows >= _LOW) & (rows <= _HIGH)).all()
+    )
+    if not within:
         raise ConfigError(_out_of_bounds(rows))
-    return rows
+    return readings
 
 
 def as_array(observation: Any) -> NDArray[np.floating]:
