@@ -39,7 +39,9 @@ class GateMemory:
 
     def grow_older(self) -> None:
         """A tick without a new image has passed."""
-        self.nearest, self.guess, self.target = self.nearest.older(), self.guess.older(), self.target.older()
+        nearest, target = self.nearest, self.target
+        self.nearest, self.guess = nearest.older(), self.guess.older()
+        self.target = self.nearest if target is nearest else target.older()
 
     def follow(self) -> None:
         """Keep the target where it was seen last, and know how old that is; asked after a new image was seen."""

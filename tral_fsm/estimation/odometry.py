@@ -87,7 +87,9 @@ class Odometry:
         "_distance",
         "_frame",
         "_history",
+        "_play",
         "_raw",
+        "_speed",
         "arc_length",
         "direction",
         "heading_change",
@@ -106,7 +108,9 @@ class Odometry:
         """+1 forward, -1 after reverse gear was ordered at standstill: the hall sensor does not know."""
         self.wheel = 0.0
         """Where the wheels are, in units of steering, trim included."""
-        self._distance = math.nan
+        self._distance = self._speed = math.nan
+        self._play = 0.0
+        """Play of the steering at that speed."""
         self._raw = self._frame = (0.0, 0.0, 0.0)
         """The pose as it adds up, in a frame that is turned when a heading turns out to be wrong."""
         self._history: deque[tuple[Pose, float, float, float, float]] = deque(maxlen=_HISTORY_TICKS)
@@ -121,8 +125,10 @@ class Odometry:
             gain: curvature that the car drives over the one that its steering should give.
         """
         speed, distance = readings.speed, readings.distance
+        if speed != self._speed:
+            self._speed, self._play = speed, steering_play(speed)
         lag = readings.steering - self.wheel
-        lag -= clip(lag, steering_play(speed))
+        lag -= clip(lag, self._play)
         if lag != 0.0:
             moved = lag * _LAG_PER_TICK
             self.wheel += moved

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from operator import ge, le
 from typing import Any
 
 import numpy as np
@@ -38,17 +37,22 @@ def checked_rows(observation: Any, n: int) -> list[list[float]]:
     rows = rows[None] if rows.ndim == 1 else rows
     if rows.ndim != 2 or len(rows) != n or not WIDTH <= rows.shape[1] <= _MAX_WIDTH:
         raise ConfigError(_wrong_shape(observation, n))
+    if n == 1:  # NumPy takes longer for one row than Python
+        row = rows[0, :WIDTH].tolist()
+        if not _is_within(row):
+            raise ConfigError(_out_of_bounds(rows[:, :WIDTH]))
+        return [row]
     rows = rows[:, :WIDTH]
-    readings: list[list[float]] = rows.tolist()
-    # NaN is in no order. NumPy takes longer for one row than Python.
-    within = (
-        all(map(le, _LOWS, readings[0])) and all(map(ge, _HIGHS, readings[0]))
-        if n == 1
-        else ((rows >= _LOW) & (rows <= _HIGH)).all()
-    )
-    if not within:
+    if not ((rows >= _LOW) & (rows <= _HIGH)).all():  # NaN is in no order
         raise ConfigError(_out_of_bounds(rows))
-    return readings
+    return rows.tolist()  # type: ignore[no-any-return]
+
+
+def _is_within(row: list[float]) -> bool:
+    for low, value, high in zip(_LOWS, row, _HIGHS, strict=True):  # noqa: SIM110 - all(...) would cost a generator
+        if not low <= value <= high:
+            return False
+    return True
 
 
 def as_array(observation: Any) -> NDArray[np.floating]:

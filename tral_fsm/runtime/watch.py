@@ -99,8 +99,9 @@ class Watch:
             return self.reason
         self._ticks += 1
         for name, column in self._ranges:
-            if row[column] > MAX_SILENCE_S and self._ticks * CONTROL_PERIOD_S > MAX_SILENCE_S:
-                self.reason = f"{name} silent for {min(row[column], self._ticks * CONTROL_PERIOD_S):.1f} s"
+            age = row[column]
+            if age > MAX_SILENCE_S and self._ticks * CONTROL_PERIOD_S > MAX_SILENCE_S:
+                self.reason = f"{name} silent for {min(age, self._ticks * CONTROL_PERIOD_S):.1f} s"
                 return self.reason
         self._watch_hall(row, command, throttle)
         return self.reason
