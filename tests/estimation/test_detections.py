@@ -77,10 +77,3 @@ class TestDetection:
 
 def test_nothing_stays_nothing_and_is_not_made_anew() -> None:
     assert NOTHING.older() is NOTHING
-
-
-def test_a_detection_grows_older_by_a_tick_up_to_the_largest_age() -> None:
-    seen = Detection(8, 2.0, 0.5, 0.1, 0.5, True, 0.9, 3)
-    assert seen.older() == seen._replace(age=0.5 + CONTROL_PERIOD_S, new=False)
-    assert seen._replace(age=MAX_AGE_S - 0.001).older() == seen._replace(age=MAX_AGE_S, new=False)
-    assert seen._replace(age=MAX_AGE_S).older() == seen._replace(age=MAX_AGE_S, new=False)
