@@ -70,10 +70,4 @@ class TestDetection:
         assert Detection(8, age=MAX_AGE_S - 0.001).older().age == MAX_AGE_S
 
     def test_nothing_stays_nothing(self) -> None:
-        later = NOTHING.older()
-        assert math.isnan(later.opening)
-        assert later._replace(opening=0.0) == NOTHING._replace(opening=0.0)
-
-
-def test_nothing_stays_nothing_and_is_not_made_anew() -> None:
-    assert NOTHING.older() is NOTHING
+        assert NOTHING.older() is NOTHING
