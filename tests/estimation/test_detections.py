@@ -1,6 +1,5 @@
 """A detection counts when images agree on its place."""
 
-import math
 
 import pytest
 from hypothesis import given
