@@ -52,12 +52,14 @@ def to_inner(frame: Pose, x: float, y: float) -> tuple[float, float]:
 
 def compose(frame: Pose, pose: Pose) -> Pose:
     """A pose that is given in a frame, in the frame around it; its yaw is not wrapped."""
-    return (*to_outer(frame, pose[0], pose[1]), frame[2] + pose[2])
+    x, y = to_outer(frame, pose[0], pose[1])
+    return x, y, frame[2] + pose[2]
 
 
 def relative(frame: Pose, pose: Pose) -> Pose:
     """A pose as seen from a frame, its yaw wrapped: the inverse of `compose`."""
-    return (*to_inner(frame, pose[0], pose[1]), wrap(pose[2] - frame[2]))
+    x, y = to_inner(frame, pose[0], pose[1])
+    return x, y, wrap(pose[2] - frame[2])
 
 
 def rotate_n(yaw: Array, vector: Array) -> Array:

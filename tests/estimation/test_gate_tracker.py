@@ -148,5 +148,5 @@ def test_the_covariance_stays_one(sightings: list[tuple[float, float, float, flo
     for x, y, heading, driven, turned in sightings:
         path, yaw = path + driven, yaw + turned
         track.update(4.0 + x, y, heading, OdometrySample(path, 0.0, yaw, path, 0.0, 0.0))
-    assert np.allclose(track.P, track.P.T, atol=1e-9)
+    assert np.allclose(track.P, np.transpose(track.P), atol=1e-9)
     assert np.linalg.eigvalsh(track.P).min() > -1e-9

@@ -59,18 +59,18 @@ def predicted(P: np.ndarray, way: float, steering: float) -> np.ndarray:
     walls = WallFilter()
     before, after = drive(way, steering)
     walls.update(walls.left, 6.0, before, 0.0)
-    walls.P = P.copy()
+    walls.P = P.tolist()
     walls.update(walls.left, 6.0, after, 0.0)
-    return walls.P
+    return np.array(walls.P)
 
 
 def tracked(P: np.ndarray, way: float, steering: float, gate: tuple[float, float, float]) -> np.ndarray:
     """What a tracker makes of its covariance over a way, before a detection that is not believed."""
     before, after = drive(way, steering)
     tracker = GateTracker(*gate, before)
-    tracker.P = P.copy()
+    tracker.P = P.tolist()
     tracker.update(1e3, 1e3, 0.0, after)
-    return tracker.P
+    return np.array(tracker.P)
 
 
 def unit(k: int) -> np.ndarray:

@@ -11,7 +11,7 @@ from tral_env.geometry import SIDE_SONAR_X_M
 from tral_fsm.estimation.odometry import CURVATURE_PER_STEERING, OdometrySample
 from tral_fsm.estimation.wall_filter import NO_CORRECTION, Wall, WallFilter
 
-CERTAIN = np.zeros((1, 1))
+CERTAIN = 0.0
 """Variance of an innovation that hides nothing."""
 
 
@@ -200,5 +200,5 @@ class TestWalls:
             )
             for wall, reading in ((walls.left, left), (walls.right, right)):
                 assert all(math.isfinite(x) for x in walls.update(wall, reading, sample, 0.0))
-        assert np.allclose(walls.P, walls.P.T)
+        assert np.allclose(walls.P, np.transpose(walls.P))
         assert np.linalg.eigvalsh(walls.P).min() > -1e-12

@@ -43,19 +43,25 @@ class Seen(Condition[G]):
     def __init__(self, spec: G, owner: State[Any]) -> None:
         super().__init__(spec, owner)
         self.bearing = math.radians(spec.max_bearing_deg)
+        self.max_age, self.readings, self.ids = spec.max_age, spec.readings, spec.ids  # asked in each tick
 
     def detection(self, estimate: CarEstimate) -> Detection:
         """What the condition looks for."""
         raise NotImplementedError
 
     def triggered(self, estimate: CarEstimate) -> bool:
-        """Whether the detection is ahead, near and fresh enough."""
-        spec, seen = self.spec, self.detection(estimate)
-        if seen.support < spec.readings or seen.age > spec.max_age or (spec.ids and seen.id not in spec.ids):
+        """Whether the detection is ahead, near and fresh enough, and wanted."""
+        seen = self.detection(estimate)
+        if seen.age > self.max_age or seen.support < self.readings or (self.ids and seen.id not in self.ids):
             return False
+        spec = self.spec
         x, y, _ = estimate.seen_from_here(seen)
         near = 0.0 < x <= spec.max_ahead and math.hypot(x, y) <= spec.max_distance
-        return near and abs(math.atan2(y, x)) <= self.bearing
+        return near and abs(math.atan2(y, x)) <= self.bearing and self.is_wanted(estimate, seen)
+
+    def is_wanted(self, estimate: CarEstimate, seen: Detection) -> bool:
+        """Whether a detection that is ahead, near and fresh enough is one that the file asks for."""
+        return True
 
     def why(self, estimate: CarEstimate) -> str:
         """Id, place and age of the detection."""
@@ -111,13 +117,10 @@ class ArucoGateFound(Seen[ArucoGateFoundSpec]):
             return gate
         return guess if gate.age > oldest or estimate.distance_to(guess) < estimate.distance_to(gate) else gate
 
-    def triggered(self, estimate: CarEstimate) -> bool:
-        """Whether the gate is seen, as narrow as asked, and missed as asked."""
-        spec = self.spec
-        if not super().triggered(estimate):
-            return False
-        seen = self.detection(estimate)
-        return (spec.narrower_than is None or seen.opening < spec.narrower_than) and self.is_missed(estimate, seen)
+    def is_wanted(self, estimate: CarEstimate, seen: Detection) -> bool:
+        """Whether the gate is as narrow as asked, and missed as asked."""
+        limit = self.spec.narrower_than
+        return (limit is None or seen.opening < limit) and self.is_missed(estimate, seen)
 
     def is_missed(self, estimate: CarEstimate, seen: Detection) -> bool:
         """Whether the way straight on does not lead through the gate, or the file does not ask for that."""

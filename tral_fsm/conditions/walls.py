@@ -113,13 +113,16 @@ class ObstacleAhead(Condition[ObstacleAheadSpec]):
 
     def level(self, estimate: CarEstimate) -> float:
         """Range below which the condition fires, m."""
+        if self.below is not None:
+            return self.below
         spec, v = self.spec, estimate.speed
-        return spec.room + v * (spec.reaction + v / (2.0 * spec.braking)) if self.below is None else self.below
+        return spec.room + v * (spec.reaction + v / (2.0 * spec.braking))
 
     def triggered(self, estimate: CarEstimate) -> bool:
         """Whether the obstacle is near, and is one that the file asks for."""
-        ahead = estimate.obstacle
-        level = self.level(estimate)
+        ahead, level = estimate.obstacle, self.below
+        if level is None:
+            level = self.level(estimate)
         if ahead.range < level and self.known(ahead):
             return True
         return self.anything and ahead.last_range < level and ahead.streak >= self.spec.readings
@@ -170,8 +173,8 @@ class MoreRoom(Condition[MoreRoomSpec]):
 
     def triggered(self, estimate: CarEstimate) -> bool:
         """Whether the side has more room."""
-        ahead = self.place(estimate)
-        here, there = estimate.clearance(self.is_left, ahead), estimate.clearance(not self.is_left, ahead)
+        left, right = estimate.clearances(self.place(estimate))
+        here, there = (left, right) if self.is_left else (right, left)
         return here > there or (math.isnan(here) and not math.isnan(there))
 
     @staticmethod
@@ -183,5 +186,5 @@ class MoreRoom(Condition[MoreRoomSpec]):
     def why(self, estimate: CarEstimate) -> str:
         """Both clearances."""
         ahead = self.place(estimate)
-        left, right = estimate.clearance(True, ahead), estimate.clearance(False, ahead)
+        left, right = estimate.clearances(ahead)
         return f"left {left:.2f} m, right {right:.2f} m, {ahead:.2f} m ahead"

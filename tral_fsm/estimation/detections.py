@@ -34,8 +34,12 @@ class Detection(NamedTuple):
 
     def older(self) -> Detection:
         """The same a tick later, without a new image of it; nothing stays nothing."""
-        age = min(self.age + CONTROL_PERIOD_S, MAX_AGE_S)
-        return Detection(self.id, self.x, self.y, self.heading, age, False, self.opening, self.support)
+        number, x, y, heading, age, new, opening, support = self
+        if age >= MAX_AGE_S and not new:
+            return self
+        age = min(age + CONTROL_PERIOD_S, MAX_AGE_S)
+        # Half the time of Detection(...), up to three times a tick.
+        return tuple.__new__(Detection, (number, x, y, heading, age, False, opening, support))
 
     def placed(self, x: float, y: float, heading: float, opening: float = math.nan) -> Detection:
         """The same at another place."""

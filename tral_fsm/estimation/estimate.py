@@ -83,13 +83,14 @@ class CarEstimate(NamedTuple):
         """Wall on a side."""
         return self.left_wall if is_left else self.right_wall
 
-    def clearance(self, is_left: bool, ahead: float = 0.0) -> float:
-        """What the side ultrasonic should read now, or so far `ahead` on the way straight on, m; NaN: no wall known."""
-        wall = self.left_wall if is_left else self.right_wall
-        if math.isnan(wall.range):
-            return math.nan
-        yaw, reach = self.yaw, SIDE_SONAR_X_M + ahead
-        return wall.range_from(self.x + reach * math.cos(yaw), self.y + reach * math.sin(yaw), yaw - self.heading)
+    def clearances(self, ahead: float = 0.0) -> tuple[float, float]:
+        """What the left and the right ultrasonic should read now, or so far `ahead` on the way straight on, m.
+
+        NaN where no wall is known.
+        """
+        yaw, along, reach = self.yaw, self.yaw - self.heading, SIDE_SONAR_X_M + ahead
+        x, y = self.x + reach * math.cos(yaw), self.y + reach * math.sin(yaw)
+        return self.left_wall.range_from(x, y, along), self.right_wall.range_from(x, y, along)
 
     def from_here(self, pose: Pose) -> Pose:
         """A pose of dead reckoning as seen from the car: x forward, y left, heading wrapped."""

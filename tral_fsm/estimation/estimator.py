@@ -103,6 +103,7 @@ class Estimator:
     ) -> CarEstimate:
         """The picture of this tick."""
         odometry, gates = self.odometry, self.gates
+        left_wall, right_wall, sure = self._walls_now
         return CarEstimate(
             self.tick,
             time,
@@ -117,7 +118,9 @@ class Estimator:
             less_quarters(odometry.yaw - self._corridor_yaw),
             odometry.arc_length,
             odometry.direction,
-            *self._walls_now,
+            left_wall,
+            right_wall,
+            sure,
             self._front_obstacle.obstacle,
             gates.nearest,
             gates.guess,
@@ -161,13 +164,18 @@ class Estimator:
         """Bring what the camera has seen into the frame of dead reckoning; images that disagree change nothing."""
         gates = self.gates
         gate = marker = NOTHING
-        if readings.gate_id >= 0.0 and is_new(readings.gate_age, self._gate_age):
+        gate_age, marker_age = readings.gate_age, readings.marker_age
+        if readings.gate_id >= 0.0 and is_new(gate_age, self._gate_age):
             seen = readings.gate_x, readings.gate_y, readings.gate_heading
-            gate = self._detection(self._gate_agreement, int(readings.gate_id), seen, readings.gate_age, time)
-        if readings.marker_id >= 0.0 and is_new(readings.marker_age, self._marker_age):
+            gate = self._detection(self._gate_agreement, int(readings.gate_id), seen, gate_age, time)
+        if readings.marker_id >= 0.0 and is_new(marker_age, self._marker_age):
             seen = readings.marker_x, readings.marker_y, readings.marker_heading
-            marker = self._detection(self._marker_agreement, int(readings.marker_id), seen, readings.marker_age, time)
-        self._gate_age, self._marker_age = readings.gate_age, readings.marker_age
+            marker = self._detection(self._marker_agreement, int(readings.marker_id), seen, marker_age, time)
+        self._gate_age, self._marker_age = gate_age, marker_age
+        if not (gate.new or marker.new):
+            gates.grow_older()
+            self._marker = self._marker.older()
+            return
         if gate.new:
             self._see_gate(gate)
         elif gates.nearest.id >= 0:

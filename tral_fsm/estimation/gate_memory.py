@@ -37,8 +37,14 @@ class GateMemory:
         """Whether both markers of a gate were ever seen at once."""
         return gate in self._trackers
 
+    def grow_older(self) -> None:
+        """A tick without a new image has passed."""
+        nearest, target = self.nearest, self.target
+        self.nearest, self.guess = nearest.older(), self.guess.older()
+        self.target = self.nearest if target is nearest else target.older()
+
     def follow(self) -> None:
-        """Keep the target where it was seen last, and know how old that is; asked in each tick, after all was seen."""
+        """Keep the target where it was seen last, and know how old that is; asked after a new image was seen."""
         target = self.target
         if target.id < 0:
             return
@@ -49,7 +55,10 @@ class GateMemory:
 
     def beside(self, x: float, y: float) -> bool:
         """Whether a car at x, y [m] may hear the posts of a gate."""
-        return any(tracker.beside(x, y) for tracker in self._trackers.values())
+        for tracker in self._trackers.values():  # noqa: SIM110 - any(...) would cost a generator at each range
+            if tracker.beside(x, y):
+                return True
+        return False
 
     def correct(self, seen: Detection, sample: OdometrySample, trim_sigma: float) -> tuple[float, float]:
         """Let a new detection of the nearest gate correct what earlier ones told of it.

@@ -8,11 +8,11 @@ enough to learn the trim, and a gate that has left the image is still known well
 from __future__ import annotations
 
 import math
-
-import numpy as np
+from collections.abc import Sequence
 
 from tral_env.se2 import wrap
 from tral_fsm.estimation import kalman
+from tral_fsm.estimation.kalman import Matrix, Row
 from tral_fsm.estimation.odometry import CURVATURE_PER_STEERING, GAIN_SIGMA, TRIM_SIGMA, OdometrySample
 
 _PLACE_WALK = 0.02
@@ -57,7 +57,7 @@ class GateTracker:
             |  0    0    1  0  0 |
     """
 
-    __slots__ = ("P", "_F", "_H", "_Q", "_R", "_misfits", "_sample", "_trim_sigma", "heading", "opening", "x", "y")
+    __slots__ = ("P", "_misfits", "_sample", "_trim_sigma", "heading", "opening", "x", "y")
 
     def __init__(
         self, x: float, y: float, heading: float, sample: OdometrySample, trim_sigma: float = TRIM_SIGMA
@@ -74,7 +74,6 @@ class GateTracker:
         self.opening = math.nan
         """Between its boards, m; NaN: not known yet."""
         self._trim_sigma = trim_sigma
-        self._F, self._Q, self._H, self._R = np.eye(5), np.zeros((5, 5)), np.eye(3, 5), np.zeros((3, 3))
         self.begin(x, y, heading, sample)
 
     def begin(self, x: float, y: float, heading: float, sample: OdometrySample) -> None:
@@ -82,11 +81,17 @@ class GateTracker:
         self.x, self.y, self.heading = x, y, heading
         self._sample = sample
         self._misfits = 0
-        self._look(x - sample.x, y - sample.y)
-        self.P = self._H.T.dot(self._R).dot(self._H) + np.diag(
-            (0.0, 0.0, 0.0, self._trim_sigma * self._trim_sigma, GAIN_SIGMA * GAIN_SIGMA)
+        ((cos, sin, *_), *_), (along, across, turned) = _look(x - sample.x, y - sample.y)
+        shared = (along - across) * cos * sin
+        self.P: Matrix = (
+            (along * cos * cos + across * sin * sin, shared, 0.0, 0.0, 0.0),
+            (shared, along * sin * sin + across * cos * cos, 0.0, 0.0, 0.0),
+            (0.0, 0.0, turned, 0.0, 0.0),
+            (0.0, 0.0, 0.0, self._trim_sigma * self._trim_sigma, 0.0),
+            (0.0, 0.0, 0.0, 0.0, GAIN_SIGMA * GAIN_SIGMA),
         )
-        """Covariance of x [m], y [m], heading [rad], trim and steering gain at the last detection, (5, 5)."""
+        """Covariance of x [m], y [m], heading [rad], trim and steering gain at the last detection: at the first one
+        H' R H for the gate."""
 
     def update(self, x: float, y: float, heading: float, sample: OdometrySample) -> tuple[float, float]:
         """Correct by a new detection, with the arguments of the first.
@@ -96,52 +101,59 @@ class GateTracker:
         """
         dx, dy = self.x - sample.x, self.y - sample.y
         self._predict(sample, dx, dy)
-        cos, sin = self._look(dx, dy)
-        ex, ey = x - self.x, y - self.y
-        innovation = (cos * ex + sin * ey, cos * ey - sin * ex, wrap(heading - self.heading))
-        PH, S = kalman.innovation_covariance(self.P, self._H, self._R)
-        if not kalman.gate_accepts(innovation, S, _GATE_SIGMAS):
+        H, R = _look(dx, dy)
+        error = x - self.x, y - self.y, wrap(heading - self.heading), 0.0, 0.0
+        innovations = [kalman.dot(h, error) for h in H]
+        if not self._accepts(innovations, H, R):
             self._misfits += 1
             if self._misfits >= _ANEW:
                 self.begin(x, y, heading, sample)
             return 0.0, 0.0
         self._misfits = 0
-        errors, self.P = kalman.update(self.P, innovation, PH, S)
-        x_error, y_error, heading_error, trim, gain = errors.tolist()
+        (x_error, y_error, heading_error, trim, gain), self.P = kalman.update_each(self.P, innovations, H, R)
         self.x += x_error
         self.y += y_error
         self.heading += heading_error
         return trim, gain
+
+    def _accepts(self, innovations: Sequence[float], H: Sequence[Row], R: Sequence[float]) -> bool:
+        """Whether each innovation is one of few standard deviations."""
+        for y, h, r in zip(innovations, H, R, strict=True):
+            _, S = kalman.innovation(self.P, h, r)
+            if not kalman.gate_accepts(y, S, _GATE_SIGMAS):
+                return False
+        return True
 
     def _predict(self, sample: OdometrySample, dx: float, dy: float) -> None:
         """Let the doubt grow with the way to a sample, from which the gate is at (dx, dy) [m]."""
         before, self._sample = self._sample, sample
         s, q = sample.arc_length - before.arc_length, sample.heading_change - before.heading_change
         cs, h, p = CURVATURE_PER_STEERING * s, sample.heading_noise(before), _PLACE_WALK**2 * abs(s)
-        F, Q = self._F, self._Q
-        F[_X, _TRIM], F[_Y, _TRIM], F[_HEADING, _TRIM] = -cs * dy, cs * dx, cs
-        F[_X, _GAIN], F[_Y, _GAIN], F[_HEADING, _GAIN] = q * dy, -q * dx, -q
-        Q[_X, _X], Q[_Y, _Y], Q[_HEADING, _HEADING] = h * dy * dy + p, h * dx * dx + p, h
-        Q[_X, _Y] = Q[_Y, _X] = -h * dx * dy
-        Q[_X, _HEADING] = Q[_HEADING, _X] = -h * dy
-        Q[_Y, _HEADING] = Q[_HEADING, _Y] = h * dx
-        Q[_TRIM, _TRIM] = sample.trim_noise(before)
+        F = (
+            (_X, _TRIM, -cs * dy), (_X, _GAIN, q * dy),
+            (_Y, _TRIM, cs * dx), (_Y, _GAIN, -q * dx),
+            (_HEADING, _TRIM, cs), (_HEADING, _GAIN, -q),
+        )  # fmt: skip
+        Q = (
+            (_X, _X, h * dy * dy + p), (_X, _Y, -h * dx * dy), (_X, _HEADING, -h * dy),
+            (_Y, _Y, h * dx * dx + p), (_Y, _HEADING, h * dx),
+            (_HEADING, _HEADING, h), (_TRIM, _TRIM, sample.trim_noise(before)),
+        )  # fmt: skip
         self.P = kalman.predict(self.P, F, Q)
-
-    def _look(self, dx: float, dy: float) -> tuple[float, float]:
-        """Set H and R for a gate at (dx, dy) [m] from the car; gives the line of sight (cos, sin)."""
-        range_ = max(math.hypot(dx, dy), 1e-3)
-        cos, sin = dx / range_, dy / range_
-        H, R = self._H, self._R
-        H[0, 0], H[0, 1] = cos, sin
-        H[1, 0], H[1, 1] = -sin, cos
-        R[0, 0] = (_ALONG_SIGMA[0] + _ALONG_SIGMA[1] * range_) ** 2
-        R[1, 1] = (_ACROSS_SIGMA[0] + _ACROSS_SIGMA[1] * range_) ** 2
-        R[2, 2] = (_HEADING_SIGMA[0] + _HEADING_SIGMA[1] * range_ * range_) ** 2
-        return cos, sin
 
     def beside(self, x: float, y: float) -> bool:
         """Whether a car at x, y [m] of dead reckoning is so near that its side ultrasonics may hear the posts."""
         dx, dy = self.x - x, self.y - y
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         return -_POSTS[1] < cos * dx + sin * dy < _POSTS[0] and abs(cos * dy - sin * dx) < _POSTS_ASIDE
+
+
+def _look(dx: float, dy: float) -> tuple[tuple[Row, Row, Row], tuple[float, float, float]]:
+    """H, and the diagonal of R, of a detection of a gate at (dx, dy) [m] from the car."""
+    range_ = max(math.hypot(dx, dy), 1e-3)
+    cos, sin = dx / range_, dy / range_
+    H = (cos, sin, 0.0, 0.0, 0.0), (-sin, cos, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0, 0.0)
+    along = _ALONG_SIGMA[0] + _ALONG_SIGMA[1] * range_
+    across = _ACROSS_SIGMA[0] + _ACROSS_SIGMA[1] * range_
+    turned = _HEADING_SIGMA[0] + _HEADING_SIGMA[1] * range_ * range_
+    return H, (along * along, across * across, turned * turned)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from tral_env.geometry import FULL_LOCK, STANDING_MPS, TRACK_M, WHEELBASE_M, curvature, steering_play
 from tral_env.interface import CONTROL_PERIOD_S
-from tral_env.se2 import clip, compose, to_outer
+from tral_env.se2 import Pose, clip, compose, to_outer
 from tral_fsm.estimation.readings import Readings
 
 CURVATURE_PER_STEERING = FULL_LOCK / WHEELBASE_M
@@ -87,7 +87,9 @@ class Odometry:
         "_distance",
         "_frame",
         "_history",
+        "_play",
         "_raw",
+        "_speed",
         "arc_length",
         "direction",
         "heading_change",
@@ -106,11 +108,13 @@ class Odometry:
         """+1 forward, -1 after reverse gear was ordered at standstill: the hall sensor does not know."""
         self.wheel = 0.0
         """Where the wheels are, in units of steering, trim included."""
-        self._distance = math.nan
+        self._distance = self._speed = math.nan
+        self._play = 0.0
+        """Play of the steering at that speed."""
         self._raw = self._frame = (0.0, 0.0, 0.0)
         """The pose as it adds up, in a frame that is turned when a heading turns out to be wrong."""
-        self._history: deque[tuple[float, ...]] = deque(maxlen=_HISTORY_TICKS)
-        """The fields of `OdometrySample` tick by tick, each pose in that frame."""
+        self._history: deque[tuple[Pose, float, float, float, float]] = deque(maxlen=_HISTORY_TICKS)
+        """Pose in that frame and sums of `OdometrySample`, tick by tick."""
 
     def update(self, readings: Readings, offset: float, gain: float) -> None:
         """Move the pose by the way of a tick.
@@ -120,19 +124,23 @@ class Odometry:
             offset: steering at which the car drives straight.
             gain: curvature that the car drives over the one that its steering should give.
         """
+        speed, distance = readings.speed, readings.distance
+        if speed != self._speed:
+            self._speed, self._play = speed, steering_play(speed)
         lag = readings.steering - self.wheel
-        lag -= clip(lag, steering_play(readings.speed))
-        moved = lag * _LAG_PER_TICK
-        self.wheel += moved
-        self.trim_variance += _TRAVEL_TICKS * (_TRAVEL_ERROR * moved) ** 2
-        step = readings.distance - self._distance
-        self._distance = readings.distance
-        if readings.speed < STANDING_MPS and readings.throttle != 0.0:
+        lag -= clip(lag, self._play)
+        if lag != 0.0:
+            moved = lag * _LAG_PER_TICK
+            self.wheel += moved
+            self.trim_variance += _TRAVEL_TICKS * (_TRAVEL_ERROR * moved) ** 2
+        step = distance - self._distance
+        self._distance = distance
+        if speed < STANDING_MPS and readings.throttle != 0.0:
             self.direction = -1.0 if readings.throttle < 0.0 else 1.0
         if step > 0.0:  # also false for NaN, at the first tick
             self._advance(step, lag, gain * curvature(self.wheel - offset))
         self._history.append(
-            (*self._raw, self.arc_length, self.heading_change, self.heading_variance, self.trim_variance)
+            (self._raw, self.arc_length, self.heading_change, self.heading_variance, self.trim_variance)
         )
 
     def _advance(self, step: float, lag: float, path_curvature: float) -> None:
@@ -157,12 +165,13 @@ class Odometry:
     def sample_before(self, age: float) -> OdometrySample:
         """Where the car was some seconds ago, by what is known of its heading now."""
         back = min(int(age / CONTROL_PERIOD_S + 0.5), len(self._history) - 1)
-        x, y, yaw, *sums = self._history[-1 - back]
-        return OdometrySample(*compose(self._frame, (x, y, yaw)), *sums)
+        raw, arc_length, heading_change, heading_variance, trim_variance = self._history[-1 - back]
+        x, y, yaw = compose(self._frame, raw)
+        return OdometrySample(x, y, yaw, arc_length, heading_change, heading_variance, trim_variance)
 
     def correct_heading(self, turn: float, x: float, y: float) -> None:
         """The heading was wrong by a turn [rad] when the car was at x, y [m]: turn the whole way about that place."""
-        around = x, y, turn
-        left = to_outer(around, self._frame[0] - x, self._frame[1] - y)
-        self._frame = *left, self._frame[2] + turn
+        frame_x, frame_y, frame_yaw = self._frame
+        frame_x, frame_y = to_outer((x, y, turn), frame_x - x, frame_y - y)
+        self._frame = frame_x, frame_y, frame_yaw + turn
         self.x, self.y, self.yaw = compose(self._frame, self._raw)

@@ -56,10 +56,10 @@ class Sonar:
         """
         before, self.age = self.age, age
         reading = self.reading
-        if age >= MAX_AGE_S or age >= before + _HALF_PERIOD:  # not `is_new`: a call would cost more than all of this
+        if age >= before + _HALF_PERIOD or age >= MAX_AGE_S:  # not `is_new`: a call would cost more than all of this
             if reading.new:
-                self.reading = SonarReading(reading.range, False, reading.previous, reading.interval)
-            return self.reading
+                self.reading = reading = SonarReading(reading.range, False, reading.previous, reading.interval)
+            return reading
         fired = time - age
         interval = 0.0 if math.isnan(self._fired) else fired - self._fired
         self._fired = fired

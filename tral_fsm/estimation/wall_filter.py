@@ -11,11 +11,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from tral_env.geometry import SIDE_SONAR_X_M
 from tral_fsm.estimation import kalman
-from tral_fsm.estimation.kalman import Array
+from tral_fsm.estimation.kalman import Row
 from tral_fsm.estimation.odometry import CURVATURE_PER_STEERING, GAIN_SIGMA, TRIM_SIGMA, OdometrySample
 
 MAX_WALL_RANGE_M = 2.2
@@ -55,10 +53,10 @@ _OPENING_M = 0.45
 
 _HEADING, _TRIM, _GAIN, _LEFT, _RIGHT = range(5)
 """Places of the unknowns in x."""
-_H_LEFT, _H_RIGHT = np.eye(5)[[_LEFT]], np.eye(5)[[_RIGHT]]
-"""Each ultrasonic measures the error of its own range, (1, 5)."""
-_R = np.array([[_RANGE_SIGMA * _RANGE_SIGMA]])
-"""Variance of a reading, m^2, (1, 1)."""
+_H_LEFT, _H_RIGHT = (0.0, 0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 0.0, 1.0)
+"""Each ultrasonic measures the error of its own range."""
+_R = _RANGE_SIGMA * _RANGE_SIGMA
+"""Variance of a reading, m^2."""
 
 
 class Correction(NamedTuple):
@@ -104,7 +102,7 @@ class WallEstimate(NamedTuple):
 
     def range_from(self, x: float, y: float, along: float) -> float:
         """Range at another place x, y [m] of dead reckoning, in a corridor of direction `along` [rad]; NaN: no wall."""
-        return self.range - self.sign * to_left(x - self.x, y - self.y, along)
+        return self.range - self.sign * (math.cos(along) * (y - self.y) - math.sin(along) * (x - self.x))
 
 
 class Wall:
@@ -166,15 +164,15 @@ class Wall:
         """The ultrasonic was at x, y [m] at the last reading."""
         self._x, self._y = x, y
 
-    def accept(self, reading: float, S: Array) -> bool:
-        """Take a reading [m] whose innovation has a variance S [m^2], (1, 1).
+    def accept(self, reading: float, S: float) -> bool:
+        """Take a reading [m] whose innovation has a variance S [m^2].
 
         Returns:
             Whether the reading is of this wall. If not, it may begin or end one.
         """
         error = reading - self.range
         self.slip = 0.0
-        if abs(error) <= _JUMP_M or kalman.gate_accepts((error,), S, _GATE_SIGMAS):
+        if abs(error) <= _JUMP_M or kalman.gate_accepts(error, S, _GATE_SIGMAS):
             self.lost = self._support = 0
             self._candidate = math.nan
             self._readings += 1
@@ -235,21 +233,20 @@ class WallFilter:
     A wrong trim and a wrong gain turn the car, a wrong heading moves it. w is how the walls wander; d is what the hall
     sensor adds where the car drives at a slant, to one range as much as it takes from the other. F is that of small
     angles: it takes c at straight ahead (at full lock it is 1.16 times as large), a gain of 1, and a way that does not
-    depend on the curvature. Each reading measures one range: H = (0, 0, 0, 1, 0) on the left, (0, 0, 0, 0, 1) on the
+    depend on the curvature. Each reading measures one range: h = (0, 0, 0, 1, 0) on the left, (0, 0, 0, 0, 1) on the
     right.
     """
 
-    __slots__ = ("P", "_F", "_Q", "_sample", "_slip", "_x", "_y", "left", "right")
+    __slots__ = ("P", "_sample", "_slip", "_x", "_y", "_yaw", "left", "right")
 
     def __init__(self) -> None:
         self.left = Wall(1.0)
         self.right = Wall(-1.0)
         self._slip = 0.0
         self._sample = OdometrySample(0.0, 0.0, 0.0)
-        self._x = self._y = math.nan
-        self.P = np.diag(np.square((_HEADING_SIGMA, TRIM_SIGMA, GAIN_SIGMA, _WALL_SIGMA, _WALL_SIGMA)))
+        self._x = self._y = self._yaw = math.nan
+        self.P = kalman.diagonal((_HEADING_SIGMA, TRIM_SIGMA, GAIN_SIGMA, _WALL_SIGMA, _WALL_SIGMA))
         """Covariance of heading [rad], trim, steering gain, left and right range [m], (5, 5)."""
-        self._F, self._Q = np.eye(5), np.zeros((5, 5))
 
     def forget(self) -> None:
         """The car has turned out of the corridor: none of its walls is beside it any more."""
@@ -296,17 +293,17 @@ class WallFilter:
         if abs(heading) > MAX_ECHO_ANGLE:
             return NO_CORRECTION
         x, y = self._x, self._y
-        self._put(sample)
+        self._put(sample.x, sample.y, sample.yaw)
         left = to_left(self._x - x, self._y - y, along)
         self.left.move(left)
         self.right.move(left)
-        side, H = (_LEFT, _H_LEFT) if wall is self.left else (_RIGHT, _H_RIGHT)
+        side, h = (_LEFT, _H_LEFT) if wall is self.left else (_RIGHT, _H_RIGHT)
         moved = wall.moved
-        PH, S = kalman.innovation_covariance(self.P, H, _R)
+        Ph, S = kalman.innovation(self.P, h, _R)
         if wall.accept(reading, S):
             if wall.steady:
                 self._slip = 0.0
-            return self._correct(reading - wall.range, PH, S)
+            return self._correct(reading - wall.range, Ph, S)
         if wall.moved != moved:
             self.P = kalman.renew(self.P, side, _WALL_SIGMA)
         self._slip = 0.0 if wall.steady else self._slip + wall.slip
@@ -316,15 +313,15 @@ class WallFilter:
 
     def correct_heading(self, turn: float) -> None:
         """The car's heading at the last reading was wrong by a turn [rad], which no range tells of that reading."""
-        self._sample = self._sample._replace(yaw=self._sample.yaw + turn)
-        self._put(self._sample)
+        self._put(self._sample.x, self._sample.y, self._yaw + turn)
 
-    def _put(self, sample: OdometrySample) -> None:
-        """The side ultrasonics are where a sample has them."""
-        self._x = sample.x + SIDE_SONAR_X_M * math.cos(sample.yaw)
-        self._y = sample.y + SIDE_SONAR_X_M * math.sin(sample.yaw)
-        self.left.put(self._x, self._y)
-        self.right.put(self._x, self._y)
+    def _put(self, x: float, y: float, yaw: float) -> None:
+        """The side ultrasonics are where a car at x, y [m] and yaw [rad] has them."""
+        self._yaw = yaw
+        self._x = x = x + SIDE_SONAR_X_M * math.cos(yaw)
+        self._y = y = y + SIDE_SONAR_X_M * math.sin(yaw)
+        self.left.put(x, y)
+        self.right.put(x, y)
 
     def _predict(self, sample: OdometrySample, slant: float) -> None:
         """Let the doubt grow with the way to a sample, driven at a slant (sine) to the corridor."""
@@ -332,19 +329,21 @@ class WallFilter:
         s, q = sample.arc_length - before.arc_length, sample.heading_change - before.heading_change
         cs, m = CURVATURE_PER_STEERING * s, SIDE_SONAR_X_M + s / 2.0
         hall = _HALL_WAY_M * abs(s) * (_HALL_ERROR * slant) ** 2
-        F, Q = self._F, self._Q
-        F[_HEADING, _TRIM], F[_HEADING, _GAIN] = -cs, q
-        F[_LEFT, _HEADING], F[_LEFT, _TRIM], F[_LEFT, _GAIN] = -s, m * cs, -m * q
-        F[_RIGHT, _HEADING], F[_RIGHT, _TRIM], F[_RIGHT, _GAIN] = s, -m * cs, m * q
-        Q[_HEADING, _HEADING], Q[_TRIM, _TRIM] = sample.heading_noise(before), sample.trim_noise(before)
-        Q[_LEFT, _LEFT] = Q[_RIGHT, _RIGHT] = _WALL_WALK * _WALL_WALK * abs(s) + hall
-        Q[_LEFT, _RIGHT] = Q[_RIGHT, _LEFT] = -hall
+        wall = _WALL_WALK * _WALL_WALK * abs(s) + hall
+        F = (
+            (_HEADING, _TRIM, -cs), (_HEADING, _GAIN, q),
+            (_LEFT, _HEADING, -s), (_LEFT, _TRIM, m * cs), (_LEFT, _GAIN, -m * q),
+            (_RIGHT, _HEADING, s), (_RIGHT, _TRIM, -m * cs), (_RIGHT, _GAIN, m * q),
+        )  # fmt: skip
+        Q = (
+            (_HEADING, _HEADING, sample.heading_noise(before)), (_TRIM, _TRIM, sample.trim_noise(before)),
+            (_LEFT, _LEFT, wall), (_LEFT, _RIGHT, -hall), (_RIGHT, _RIGHT, wall),
+        )  # fmt: skip
         self.P = kalman.predict(self.P, F, Q)
 
-    def _correct(self, y: float, PH: Array, S: Array) -> Correction:
+    def _correct(self, y: float, Ph: Row, S: float) -> Correction:
         """Put the ranges right by the innovation y [m] of one, and give what is wrong elsewhere."""
-        x, self.P = kalman.update(self.P, (y,), PH, S)
-        heading, trim, gain, left, right = x.tolist()
+        (heading, trim, gain, left, right), self.P = kalman.update(self.P, y, Ph, S)
         self.left.range += left
         self.right.range += right
         return Correction(heading, trim, gain)

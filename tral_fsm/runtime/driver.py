@@ -56,17 +56,18 @@ class Driver:
         Returns:
             Steering and throttle.
         """
-        self.estimate = estimate = self.estimator.update(row, self.command.steering_trim, self.command.target)
-        if self.watch.update(row, self.command, self._throttle):
+        before = self.command
+        self.estimate = estimate = self.estimator.update(row, before.steering_trim, before.target)
+        if self.watch.update(row, before, self._throttle):
             command = self.watch.stop(estimate.speed, self._direction)
         else:
             self._direction = estimate.direction
             command = self.machine.tick(estimate)
         if command.steering_trim is None:
-            command = command._replace(steering_trim=self.command.steering_trim)
+            command = command._replace(steering_trim=before.steering_trim)
         self.command = command
-        self._throttle = self.speed_controller.throttle(command, estimate.speed)
-        return self._steering(command), self._throttle
+        self._throttle = throttle = self.speed_controller.throttle(command, estimate.speed)
+        return self._steering(command), throttle
 
     def _steering(self, command: Command) -> float:
         """Steering in [-1, 1] that the real car needs for a command: command / gain + given trim + learnt offset."""

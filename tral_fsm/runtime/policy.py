@@ -77,12 +77,11 @@ class MachinePolicy:
             ConfigError: the observation is none: no array, of another shape, NaN, or out of its bounds.
         """
         commands = []
-        for row, driver in zip(checked_rows(observation, len(self._drivers)).tolist(), self._drivers, strict=True):
+        for row, driver in zip(checked_rows(observation, len(self._drivers)), self._drivers, strict=True):
             if row[_DISTANCE] < driver.estimate.distance:
                 driver.reset()
             commands.append(driver.act(row))
-        action = np.array(commands, np.float32)
-        return action[0] if observation.ndim == 1 else action
+        return np.array(commands[0] if observation.ndim == 1 else commands, np.float32)
 
     def predict(
         self,

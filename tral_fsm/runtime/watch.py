@@ -98,12 +98,11 @@ class Watch:
         if self.reason:
             return self.reason
         self._ticks += 1
-        silent = self._ticks * CONTROL_PERIOD_S
-        if silent > MAX_SILENCE_S:
-            for name, column in self._ranges:
-                if row[column] > MAX_SILENCE_S:
-                    self.reason = f"{name} silent for {min(row[column], silent):.1f} s"
-                    return self.reason
+        for name, column in self._ranges:
+            age = row[column]
+            if age > MAX_SILENCE_S and self._ticks * CONTROL_PERIOD_S > MAX_SILENCE_S:
+                self.reason = f"{name} silent for {min(age, self._ticks * CONTROL_PERIOD_S):.1f} s"
+                return self.reason
         self._watch_hall(row, command, throttle)
         return self.reason
 

@@ -103,4 +103,5 @@ class DrivingState(State[D]):
             speed = None
         elif speed is None:
             speed = spec.speed
-        return Command(steering, speed, throttle, spec.steering_trim, *wanted)
+        wanted_side, wanted_clearance = wanted
+        return Command(steering, speed, throttle, spec.steering_trim, wanted_side, wanted_clearance)

@@ -123,7 +123,8 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
         """
         spec, preferred = self.spec, self.prefers_left
         step, self.driven = estimate.distance - self.driven, estimate.distance
-        mine, other = estimate.clearance(preferred), estimate.clearance(not preferred)
+        left, right = estimate.clearances()
+        mine, other = (left, right) if preferred else (right, left)
         is_left, now = (preferred, mine) if not math.isnan(mine) else (not preferred, other)
         if math.isnan(now):
             self.reference = 0.0
