@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.course.plan import Plan
 from tral_env.perception.detection_model import DETECTION_MODEL, DetectionModel
-from tral_env.se2 import rotate, to_outer_n, wrap
+from tral_env.se2 import rotate_back, to_outer_n, wrap
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -226,7 +226,7 @@ def _into_camera(vector: Array, cos: Array, sin: Array, turn: Array) -> Array:
 
     No matrix product is used, because its last bit may differ with the size of the batch.
     """
-    x, y = rotate(cos, -sin, vector[..., 0], vector[..., 1])
+    x, y = rotate_back(cos, sin, vector[..., 0], vector[..., 1])
     z = vector[..., 2]
     out = np.empty(vector.shape)
     for axis in range(3):
@@ -395,9 +395,9 @@ def _crosses(eye: Array, points: Array, box: Array) -> Mask:
     """
     cos, sin = box[:, 3], box[:, 4]
     dx, dy, dz = (eye[:, i] - box[:, i] for i in range(3))
-    start = (*rotate(cos, -sin, dx, dy), dz)
+    start = (*rotate_back(cos, sin, dx, dy), dz)
     step = points - eye[:, None]
-    steps = (*rotate(cos[:, None], -sin[:, None], step[..., 0], step[..., 1]), step[..., 2])
+    steps = (*rotate_back(cos[:, None], sin[:, None], step[..., 0], step[..., 1]), step[..., 2])
     length = np.sqrt(step[..., 0] ** 2 + step[..., 1] ** 2)
     enter, leave = np.zeros(length.shape), 1.0 - CLEARANCE / length
     for axis in range(3):

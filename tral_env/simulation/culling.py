@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tral_env.config import UltrasonicConfig
 from tral_env.course.plan import Plan
 from tral_env.course.scene import Placement, Pool, place
+from tral_env.se2 import rotate_back
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -101,6 +102,6 @@ def _distance(pos: Array, quat: Array, half: Array, position: Array) -> Array:
     w, z = quat[..., 0], quat[..., 3]
     cos, sin = w * w - z * z, 2 * w * z
     dx, dy = position[:, None, 0] - pos[..., 0], position[:, None, 1] - pos[..., 1]
-    along = np.maximum(np.abs(cos * dx + sin * dy) - half[..., 0], 0.0)
-    across = np.maximum(np.abs(cos * dy - sin * dx) - half[..., 1], 0.0)
+    x, y = rotate_back(cos, sin, dx, dy)
+    along, across = np.maximum(np.abs(x) - half[..., 0], 0.0), np.maximum(np.abs(y) - half[..., 1], 0.0)
     return np.where(pos[..., 2] < 0.0, np.inf, np.sqrt(along * along + across * across))
