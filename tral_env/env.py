@@ -195,8 +195,9 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
             ConfigError: an option is unknown or not allowed.
             CourseError: the course cannot be built, or its file is no course.
         """
+        request = self.world.request(_ROW, options)
         super().reset(seed=seed)
-        car = self.world.reset(_ROW, [self.np_random], options)
+        car = self.world.reset(request, [self.np_random])
         info = self._info(self.world.info())
         info["car"] = {name: float(values[0]) for name, values in car.items()}
         return self._observation(self.world.observation()[0]), info

@@ -69,7 +69,8 @@ def ranges(near: str) -> np.ndarray:
     """Readings of a drive through a dense course, that was named at the start or at the reset."""
     fixed = CorridorConfig(scenario="straight", randomization="none", course=dense() if near == "start" else None)
     world = World(1, fixed)
-    world.reset(np.array([0]), [np.random.default_rng(0)], {"course": dense()} if near == "reset" else None)
+    request = world.request(np.array([0]), {"course": dense()} if near == "reset" else None)
+    world.reset(request, [np.random.default_rng(0)])
     return np.stack([world.observation()] + [world.step(np.array([[0.0, 0.5]])).observation for _ in range(500)])
 
 
@@ -93,7 +94,7 @@ def test_no_reading_shows_which_boxes_are_left_out(scenario: str, monkeypatch: p
 
     def drive() -> list[np.ndarray]:
         world, policy = World(rows, CorridorConfig(scenario=scenario)), load_policy("office")
-        world.reset(np.arange(rows), [np.random.default_rng(seed) for seed in range(rows)])
+        world.reset(world.request(np.arange(rows)), [np.random.default_rng(seed) for seed in range(rows)])
         policy.reset(rows)
         seen = [world.observation()]
         for _ in range(ticks):

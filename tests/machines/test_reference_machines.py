@@ -56,7 +56,7 @@ def test_office_drives_every_family() -> None:
 def drive_to_the_end(world: World, machine: str) -> Arrivals:
     """(n,) whether each row arrived, whether it hit something, and where it was in the end."""
     rows = world.n
-    world.reset(np.arange(rows), [np.random.default_rng(seed) for seed in range(rows)])
+    world.reset(world.request(np.arange(rows)), [np.random.default_rng(seed) for seed in range(rows)])
     policy, driving = load_policy(machine), np.ones(rows, bool)
     success, collision = np.zeros(rows, bool), np.zeros(rows, bool)
     policy.reset(rows)

@@ -16,7 +16,7 @@ def outcomes(machine: str, width: float, length: float, *gates: dict[str, Any], 
     segment = {"length": length, "width": width, "gates": gates}
     course = Course.model_validate({"name": "tight", "segments": [segment]})
     world = World(rows, CorridorConfig(course=course))
-    world.reset(np.arange(rows), [np.random.default_rng(seed) for seed in range(rows)])
+    world.reset(world.request(np.arange(rows)), [np.random.default_rng(seed) for seed in range(rows)])
     policy, driving = load_policy(machine), np.ones(rows, bool)
     policy.reset(rows)
     observation, ends = world.observation(), ["" for _ in range(rows)]

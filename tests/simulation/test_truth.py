@@ -25,7 +25,7 @@ def meet(y: float, yaw: float, velocity: tuple[float, float], yaw_rate: float) -
     config = CorridorConfig.of({"course": COURSE, "randomization": "none"})
     world = World(1, config)
     row = np.zeros(1, np.int64)
-    world.reset(row, [np.random.default_rng(0)])
+    world.reset(world.request(row), [np.random.default_rng(0)])
     physics = world.sim.physics
     root, dof = physics.handles.root_qpos, physics.handles.root_dof
     x = physics.qpos[0, root]

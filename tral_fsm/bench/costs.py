@@ -151,4 +151,4 @@ def _bare(course: Course, rows: int) -> Contestant:
 
 
 def _start(world: World) -> None:
-    world.reset(np.arange(world.n), [seeding.np_random(row)[0] for row in range(world.n)])
+    world.reset(world.request(np.arange(world.n)), [seeding.np_random(row)[0] for row in range(world.n)])
