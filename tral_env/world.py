@@ -187,23 +187,23 @@ class World:
             Drawn(*(request.course or self._generate(rngs[row])), car.draw(streams[row]))
             for row, car in zip(rows, request.cars, strict=True)
         ]
-        self._fit([drawn[0].plan], rows, request.near)
-        self.begin(rows, drawn, streams)
+        self.begin(rows, drawn, streams, request.near)
         return self._parameters()
 
-    def begin(self, rows: Index, drawn: Sequence[Drawn], rngs: Sequence[np.random.Generator]) -> None:
+    def begin(self, rows: Index, drawn: Sequence[Drawn], rngs: Sequence[np.random.Generator], near: int = 0) -> None:
         """Put cars at the start of courses that were drawn already; the first time all cars.
 
         Args:
             rows: (k,) which cars.
             drawn: k courses with their plans and cars.
             rngs: generator of each of all n rows, for the noise; only those of the rows are used.
+            near: how many boxes of a course may be near its car, if that may be more than in the families of courses.
 
         Raises:
             ConfigError: a course does not fit beside the other rows.
         """
         plans = [one.plan for one in drawn]
-        self._fit(plans, rows)
+        self._fit(plans, rows, near)
         for row, one in zip(rows, drawn, strict=True):
             self.courses[row], self.plans[row] = one.course, one.plan
             task.lay(self.track, int(row), one.plan)
@@ -269,7 +269,7 @@ class World:
             )
         return needed
 
-    def _fit(self, plans: Sequence[Plan], rows: Index, near: int = 0) -> None:
+    def _fit(self, plans: Sequence[Plan], rows: Index, near: int) -> None:
         """Rebuild the simulation if a plan needs more walls or markers than it has, or more of them near the car."""
         if (needed := self._needed(plans, rows, near)) is None:
             return

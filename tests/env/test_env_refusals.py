@@ -140,7 +140,7 @@ def test_a_course_that_does_not_fit_and_a_wrong_seed_do_not_seed_either() -> Non
     with pytest.raises(ConfigError, match="this course needs"):
         env.reset(seed=1, options={"reset_mask": np.array([True, False]), **TOO_BIG})
     for options in ({}, TOO_BIG):
-        with pytest.raises(Error, match="seed"):
+        with pytest.raises(Error, match="Seed must be"):
             env.reset(seed=[1, -1], options=options)
     forward = np.tile([0.1, 0.5], (2, 1))
     assert np.array_equal(env.step(forward)[0], other.step(forward)[0])
