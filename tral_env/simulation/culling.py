@@ -1,7 +1,9 @@
 """Which boxes of its course a car has around it: only those that it can range or touch stand in its physics.
 
 Every geom costs time in every step, wherever it stands. So a model holds no more boxes than fit around one car, and as
-the car moves on the nearest ones take the places of those left behind. Nothing within reach is ever missing.
+the car moves on the nearest ones take the places of those left behind. Nothing within reach is missing as long as a
+course has no more boxes within reach of a place than the model holds, which `max_boxes_in_reach` tells. On a denser
+course the farthest are left out.
 """
 
 from __future__ import annotations

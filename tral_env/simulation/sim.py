@@ -19,7 +19,7 @@ from tral_env.interface import STEERING, THROTTLE, Layout
 from tral_env.noise import NoiseTape
 from tral_env.perception.degrade import ImageCorruption
 from tral_env.perception.false_sightings import FalseSightings
-from tral_env.sensors.extras import Extras
+from tral_env.sensors.optional import OptionalReadings
 from tral_env.simulation.actuators import Actuators
 from tral_env.simulation.cameras import Cameras
 from tral_env.simulation.hall_wheel import HallWheel
@@ -75,7 +75,7 @@ class Simulation:
         self.truth = GroundTruth(n, self.physics)
         self.hall_wheel = HallWheel(n, self.car, self.physics, self.car_parameters, noise)
         self.sonars = Sonars(n, sonar, self.physics, self.truth, self.car_parameters, noise)
-        self.extras = Extras(n, layout, noise)
+        self.optional = OptionalReadings(n, layout, noise)
         vision = self._vision(camera, image_faults)
         false_sightings = FalseSightings(n, self.lens, self.car)
         self.cameras = Cameras(
@@ -146,8 +146,7 @@ class Simulation:
         self.hall_wheel.reset(rows)
         self.sonars.reset(rows)
         self.cameras.reset(rows)
-        self.extras.battery_v[rows] = self.parameters["battery_v"][rows]
-        self.extras.update(rows, self.pose, self.physics.motion_at_rest())
+        self.optional.update(rows, self.pose, self.physics.motion_at_rest(), self.parameters["battery_v"][rows])
 
     def _place(self, row: int, plan: Plan, degradation: float, rng: np.random.Generator) -> None:
         """Put a course around a car. The order matters: all take their numbers from one generator."""
@@ -155,7 +154,7 @@ class Simulation:
         self.physics.place(row, plan)
         self.cameras.place(row, plan, degradation, rng)
         self._noise.reset(row, rng)
-        self.extras.place(row, plan.tape)
+        self.optional.place(row, plan.tape)
 
     def step(self, command: Array, rows: Index | None = None) -> None:
         """Drive for one control period.
@@ -168,13 +167,13 @@ class Simulation:
             SimulationError: the physics of a car became unstable; it has to be reset.
         """
         moving = self._rows if rows is None else rows
-        self.extras.battery_v[moving] = self.actuators.apply(moving, command)
+        battery_v = self.actuators.apply(moving, command)
         self.physics.step(moving, rows, self.pose[:, :2])
         self.truth.update()
         self.hall_wheel.update(moving)
         self.sonars.update()
         self.cameras.update(moving)
-        self.extras.update(moving, self.pose, self.physics.motion())
+        self.optional.update(moving, self.pose, self.physics.motion(), battery_v)
 
     def mounting(self, rows: Index) -> Array:
         """(k, 3) roll, pitch, yaw of the cameras' mounting errors, rad."""
@@ -187,7 +186,7 @@ class Simulation:
             "steering": self.command[:, STEERING],
             "throttle": self.command[:, THROTTLE],
             **self.cameras.readings(),
-            **self.extras.readings,
+            **self.optional.readings(),
             **self.sonars.readings(),
         }
         return self.layout.pack(values, self.n)

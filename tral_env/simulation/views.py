@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.course.scene import PREFIX
 from tral_env.errors import ConfigError, nearest
 from tral_env.perception.camera import SceneRenderer
 from tral_env.simulation.render_scene import RenderScene
 from tral_env.simulation.sim import Simulation
 
-VIEWS = {"chase": "car/chase", "top": "car/top", "onboard": "car/front"}
+VIEWS = {"chase": f"{PREFIX}chase", "top": f"{PREFIX}top", "onboard": f"{PREFIX}front"}
 """Names of the views and the cameras that give them."""
 
 
