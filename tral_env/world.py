@@ -22,10 +22,6 @@ from tral_env.randomization import Randomization, level, makes_hard_courses
 from tral_env.simulation.culling import LOCAL_BOXES, max_boxes_in_reach
 from tral_env.simulation.sim import Simulation
 from tral_env.simulation.views import VIEWS, Views
-from tral_env.simulation.vision import Webcam
-
-__all__ = ["VIEWS", "CorridorConfig", "Drawn", "Simulation", "Step", "Views", "Webcam", "World"]
-"""The environments see the simulation through this module alone."""
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -94,6 +90,9 @@ def car_stream(rng: np.random.Generator) -> np.random.Generator:
 class World:
     """n cars on n courses."""
 
+    views = tuple(VIEWS)
+    """Names of the pictures that `render` gives."""
+
     def __init__(self, n: int, config: CorridorConfig, *, nthread: int = 1, pool: Pool | None = None) -> None:
         """Build the simulation; `reset` must come first.
 
@@ -114,6 +113,7 @@ class World:
         self.sim = self._simulation(own if pool is None else own.union(pool))
         self.track = task.empty_track(n)
         self._started = False
+        self._views = Views()
         self.kept: dict[int, tuple[Course, Plan]] = {}
         """Courses that were built so far, of those that `CorridorConfig.courses` keeps."""
         self.courses: list[Course | None] = [None] * n
@@ -139,6 +139,7 @@ class World:
             nthread=self._nthread,
             near=self._near,
             image_faults=config.image_faults,
+            image_size=config.image_size,
         )
 
     def request(self, rows: Index, options: Mapping[str, Any] | None = None) -> ResetRequest:
@@ -340,6 +341,30 @@ class World:
             "time_s": sim.time_s.copy(),
         }
 
+    def images(self) -> NDArray[np.uint8]:
+        """What the cameras show, (n, height, width, 3): the last images that have arrived, black before the first.
+
+        Raises:
+            ConfigError: the configuration has no `image_size`.
+        """
+        return self.sim.images()
+
+    def render(self, view: str, row: int, width: int, height: int) -> NDArray[np.uint8]:
+        """Picture of a car, (height, width, 3).
+
+        Args:
+            view: one of `views`.
+            row: which car.
+            width: px.
+            height: px.
+
+        Raises:
+            ConfigError: unknown view, or there was no reset.
+            RenderError: no OpenGL on this machine.
+        """
+        return self._views.render(self.sim, view, row, width, height)
+
     def close(self) -> None:
-        """Free the OpenGL context, if there is one."""
+        """Free what OpenGL holds."""
         self.sim.close()
+        self._views.close()

@@ -50,12 +50,12 @@ def test_a_car_that_stands_for_long_reads_outliers_at_the_rate_that_was_drawn() 
     rngs = [np.random.default_rng(seed) for seed in range(3)]
     world.reset(world.request(ROWS, {"car": {"sonar_outlier_rate": 0.1}}), rngs)
     still, left, age = np.zeros((3, 2)), [], []
-    for _ in range(8000):
+    for _ in range(2000):
         reading = world.layout.unpack(world.step(still).observation)
         left.append(reading["ultrasonic_left"].copy())
         age.append(reading["ultrasonic_left_age"].copy())
     new = np.diff(np.array(age), axis=0) < 0
     strange = np.abs(np.array(left) - np.median(left, axis=0))[1:] > 0.05
     share = (strange & new).sum(axis=0) / new.sum(axis=0)
-    assert np.all(new.sum(axis=0) > 1500)
-    assert share == pytest.approx(np.full(3, 0.1), abs=0.03)
+    assert np.all(new.sum(axis=0) > 350)
+    assert share == pytest.approx(np.full(3, 0.1), abs=0.05)

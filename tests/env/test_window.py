@@ -8,9 +8,10 @@ from tral_env.course.generate import SCENARIOS, generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Door, Segment
 from tral_env.course.scene import Placement
+from tral_env.options import CorridorConfig
 from tral_env.simulation import culling
 from tral_env.simulation.culling import REACH_M, LocalGeoms, max_boxes_in_reach
-from tral_env.world import CorridorConfig, World
+from tral_env.world import World
 from tral_fsm import load_policy
 
 

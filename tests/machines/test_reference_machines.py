@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 import tral_env
 from tral_env.course.layout import Course
-from tral_env.world import CorridorConfig, World
+from tral_env.options import CorridorConfig
+from tral_env.world import World
 from tral_fsm import load_machine, load_policy, machine_names
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.episode import EpisodeRequest

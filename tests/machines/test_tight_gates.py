@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tral_env.course.layout import Course
-from tral_env.world import CorridorConfig, World
+from tral_env.options import CorridorConfig
+from tral_env.world import World
 from tral_fsm import load_policy
 
 

@@ -25,6 +25,7 @@ from tral_env.simulation.cameras import Cameras
 from tral_env.simulation.hall_wheel import HallWheel
 from tral_env.simulation.parameters import CarParameters
 from tral_env.simulation.physics import Physics
+from tral_env.simulation.pixels import Pixels
 from tral_env.simulation.sonars import Sonars
 from tral_env.simulation.truth import GroundTruth
 from tral_env.simulation.vision import ProjectedVision, RenderedVision, Vision
@@ -48,6 +49,7 @@ class Simulation:
         nthread: int = 1,
         near: int = 0,
         image_faults: ImageCorruption | None = None,
+        image_size: tuple[int, int] | None = None,
     ) -> None:
         """Compile the model and put the parts together.
 
@@ -62,6 +64,7 @@ class Simulation:
             near: how many boxes may be near a car, if that may be more than in the families of courses, see
                 `max_boxes_in_reach`.
             image_faults: how much of each fault a level of degradation brings to a rendered image.
+            image_size: width and height of the images that are observed, px; None: none are.
         """
         self.n, self.pool, self.layout = n, pool, layout
         self.car, self.lens = car or CarConfig(), lens or CameraConfig()
@@ -78,8 +81,9 @@ class Simulation:
         self.optional = OptionalReadings(n, layout, noise)
         vision = self._vision(camera, image_faults)
         false_sightings = FalseSightings(n, self.lens, self.car)
+        pixels = None if image_size is None else Pixels(n, image_size, pool, self.lens, image_faults)
         self.cameras = Cameras(
-            n, self.lens.rate_hz, vision, false_sightings, self.physics, self.truth, self.car_parameters
+            n, self.lens.rate_hz, vision, false_sightings, self.physics, self.truth, self.car_parameters, pixels
         )
         self._share_arrays()
 
@@ -94,7 +98,6 @@ class Simulation:
         self.command, self.parameters = self.actuators.command, self.car_parameters.drawn
         self.pose, self.speed = self.truth.pose, self.truth.speed
         self.collision, self.closing_speed = self.truth.collision, self.truth.closing_speed
-        self.exposures, self.image_seeds = self.cameras.exposures, self.cameras.image_seeds
 
     @property
     def batch(self) -> Batch:
@@ -175,9 +178,15 @@ class Simulation:
         self.cameras.update(moving)
         self.optional.update(moving, self.pose, self.physics.motion(), battery_v)
 
-    def mounting(self, rows: Index) -> Array:
-        """(k, 3) roll, pitch, yaw of the cameras' mounting errors, rad."""
-        return self.cameras.mounting(rows)
+    def images(self) -> NDArray[np.uint8]:
+        """The last images that have arrived, (n, height, width, 3).
+
+        Raises:
+            ConfigError: no images are observed.
+        """
+        if self.cameras.pixels is None:
+            raise ConfigError("no images are observed: expected TralCorridorPixels-v0")
+        return self.cameras.pixels.images.copy()
 
     def observation(self) -> NDArray[np.float32]:
         """What the policies are told now, (n, d)."""
@@ -193,4 +202,4 @@ class Simulation:
 
     def close(self) -> None:
         """Free what OpenGL holds."""
-        self.vision.close()
+        self.cameras.close()

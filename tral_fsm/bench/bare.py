@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from tral_env.course.scene import Pool, build_model
 from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.simulation.culling import LOCAL_BOXES
+from tral_env.simulation.sim import Simulation
 from tral_env.vector_env import TralCorridorVectorEnv
-from tral_env.world import Simulation
 from tral_fsm.bench.commands import gentle
 from tral_fsm.bench.timing import Contestant
 

@@ -12,9 +12,10 @@ from tral_env.config import CameraConfig
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Door, Segment
 from tral_env.env import TralCorridorEnv
+from tral_env.options import CorridorConfig
 from tral_env.perception.aruco import Detector, marker_poses
 from tral_env.vector_env import TralCorridorVectorEnv
-from tral_env.world import CorridorConfig, World
+from tral_env.world import World
 from tral_fsm.bench.bare import bare_step
 from tral_fsm.bench.timing import Contestant, take_turns
 
