@@ -41,12 +41,14 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     | 0 | `steering` | -1 | 1 | share of full lock | +1 = full left, a steering angle of 22 degrees |
     | 1 | `throttle` | -1 | 1 | share of full throttle | +1 = full forward, 0 = neutral, -1 = full reverse or brake |
 
-    Negative throttle brakes while the car rolls forward. The car reverses only after the motor controller has seen
-    0.1 s of brake and then 0.1 s of neutral. A command beyond the bounds counts as the bound.
+    The motor stays off up to a throttle of 0.08 either way. A command takes effect after the car's latency, 0.02 s
+    when nothing is randomized. Throttle against the direction of travel brakes. The direction changes only after the
+    motor controller has seen 0.1 s of brake and then 0.1 s of neutral. A command beyond the bounds counts as the bound.
 
     ## Observation Space
-    `Box((d,), float32)` in SI units. A reading keeps its value until the next one arrives, and its age tells how old
-    it is: a sonar answers 8 to 15 times a second, the camera 15 times.
+    `Box((d,), float32)` in SI units. A reading keeps its value until the next one arrives. Ranges, gate and marker
+    have an age, which tells how old they are: a sonar answers 9 to 15 times a second, the camera 15 times. All else is
+    measured in every step.
 
     {fields}
 
@@ -83,8 +85,8 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     ### Termination
     1. Success: the rear axle crosses the goal line after all gates in order.
     2. Collision: the car touches a wall, door, obstacle or post.
-    3. Missed gate: the rear axle crosses a gate's plane outside its posts, backwards, or out of order, or crosses the
-       goal line before it passed all gates.
+    3. Missed gate: the rear axle crosses a gate's plane outside its posts, between them backwards, or between them
+       out of order, which a second time through a gate is too; or it crosses the goal line before all gates.
 
     ### Truncation
     The episode took longer than the route's length / `nominal_speed` (0.3 m/s) + `grace_s` (10 s), both of
