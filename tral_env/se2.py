@@ -13,7 +13,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from tral_env.arrays import Array
+
 Pose = tuple[float, float, float]
 """x [m], y [m], yaw [rad]."""
 Number = TypeVar("Number", float, NDArray[np.float64], NDArray[np.floating])

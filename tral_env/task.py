@@ -10,15 +10,11 @@ from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Flags, Index
 from tral_env.config import CarConfig, TaskConfig
 from tral_env.course.plan import Plan, arc_length
 from tral_env.se2 import rotate_back
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 ROUTE_WINDOW = (3, 6)
 """Route points behind and ahead of the last one that are looked at, so that a car cannot jump to another leg."""

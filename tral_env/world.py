@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env import task
+from tral_env.arrays import Array, Flags, Index
 from tral_env.course.generate import generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course
@@ -22,10 +23,6 @@ from tral_env.randomization import Randomization, level, makes_hard_courses
 from tral_env.simulation.culling import LOCAL_BOXES, max_boxes_in_reach
 from tral_env.simulation.sim import Simulation
 from tral_env.simulation.views import VIEWS, Views
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 RESET_OPTIONS = ("course", "car")
 """What ``reset(options=...)`` understands."""

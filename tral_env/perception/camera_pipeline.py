@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tral_env.arrays import Array, Index
 from tral_env.interface import MAX_AGE_S, NOTHING_SEEN_ID
 from tral_env.perception.gate import Detection
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 IN_FLIGHT = 4
 """The queue has room for so many images at first: at 15 Hz and 120 ms two are on their way to the detector."""

@@ -10,11 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array
 from tral_env.config import ImuConfig
-
-Array = NDArray[np.float64]
 
 STANDARD_GRAVITY = 9.80665
 """1 g in m/s^2. Source: CGPM 1901."""

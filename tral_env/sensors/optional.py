@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Index
 from tral_env.config import ImuConfig, LineConfig
 from tral_env.interface import OPTIONAL_GROUPS, Layout
 from tral_env.noise import NoiseTape
 from tral_env.sensors.imu import AXES, draw_bias, measure
 from tral_env.sensors.line import line_byte
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 class OptionalReadings:

@@ -12,13 +12,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Flags
 from tral_env.config import UltrasonicConfig
 from tral_env.interface import NO_ECHO_M
-
-Array = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 MEASURE_DRAWS = 4
 """`measure` takes so many uniform numbers for one reading."""
@@ -207,14 +204,14 @@ def resolution(config: UltrasonicConfig) -> float:
     return 0.01 if config.mode == "cm" else config.metres_per_us
 
 
-def readable(range_m: Array | float, config: UltrasonicConfig) -> BoolArray:
+def readable(range_m: Array | float, config: UltrasonicConfig) -> Flags:
     """Whether ranges of any shape, m, lie within the limits of the mode in use; beyond them there is no echo."""
     low, high = limits(config)
-    result: BoolArray = np.greater_equal(range_m, low) & np.less_equal(range_m, high)
+    result: Flags = np.greater_equal(range_m, low) & np.less_equal(range_m, high)
     return result
 
 
-def crosstalk(first: Array, uniform: Array, together: BoolArray, config: UltrasonicConfig) -> Array:
+def crosstalk(first: Array, uniform: Array, together: Flags, config: UltrasonicConfig) -> Array:
     """Let sonars that fire together hear each other.
 
     The front sonar and a side sonar share a quarter of the surroundings. Sound of one comes back to the other by the

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Index
 from tral_env.course.plan import Plan
 from tral_env.perception.camera_pipeline import CameraPipeline
 from tral_env.perception.false_sightings import FalseSightings
@@ -13,9 +13,6 @@ from tral_env.simulation.physics import Physics
 from tral_env.simulation.pixels import Pixels
 from tral_env.simulation.truth import GroundTruth
 from tral_env.simulation.vision import Vision
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 class Cameras:

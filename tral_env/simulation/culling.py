@@ -9,15 +9,12 @@ course the farthest are left out.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Index
 from tral_env.config import UltrasonicConfig
 from tral_env.course.plan import Plan
 from tral_env.course.scene import Placement, Pool, place
 from tral_env.se2 import rotate_back
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 LOCAL_BOXES = 48
 """Number of boxes around a car. The families of courses have at most 46 within 5.5 m of a place on their routes; a

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Index
 from tral_env.config import UltrasonicConfig
 from tral_env.course.scene import PREFIX
 from tral_env.sensors.ranging import SONARS
-
-Index = NDArray[np.int64]
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 _CLOCK = 0

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Index
 from tral_env.config import CameraConfig
 from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool
@@ -14,9 +14,6 @@ from tral_env.perception.camera import Image
 from tral_env.perception.camera_pipeline import has_arrived
 from tral_env.perception.degrade import ImageCorruption
 from tral_env.simulation.vision import Webcam
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 class Pixels:

@@ -11,6 +11,7 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Index
 from tral_env.config import CameraConfig, CarConfig, UltrasonicConfig
 from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool
@@ -29,9 +30,6 @@ from tral_env.simulation.pixels import Pixels
 from tral_env.simulation.sonars import Sonars
 from tral_env.simulation.truth import GroundTruth
 from tral_env.simulation.vision import ProjectedVision, RenderedVision, Vision
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 class Simulation:

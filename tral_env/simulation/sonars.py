@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Index
 from tral_env.config import UltrasonicConfig
 from tral_env.noise import NoiseTape
 from tral_env.se2 import rotate_n
@@ -13,9 +13,6 @@ from tral_env.sensors.ranging import BORESIGHT, SONARS, Ranging
 from tral_env.simulation.parameters import CarParameters
 from tral_env.simulation.physics import Physics
 from tral_env.simulation.truth import GroundTruth
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 _DRAWS = 2 + ultrasonic.MEASURE_DRAWS
 """Number of draws for one ranging: softness of the incidence limit, crosstalk, measurement."""
