@@ -219,7 +219,7 @@ class World:
         self._steering[rows] = 0.0
 
     def _parameters(self) -> dict[str, Array]:
-        return {name: values.copy() for name, values in self.sim.parameters.items()}
+        return {name: values.copy() for name, values in self.sim.car_parameters.drawn.items()}
 
     def _cars(self, rows: Index, given: Mapping[str, Any] | None) -> list[Randomization]:
         """Randomization of the rows, where some parameters are given: for all cars, or one value each."""
@@ -300,7 +300,7 @@ class World:
         self._passed = self._passed + through
         arrived = s >= self._length - 1e-6
         missed |= arrived & (self._passed < self.track.gates)
-        failure = sim.collision | missed
+        failure = sim.truth.collision | missed
         success = arrived & ~failure
         outcome = task.Outcome(
             advance=s - self._s,
@@ -321,10 +321,10 @@ class World:
         sim = self.sim
         no = np.zeros(self.n, bool)
         left, right = task.wall_clearance(self.track, sim.pose, self.config.car)
-        crash = sim.collision & (sim.closing_speed >= self.config.task.touch_speed)
+        crash = sim.truth.collision & (sim.truth.closing_speed >= self.config.task.touch_speed)
         return {
             "success": no if success is None else success,
-            "collision": sim.collision.copy(),
+            "collision": sim.truth.collision.copy(),
             "crash": crash,
             "missed_gate": no if missed is None else missed,
             "progress": np.minimum(np.maximum(self._s / self._length, 0.0), 1.0),
@@ -334,7 +334,7 @@ class World:
             "clearance_right_m": right,
             "lateral_offset_m": self._lateral.copy(),
             "pose": sim.pose.copy(),
-            "speed_mps": sim.speed.copy(),
+            "speed_mps": sim.truth.speed.copy(),
             "time_s": sim.time_s.copy(),
         }
 

@@ -80,7 +80,7 @@ def test_a_car_does_not_drive_before_its_first_reset() -> None:
 def test_unstable_physics_are_an_error_until_the_next_reset() -> None:
     env = TralCorridorVectorEnv(3, scenario="straight")
     env.reset(seed=0)
-    env.world.sim.qpos[1, 0] = np.inf
+    env.world.sim.physics.qpos[1, 0] = np.inf
     with pytest.raises(SimulationError, match=r"rows \[1\]"):
         env.step(np.zeros((3, 2)))
     env.reset(seed=0)

@@ -98,7 +98,7 @@ def test_the_readings_come_from_the_images_with_the_faults() -> None:
             sim = env.unwrapped.world.sim
             webcam = webcam or Webcam(1, sim.pool, sim.lens, faults)
             webcam.place(0, sim.plan(0), 1.0, int(sim.cameras.image_seeds[0]))
-            found = Detector().detect(webcam.image(0, sim.qpos[0], LEVELLED)).ids
+            found = Detector().detect(webcam.image(0, sim.physics.qpos[0], LEVELLED)).ids
             for _ in range(4):  # until the image of the reset is told, and before the next one is taken
                 observation, *_ = env.step(np.zeros(2, np.float32))
             seen = float(observation[GATE_ID])

@@ -21,7 +21,7 @@ def test_throttle_within_the_dead_zone_leaves_the_motor_off() -> None:
     sim = one_car()
     drive(sim, 0.0, 0.08, 80)
     assert sim.physics.ctrl[0, sim.physics.handles.drive_actuator] == pytest.approx(0.0, abs=1e-6)
-    assert sim.speed[0] == pytest.approx(0.0, abs=1e-3)
+    assert sim.truth.speed[0] == pytest.approx(0.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("latency_s", [0.0, 0.1])

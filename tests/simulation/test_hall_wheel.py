@@ -21,7 +21,7 @@ def test_the_distance_is_the_way_that_the_car_went() -> None:
     way = sim.pose[0, 0] - sim.plan(0).start[0]
     assert way > 0.5
     assert sim.hall_wheel.readings()["distance"][0] == pytest.approx(way, abs=2 * TICK_M)
-    assert sim.hall_wheel.readings()["speed"][0] == pytest.approx(sim.speed[0], rel=0.05)
+    assert sim.hall_wheel.readings()["speed"][0] == pytest.approx(sim.truth.speed[0], rel=0.05)
 
 
 @pytest.mark.parametrize("scale", [0.8, 1.25])

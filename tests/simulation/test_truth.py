@@ -35,7 +35,7 @@ def meet(y: float, yaw: float, velocity: tuple[float, float], yaw_rate: float) -
     physics.qvel[0, dof + 5] = yaw_rate
     world.sim.truth.observe()
     world.sim.step(np.zeros((1, 2)))
-    told = bool(world.sim.collision[0]), float(world.sim.closing_speed[0])
+    told = bool(world.sim.truth.collision[0]), float(world.sim.truth.closing_speed[0])
     world.close()
     return told
 

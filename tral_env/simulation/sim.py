@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from tral_env.arrays import Array, Index
@@ -83,34 +82,13 @@ class Simulation:
         self.cameras = Cameras(
             n, self.lens.rate_hz, vision, false_sightings, self.physics, self.truth, self.car_parameters, pixels
         )
-        self._share_arrays()
+        self.time_s, self.command, self.pose = self.physics.time_s, self.actuators.command, self.truth.pose
+        """Arrays of the parts, which write them in place."""
 
     def _vision(self, camera: str, image_faults: ImageCorruption | None) -> Vision:
         if camera == "rendered":
             return RenderedVision(self.n, self.pool, self.lens, self.car, image_faults)
         return ProjectedVision(self.n, self._noise, self.lens, self.car)
-
-    def _share_arrays(self) -> None:
-        """The parts' arrays under short names; their owners write them in place and document them."""
-        self.qpos, self.time_s = self.physics.qpos, self.physics.time_s
-        self.command, self.parameters = self.actuators.command, self.car_parameters.drawn
-        self.pose, self.speed = self.truth.pose, self.truth.speed
-        self.collision, self.closing_speed = self.truth.collision, self.truth.closing_speed
-
-    @property
-    def batch(self) -> Batch:
-        """MuJoCo's batch, which steps the cars."""
-        return self.physics.batch
-
-    @property
-    def substeps(self) -> int:
-        """Steps of the physics in a control period."""
-        return self.physics.substeps
-
-    @property
-    def vision(self) -> Vision:
-        """The way the cars see."""
-        return self.cameras.vision
 
     def plan(self, row: int) -> Plan:
         """Course of a car.
@@ -147,7 +125,9 @@ class Simulation:
         self.hall_wheel.reset(rows)
         self.sonars.reset(rows)
         self.cameras.reset(rows)
-        self.optional.update(rows, self.pose, self.physics.motion_at_rest(), self.parameters["battery_v"][rows])
+        self.optional.update(
+            rows, self.pose, self.physics.motion_at_rest(), self.car_parameters.drawn["battery_v"][rows]
+        )
 
     def _place(self, row: int, plan: Plan, degradation: float, rng: np.random.Generator) -> None:
         """Put a course around a car. The order matters: all take their numbers from one generator."""

@@ -45,7 +45,7 @@ class Views:
             raise ConfigError(f"unknown view '{view}': {nearest(view, VIEWS)}")
         if self._scene is None or sim is not self._sim:
             self._sim, self._scene = sim, RenderScene(sim.pool)
-        model, data = self._scene.show(sim.plan(row), sim.qpos[row])
+        model, data = self._scene.show(sim.plan(row), sim.physics.qpos[row])
         return self._renderer.render(model, data, VIEWS[view], width, height)
 
     def close(self) -> None:

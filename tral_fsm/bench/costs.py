@@ -72,12 +72,12 @@ def camera_cost(*, rounds: int = 5, seconds: float = 0.05) -> dict[str, float]:
     env = TralCorridorEnv(course=Course.model_validate(_ONE_GATE), camera="rendered")
     env.reset(seed=0)
     sim = env.world.sim
-    pose, qpos, mounting, row = sim.pose, sim.qpos, np.zeros((1, 3)), np.zeros(1, np.int64)
+    pose, qpos, mounting, row = sim.pose, sim.physics.qpos, np.zeros((1, 3)), np.zeros(1, np.int64)
     detector, camera = Detector(), CameraConfig()
     image = env.render_view("onboard", 640, 480)
     markers = detector.detect(image)
     acts: dict[str, Callable[[], object]] = {
-        "in_env_ms": lambda: sim.vision.see(row, pose, qpos, mounting),
+        "in_env_ms": lambda: sim.cameras.vision.see(row, pose, qpos, mounting),
         "bare_render_ms": lambda: env.render_view("onboard", 640, 480),
         "bare_detect_ms": lambda: detector.detect(image),
         "bare_pose_ms": lambda: marker_poses(markers, camera),
