@@ -85,7 +85,8 @@ def test_a_dense_course_is_seen_as_a_whole(near: str, monkeypatch: pytest.Monkey
 
 def test_courses_of_the_families_need_no_more_local_boxes():
     for scenario in SCENARIOS:
-        plans = [generate_plan(scenario, np.random.default_rng(seed))[1] for seed in range(3)]
+        draws = [(seed, hard) for seed in range(3) for hard in (False, True)]
+        plans = [generate_plan(scenario, np.random.default_rng(seed), hard=hard)[1] for seed, hard in draws]
         assert max(max_boxes_in_reach(plan) for plan in plans) <= culling.LOCAL_BOXES
 
 
