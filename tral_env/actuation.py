@@ -11,16 +11,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Flags, Index
 from tral_env.config import CarConfig, EscConfig, ServoConfig
 from tral_env.errors import ConfigError
 from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ, STEERING, THROTTLE
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Integers = NDArray[np.int64]
-Rows = NDArray[np.int64] | slice
+Rows = Index | slice
 
 ALL = slice(None)
 """All rows."""
@@ -97,7 +94,7 @@ def steering_target(command: Array, neutral: Array, lock: Array, low: Array, hig
     return np.minimum(np.maximum(neutral + lock * command, low), high)
 
 
-def servo_step(position: Array, moving: Mask, target: Array, max_step: Array, dead_zone: float) -> tuple[Array, Mask]:
+def servo_step(position: Array, moving: Flags, target: Array, max_step: Array, dead_zone: float) -> tuple[Array, Flags]:
     """One tick of a servo: it sets out when its error exceeds the dead zone and runs at its speed until it is there.
 
     With the error e = target - position, a servo that moves advances by ``clip(e, -w T, w T)``, w its speed, T the
@@ -150,8 +147,8 @@ def motor_duty(throttle: Array, dead_zone: float) -> Array:
 
 
 def controller_step(
-    direction: Array, phase: Integers, held: Integers, throttle: Array, dead_zone: float, switch_ticks: int
-) -> tuple[Array, Integers, Integers]:
+    direction: Array, phase: Index, held: Index, throttle: Array, dead_zone: float, switch_ticks: int
+) -> tuple[Array, Index, Index]:
     """One tick of the motor controller's reverse logic, the same for both directions of travel.
 
     Throttle against the direction brakes. After at least `switch_ticks` of brake, neutral leads to WAIT (after less,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from pathlib import Path
 
 
@@ -11,7 +12,7 @@ def is_device(path: Path) -> bool:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Replace a file as a whole; a link stays one. A device (`is_device`) is written to, not replaced.
+    """Replace a file as a whole, also when two programs write it at once. A link stays one; a device is written to.
 
     Raises:
         OSError: the file cannot be written; the old one is still there.
@@ -20,7 +21,7 @@ def write_bytes(path: Path, content: bytes) -> None:
         path.write_bytes(content)
         return
     path = path.resolve()
-    part = path.with_name(f"{path.name}.part")
+    part = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
     try:
         part.write_bytes(content)
         part.replace(path)

@@ -1,8 +1,6 @@
 """Numbers of the car, its sensors and the task: each with meaning, unit, range and source.
 
-Sources: "report" is the TRAL report of 2016; "ucboard" and "PSES" are the data sheet and the URDF that the Project
-Seminar Real-Time Systems at TU Darmstadt published for the same cars; "SRF08" is the data sheet of the ultrasonic
-ranger; "choice" is a choice of this project.
+The sources of the car are told in `tral_env.geometry`; "SRF08" is the data sheet of the ultrasonic ranger.
 """
 
 from __future__ import annotations
@@ -10,18 +8,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from numbers import Integral, Real
 from typing import Any, TypeVar
 
 from tral_env.errors import ConfigError, nearest
 from tral_env.geometry import (
+    FRONT_SONAR_FROM_MIDDLE_M,
     FULL_LOCK_DEG,
     HALL_METRES_PER_TICK,
     HEIGHT_M,
     LENGTH_M,
     MARKER_SIZE_M,
     SCRUB_SPEED,
-    SONAR_FRONT_M,
-    SONAR_SIDE_M,
+    SIDE_SONAR_Y_M,
     TRACK_M,
     WHEEL_RADIUS_M,
     WHEELBASE_M,
@@ -71,26 +70,52 @@ Bounds = Mapping[str, tuple[float, float, str]]
 """Name of a field -> least and greatest plausible value, unit. Source of all bounds: choice, beyond any small car."""
 
 
+def check_number(where: str, value: object, unit: str = "", *, whole: bool = False) -> None:
+    """Refuse what is no finite number; text, `None`, `True` and `False` are none.
+
+    Args:
+        where: name of the number.
+        value: what was given.
+        unit: that the number should have, for the error.
+        whole: whether a fraction is refused too.
+
+    Raises:
+        ConfigError: no finite number, or a fraction.
+    """
+    kind, expected = (Integral, "a whole number") if whole else (Real, "a finite number")
+    if isinstance(value, bool) or not isinstance(value, kind) or not _is_finite(value):
+        raise ConfigError(f"{where} = {value!r}: expected {expected}{f' of {unit}' if unit else ''}")
+
+
+def _is_finite(value: Real) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number that no float can hold
+        return False
+
+
 def _check(
     config: object,
     positive: tuple[str, ...] = (),
     unit_interval: tuple[str, ...] = (),
     plausible: Bounds | None = None,
 ) -> None:
+    """Check the fields whose defaults are numbers."""
+    plausible = plausible or {}
     for field in fields(config):  # type: ignore[arg-type]
+        if not isinstance(field.default, int | float):
+            continue
         value = getattr(config, field.name)
         where = f"{type(config).__name__}.{field.name}"
-        if isinstance(field.default, int | float) and not isinstance(value, int | float):
-            raise ConfigError(f"{where} = {value!r}: expected a number")
-        if isinstance(value, float) and not math.isfinite(value):
-            raise ConfigError(f"{where} = {value!r}: expected a finite number")
+        bounds = plausible.get(field.name)
+        check_number(where, value, bounds[2] if bounds else "", whole=isinstance(field.default, int))
         if field.name in positive and not value > 0:
             raise ConfigError(f"{where} = {value!r}: expected a number above 0")
         if field.name in unit_interval and not 0 <= value <= 1:
             percent = "; is it in %?" if 1 < value <= 100 else ""
             raise ConfigError(f"{where} = {value!r}: expected a share between 0 and 1{percent}")
-        if plausible and field.name in plausible:
-            check_plausible(where, value, *plausible[field.name])
+        if bounds:
+            check_plausible(where, value, *bounds)
 
 
 def as_config(kind: type[Config], value: Config | Mapping[str, Any] | None) -> Config:
@@ -134,9 +159,9 @@ class CarConfig:
     """Height of the outline, m. Source: PSES."""
     mass: float = 1.9
     """Mass of the car ready to drive, kg: 1.45 of kit, motor and pack, 0.45 of computer and sensors. Source: choice."""
-    sonar_side: float = SONAR_SIDE_M
+    sonar_side: float = SIDE_SONAR_Y_M
     """The side ultrasonics stand this far from the middle line, midway between the axles, m. Source: ucboard."""
-    sonar_front: float = SONAR_FRONT_M
+    sonar_front: float = FRONT_SONAR_FROM_MIDDLE_M
     """The front ultrasonic stands this far ahead of midway between the axles, m. Source: ucboard."""
     sonar_height: float = 0.10
     """Height of the ultrasonics above the floor, m. Source: choice."""
@@ -210,7 +235,7 @@ class EscConfig:
     """Motor controller and motor. Motor and gears are those of `assets/car.xml`, seen at the wheels."""
 
     dead_zone: float = 0.08
-    """Throttle up to which the motor stays off. Source: fit to Velocity.csv of echtzeitsysteme; the data sheet's
+    """Throttle up to which the motor stays off, 0 to 0.9. Source: fit to Velocity.csv of echtzeitsysteme; ucboard's
     +-50 us would be 0.13."""
     switch_s: float = 0.1
     """Brake and neutral must each last this long before the other direction drives, s. Source: ucboard."""
@@ -229,8 +254,8 @@ class EscConfig:
         _check(
             self,
             positive=("switch_s", "motor_resistance", "back_emf", "battery_v"),
-            unit_interval=("dead_zone",),
             plausible={
+                "dead_zone": (0.0, 0.9, ""),
                 "switch_s": (0.0, 5.0, "s"),
                 "motor_resistance": (0.0, 100.0, "ohm"),
                 "back_emf": (0.0, 100.0, "V"),
@@ -421,10 +446,12 @@ class CameraConfig:
                 "marker_size": (0.005, 2.0, "m"),
             },
         )
-        if len(self.distortion) != 5:
+        if not isinstance(self.distortion, tuple) or len(self.distortion) != 5:
             raise ConfigError(
-                f"CameraConfig.distortion has {len(self.distortion)} numbers, expected 5: k1, k2, p1, p2, k3"
+                f"CameraConfig.distortion = {self.distortion!r}: expected a tuple of 5 numbers: k1, k2, p1, p2, k3"
             )
+        for name, value in zip(("k1", "k2", "p1", "p2", "k3"), self.distortion, strict=True):
+            check_number(f"CameraConfig.distortion, {name}", value)
 
     def scaled(self, width: int, height: int) -> CameraConfig:
         """The lens that sees the same in an image of `width` x `height` px."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -18,7 +18,7 @@ from tral_env.course.plan import Plan
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space
 from tral_env.options import CorridorConfig, check_counts, is_count, option_parameters, takes
-from tral_env.world import VIEWS, Simulation, Views, Webcam, World
+from tral_env.world import World
 
 _ROW = np.zeros(1, np.int64)
 
@@ -41,12 +41,14 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     | 0 | `steering` | -1 | 1 | share of full lock | +1 = full left, a steering angle of 22 degrees |
     | 1 | `throttle` | -1 | 1 | share of full throttle | +1 = full forward, 0 = neutral, -1 = full reverse or brake |
 
-    Negative throttle brakes while the car rolls forward. The car reverses only after the motor controller has seen
-    0.1 s of brake and then 0.1 s of neutral. A command beyond the bounds counts as the bound.
+    The motor stays off up to a throttle of 0.08 either way. A command takes effect after the car's latency, 0.02 s
+    when nothing is randomized. Throttle against the direction of travel brakes. The direction changes only after the
+    motor controller has seen 0.1 s of brake and then 0.1 s of neutral. A command beyond the bounds counts as the bound.
 
     ## Observation Space
-    `Box((d,), float32)` in SI units. A reading keeps its value until the next one arrives, and its age tells how old
-    it is: a sonar answers 8 to 15 times a second, the camera 15 times.
+    `Box((d,), float32)` in SI units. A reading keeps its value until the next one arrives. Ranges, gate and marker
+    have an age, which tells how old they are: a sonar answers 9 to 15 times a second, the camera 15 times. All else is
+    measured in every step.
 
     {fields}
 
@@ -83,8 +85,8 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     ### Termination
     1. Success: the rear axle crosses the goal line after all gates in order.
     2. Collision: the car touches a wall, door, obstacle or post.
-    3. Missed gate: the rear axle crosses a gate's plane outside its posts, backwards, or out of order, or crosses the
-       goal line before it passed all gates.
+    3. Missed gate: the rear axle crosses a gate's plane outside its posts, between them backwards, or between them
+       out of order, which a second time through a gate is too; or it crosses the goal line before all gates.
 
     ### Truncation
     The episode took longer than the route's length / `nominal_speed` (0.3 m/s) + `grace_s` (10 s), both of
@@ -156,8 +158,8 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": int(CONTROL_RATE_HZ)}  # noqa: RUF012 (Gymnasium declares it so)
 
-    _pixels: ClassVar[bool] = False
-    """The observation has an image."""
+    _image_size: tuple[int, int] | None = None
+    """Width and height of the image in the observation, px."""
 
     def __init__(
         self,
@@ -171,15 +173,16 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         EzPickle.__init__(self, render_mode=render_mode, view=view, width=width, height=height, **options)
         if render_mode not in (None, "rgb_array"):
             raise ConfigError(f"unknown render_mode {render_mode!r}. Allowed: None, 'rgb_array'")
-        if view not in VIEWS:
-            raise ConfigError(f"unknown view '{view}': {nearest(view, VIEWS)}")
+        if view not in World.views:
+            raise ConfigError(f"unknown view '{view}': {nearest(view, World.views)}")
         check_counts(width=width, height=height)
         self.render_mode, self._view, self._size = render_mode, view, (width, height)
-        config = CorridorConfig.of(options, allowed=inspect.signature(type(self)).parameters, pixels=self._pixels)
+        config = CorridorConfig.of(
+            options, allowed=inspect.signature(type(self)).parameters, image_size=self._image_size
+        )
         self.world = World(1, config)
         self.action_space = action_space()
         self.observation_space: spaces.Space[Any] = self.world.layout.space()
-        self._views = Views()
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start a new episode.
@@ -195,8 +198,9 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
             ConfigError: an option is unknown or not allowed.
             CourseError: the course cannot be built, or its file is no course.
         """
+        request = self.world.request(_ROW, options)
         super().reset(seed=seed)
-        car = self.world.reset(_ROW, [self.np_random], options)
+        car = self.world.reset(request, [self.np_random])
         info = self._info(self.world.info())
         info["car"] = {name: float(values[0]) for name, values in car.items()}
         return self._observation(self.world.observation()[0]), info
@@ -282,12 +286,11 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
             ConfigError: unknown view.
             RenderError: no OpenGL on this machine.
         """
-        return self._views.render(self.world.sim, view, 0, width, height)
+        return self.world.render(view, 0, width, height)
 
     def close(self) -> None:
         """Free what OpenGL holds."""
         self.world.close()
-        self._views.close()
 
 
 if TralCorridorEnv.__doc__:  # absent under python -OO
@@ -299,60 +302,29 @@ class TralCorridorPixelsEnv(TralCorridorEnv):
     """`TralCorridor-v0` with the camera's image in the observation.
 
     ## Observation Space
-    `Dict(image=Box(0, 255, (height, width, 3), uint8), readings=Box((d,), float32))`. `image` is the last one that the
-    camera exposed, 15 times a second, through the lens and with the mounting error and degradation that were drawn for
-    the car. `readings` is the observation of `TralCorridor-v0`. The environment needs OpenGL.
+    `Dict(image=Box(0, 255, (height, width, 3), uint8), readings=Box((d,), float32))`. `image` is the last one that
+    has arrived: the camera exposes 15 in a second, through the lens and with the mounting error and degradation that
+    were drawn for the car, and each arrives after the camera's latency, together with what the readings tell of it.
+    Before the first one arrives `image` is black. `readings` is the observation of `TralCorridor-v0`. The environment
+    needs OpenGL.
 
     ## Arguments
     `image_size`, width and height in pixels, (160, 120) by default, and the arguments of `TralCorridor-v0`. The image
     shows `image_faults` with either camera; the readings of the projected camera do not know of them.
+
+    ## Version History
+    * v0: the first version. Before its release an image was observed when it was exposed, without the latency.
     """
 
-    _pixels: ClassVar[bool] = True
-
     def __init__(self, *, image_size: Sequence[int] = (160, 120), **options: Any) -> None:
-        super().__init__(**options)
-        EzPickle.__init__(self, image_size=image_size, **options)
         if np.shape(image_size) != (2,) or not all(map(is_count, image_size)):
             raise ConfigError(f"image_size = {image_size!r}: expected width and height, px, such as (160, 120)")
-        width, height = self._image_size = tuple(image_size)
+        width, height = (int(length) for length in image_size)
+        self._image_size = width, height
+        super().__init__(**options)
+        EzPickle.__init__(self, image_size=image_size, **options)
         image = spaces.Box(0, 255, (height, width, 3), np.uint8)
         self.observation_space = spaces.Dict({"image": image, "readings": self.world.layout.space()})
-        self._image = np.zeros(image.shape, np.uint8)
-        self._exposures = -1
-        self._sim: Simulation | None = None
-        self._webcam: Webcam | None = None
-
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Start a new episode with a new image; see `TralCorridorEnv.reset`."""
-        self._exposures = -1
-        return super().reset(seed=seed, options=options)
 
     def _observation(self, readings: NDArray[np.float32]) -> Any:
-        sim = self.world.sim
-        webcam = self._webcam
-        if self._exposures < 0 or webcam is None:
-            webcam = self._place_webcam(sim)
-        exposures = int(sim.exposures[0])
-        if exposures != self._exposures:
-            self._exposures = exposures
-            self._image = webcam.image(0, sim.qpos[0], sim.mounting(_ROW)[0])
-        return {"image": self._image.copy(), "readings": readings}
-
-    def _place_webcam(self, sim: Simulation) -> Webcam:
-        webcam = self._webcam
-        if webcam is None or sim is not self._sim:
-            if webcam is not None:
-                webcam.close()
-            faults = self.world.config.image_faults.scaled(self._image_size[0] / sim.lens.width)
-            webcam = Webcam(1, sim.pool, sim.lens.scaled(*self._image_size), faults)
-            self._webcam, self._sim = webcam, sim
-        degradation = float(sim.parameters["image_degradation"][0])
-        webcam.place(0, sim.plan(0), degradation, int(sim.image_seeds[0]))
-        return webcam
-
-    def close(self) -> None:
-        """Free what OpenGL holds."""
-        super().close()
-        if self._webcam is not None:
-            self._webcam.close()
+        return {"image": self.world.images()[0], "readings": readings}

@@ -1,8 +1,11 @@
 """The car's measures and its markers' sizes, once: plain numbers that anyone may import.
 
-Frame: ground below the middle of the rear axle, x forward, y left, z up. Sources: "ucboard" and "PSES" are the data
-sheet and the URDF that the Project Seminar Real-Time Systems at TU Darmstadt published for the same cars; "choice" is
-ours; "era" is what groups of those years measured, see docs/.
+Frame: ground below the middle of the rear axle, x forward, y left, z up.
+
+Sources, of all rooms: "report" is the TRAL report of 2016; "era" is what other groups measured on their cars in those
+years; "ucboard" and "PSES" are the data sheet and the URDF that the Project Seminar Real-Time Systems at TU Darmstadt
+published for the same cars; "echtzeitsysteme" is the repository slinshady89/echtzeitsysteme of a group of that seminar;
+"choice" is a choice of this project.
 """
 
 from __future__ import annotations
@@ -33,13 +36,13 @@ report."""
 SCRUB_SPEED = 0.06
 """At this rolling speed the scrub has fallen to 71 %, m/s: a patch of 2 cm that turns at 3 rad/s. Source: choice."""
 
-SONAR_SIDE_M = 0.10
-"""Side ultrasonics stand this far from the middle line, midway between the axles. Source: ucboard."""
-SONAR_FRONT_M = 0.175
+SIDE_SONAR_Y_M = 0.10
+"""Each side ultrasonic stands this far from the middle line, midway between the axles. Source: ucboard."""
+FRONT_SONAR_FROM_MIDDLE_M = 0.175
 """The front ultrasonic stands this far ahead of midway between the axles. Source: ucboard."""
 SIDE_SONAR_X_M = WHEELBASE_M / 2
 """The side ultrasonics stand this far ahead of the rear axle."""
-FRONT_SONAR_X_M = SIDE_SONAR_X_M + SONAR_FRONT_M
+FRONT_SONAR_X_M = SIDE_SONAR_X_M + FRONT_SONAR_FROM_MIDDLE_M
 """The front ultrasonic stands this far ahead of the rear axle."""
 
 MARKER_SIZE_M = 0.18

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from tral_env.errors import ConfigError, nearest
 
 FloatArray = NDArray[np.floating]
-BoolArray = NDArray[np.bool_]
 
 CONTROL_RATE_HZ = 80.0
 """Commands per second. Source: PID_S = 0.0125 s of the 2016 controllers."""

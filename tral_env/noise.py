@@ -6,13 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 LENGTH = 4096
-"""A row keeps this many draws of each kind; after the last one it reads the first one again."""
+"""A row keeps this many draws of each kind; when they are used up it draws as many anew."""
 
 
 class NoiseTape:
-    """Uniform and normal numbers, drawn per row at reset and read in order.
+    """Uniform and normal numbers, drawn per row in advance and read in order.
 
     A generator per row makes row i independent of all other rows, and a tape makes that cheap: a read is one gather.
+    No number is read twice: a tape that read its first numbers again would give a row the same few outliers again and
+    again, at a rate of its own.
     """
 
     def __init__(self, n: int, length: int = LENGTH) -> None:
@@ -20,23 +22,37 @@ class NoiseTape:
         self._uniform = np.zeros((n, length))
         self._normal = np.zeros((n, length))
         self._cursor = np.zeros(n, np.int64)
+        self._rngs: list[np.random.Generator | None] = [None] * n
 
     def reset(self, row: int, rng: np.random.Generator) -> None:
-        """Draw new tapes for one row."""
+        """Draw new tapes for one row, and keep the generator for those after them."""
+        self._rngs[row] = rng
+        self._draw(row)
+
+    def _draw(self, row: int) -> None:
+        rng = self._rngs[row]
+        assert rng is not None, "a row is reset before it is read"
         rng.random(out=self._uniform[row])
         rng.standard_normal(out=self._normal[row])
         self._cursor[row] = 0
 
     def _advance(self, rows: NDArray[np.int64], k: int) -> NDArray[np.int64]:
-        """Move the cursors of the rows on by k, and give the columns that they passed, (len(rows), k)."""
-        columns: NDArray[np.int64] = (self._cursor[rows, None] + np.arange(k)) % self._uniform.shape[1]
+        """Move the cursors of the rows on by k, and give the columns that they passed, (len(rows), k).
+
+        A row with fewer than k numbers left draws new ones.
+        """
+        for row in rows[self._cursor[rows] + k > self._uniform.shape[1]].tolist():
+            self._draw(row)
+        columns: NDArray[np.int64] = self._cursor[rows, None] + np.arange(k)
         self._cursor[rows] += k
         return columns
 
     def uniform(self, rows: NDArray[np.int64], k: int) -> NDArray[np.float64]:
-        """Next k numbers in [0, 1) of each of the rows, shape (len(rows), k)."""
-        return self._uniform[rows[:, None], self._advance(rows, k)]
+        """Next k numbers in [0, 1) of each of the rows, shape (len(rows), k); k is at most the tape's length."""
+        columns = self._advance(rows, k)
+        return self._uniform[rows[:, None], columns]
 
     def normal(self, rows: NDArray[np.int64], k: int) -> NDArray[np.float64]:
-        """Next k standard normal numbers of each of the rows, shape (len(rows), k)."""
-        return self._normal[rows[:, None], self._advance(rows, k)]
+        """Next k standard normal numbers of each of the rows, shape (len(rows), k); k is at most the tape's length."""
+        columns = self._advance(rows, k)
+        return self._normal[rows[:, None], columns]

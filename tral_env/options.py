@@ -27,7 +27,7 @@ CAMERAS = ("projected", "rendered")
 
 @dataclass(frozen=True, kw_only=True)
 class CorridorConfig:
-    """What to drive, with which car and which eyes. The environments take each field but `pixels` as an option.
+    """What to drive, with which car and which eyes. The environments take each field but `image_size` as an option.
 
     An option is read by the function in its field's metadata; without one it is taken as it is.
     """
@@ -58,8 +58,8 @@ class CorridorConfig:
     )
     """An `ImageCorruption`: how much of each fault an `image_degradation` of 1 brings to a rendered image. Streaks and
     covered patches are off by default."""
-    pixels: bool = field(default=False, metadata={"is_option": False})
-    """The observation has an image. `TralCorridorPixels-v0` sets it."""
+    image_size: tuple[int, int] | None = field(default=None, metadata={"is_option": False})
+    """Width and height of the image in the observation, px; `TralCorridorPixels-v0` sets it. `None`: there is none."""
 
     def __post_init__(self) -> None:
         if self.scenario not in tuple(SCENARIOS):  # a tuple, so that a list is told as any other wrong name
@@ -70,7 +70,7 @@ class CorridorConfig:
             raise ConfigError(f"courses = {self.courses!r}: expected a whole number, 1 or more, or None")
         if self.courses is not None and self.course is not None:
             raise ConfigError(f"courses = {self.courses!r} with a course of your own: expected one of them")
-        if self.camera == "projected" and not self.pixels and self.image_faults != ImageCorruption():
+        if self.camera == "projected" and self.image_size is None and self.image_faults != ImageCorruption():
             raise ConfigError(
                 f"image_faults = {self.image_faults!r} with camera='projected', which takes no image: expected "
                 "camera='rendered', or TralCorridorPixels-v0, whose observation has an image"
@@ -83,14 +83,16 @@ class CorridorConfig:
                 raise ConfigError(f"CarConfig.{place.name} = {got!r}: the car of assets/car.xml has {has!r}")
 
     @classmethod
-    def of(cls, options: Mapping[str, Any], *, allowed: Iterable[str] = (), pixels: bool = False) -> CorridorConfig:
+    def of(
+        cls, options: Mapping[str, Any], *, allowed: Iterable[str] = (), image_size: tuple[int, int] | None = None
+    ) -> CorridorConfig:
         """The configuration that the options of an environment ask for.
 
         Args:
             options: name -> value. None stands for the default of `car`, `lens`, `task` and `image_faults`, a mapping
                 for one that went through JSON.
             allowed: names of all that the environment takes, which the error tells; empty: the options alone.
-            pixels: the observation has an image.
+            image_size: width and height of the image in the observation, px; None: there is none.
 
         Raises:
             UnknownOptionError: there is no option of that name.
@@ -102,7 +104,7 @@ class CorridorConfig:
                 raise UnknownOptionError(f"unknown option '{name}': {nearest(name, [*allowed] or known)}")
             read = known[name].metadata.get("read")
             values[name] = value if read is None else _read(name, read, value)
-        return cls(pixels=pixels, **values)
+        return cls(image_size=image_size, **values)
 
     def fixed_course(self) -> Course | None:
         """The course that every episode drives, if there is one."""

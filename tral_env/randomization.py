@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from typing import Any
@@ -17,16 +17,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.config import Bounds, EscConfig, as_config, check_plausible
+from tral_env.config import Bounds, EscConfig, UltrasonicConfig, as_config, check_number, check_plausible
 from tral_env.errors import ConfigError, nearest
 
 Range = tuple[float, float]
+_ESC, _SONAR = EscConfig(), UltrasonicConfig()
 
 _FACTORS = ("lock_scale", "servo_speed_scale", "servo_strength_scale", "mass_scale", "wheel_radius_scale")
 _ABOVE_0 = {*_FACTORS, "friction", "battery_v", "sonar_cadence_s"}
 _FROM_0 = {"latency_s", "camera_latency_s", "battery_resistance_ohm", "image_degradation"}
-_MAX_LATENCY_S = EscConfig().max_latency_s
-_MAX_DEGRADATION = 10.0
 _SHARES = {"sonar_together", "sonar_outlier_rate", "hall_miss_rate", "hall_double_rate", "false_sighting_rate"}
 _PLAUSIBLE: Bounds = {
     **dict.fromkeys(("mechanism_offset_deg", "steering_offset_deg"), (-45.0, 45.0, "deg")),
@@ -35,7 +34,9 @@ _PLAUSIBLE: Bounds = {
     "battery_v": (1.0, 60.0, "V"),
     "battery_resistance_ohm": (0.0, 10.0, "ohm"),
     "sonar_cadence_s": (0.001, 5.0, "s"),
+    "latency_s": (0.0, _ESC.max_latency_s, "s"),
     "camera_latency_s": (0.0, 5.0, "s"),
+    "image_degradation": (0.0, 10.0, ""),
     **dict.fromkeys(("camera_roll_deg", "camera_pitch_deg", "camera_yaw_deg"), (-180.0, 180.0, "deg")),
 }
 
@@ -54,19 +55,19 @@ class Randomization:
     """Factor on the servo's speed. Source: choice."""
     servo_strength_scale: Range = (1.0, 1.0)
     """Factor on the servo's stall torque. Source: choice."""
-    latency_s: Range = (0.02, 0.02)
+    latency_s: Range = (_ESC.nominal_latency_s, _ESC.nominal_latency_s)
     """From command to pulse, s. Source: choice."""
     friction: Range = (0.9, 0.9)
     """Coefficient of friction of the tyres. Source: rubber on linoleum, 0.7 to 1.1."""
     mass_scale: Range = (1.0, 1.0)
     """Factor on the car's mass. Source: choice."""
     wheel_radius_scale: Range = (1.0, 1.0)
-    """Factor on the wheel radius that the hall sensor's distance relies on. Source: choice."""
-    battery_v: Range = (7.2, 7.2)
+    """True wheel radius over the one that the hall sensor relies on; above 1 its distance is short. Source: choice."""
+    battery_v: Range = (_ESC.battery_v, _ESC.battery_v)
     """Open-circuit voltage, V. Source: six NiMH cells, 6.4 to 8.4 V."""
     battery_resistance_ohm: Range = (0.0, 0.0)
     """Internal resistance: the voltage sags under load, ohm. Source: six NiMH cells with leads, about 0.1."""
-    sonar_cadence_s: Range = (0.065, 0.065)
+    sonar_cadence_s: Range = (_SONAR.cadence_s, _SONAR.cadence_s)
     """Time from one ranging to the next, s. Source: SRF08, 65 ms."""
     sonar_together: Range = (0.0, 0.0)
     """Above 0.5: the three sonars fire together and hear each other; else they fire apart. Source: choice."""
@@ -122,25 +123,22 @@ class Randomization:
 
 def _check_range(name: str, pair: Any) -> None:
     got = f"Randomization.{name} = {pair!r}: expected"
-    try:
-        low, high = (float(end) for end in pair)
-    except (TypeError, ValueError, OverflowError):
-        raise ConfigError(f"{got} two numbers: low, high") from None
-    if not (np.isfinite(low) and np.isfinite(high) and low <= high):
-        raise ConfigError(f"{got} (low, high), finite, low <= high")
+    if isinstance(pair, str) or not isinstance(pair, Iterable) or len(ends := tuple(pair)) != 2:
+        raise ConfigError(f"{got} two numbers: low, high")
+    bounds = _PLAUSIBLE.get(name)
+    for end in ends:
+        check_number(f"Randomization.{name}", end, bounds[2] if bounds else "")
+    low, high = (float(end) for end in ends)
+    if low > high:
+        raise ConfigError(f"{got} (low, high), low <= high")
     if (name in _ABOVE_0 and low <= 0) or (name in _FROM_0 and low < 0):
         raise ConfigError(f"{got} numbers {'above' if name in _ABOVE_0 else 'from'} 0")
-    if name == "latency_s" and high > _MAX_LATENCY_S:
-        in_ms = "; is it in ms?" if high <= 1e3 * _MAX_LATENCY_S else ""
-        raise ConfigError(f"{got} at most {_MAX_LATENCY_S:g} s{in_ms}")
-    if name == "image_degradation" and high > _MAX_DEGRADATION:
-        raise ConfigError(f"{got} at most {_MAX_DEGRADATION:g}")
     if name in _SHARES and not 0 <= low <= high <= 1:
         in_percent = "; is it in %?" if low >= 0 and 1 < high <= 100 else ""
         raise ConfigError(f"{got} shares between 0 and 1{in_percent}")
-    if name in _PLAUSIBLE:
+    if bounds:
         for end in (low, high):
-            check_plausible(f"Randomization.{name}", end, *_PLAUSIBLE[name])
+            check_plausible(f"Randomization.{name}", end, *bounds)
 
 
 LEVELS: Mapping[str, Randomization] = {

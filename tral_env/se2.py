@@ -1,7 +1,8 @@
 """Poses in the plane: compose, invert, transform, wrap, clip.
 
 A pose is x [m], y [m], yaw [rad, counter-clockwise] of a frame in another one. Functions on floats serve one car at a
-time; their twins that end in `_n` take arrays of poses (..., 3) and points (..., 2). `wrap` and `rotate` take either.
+time; their twins that end in `_n` take arrays of poses (..., 3) and points (..., 2). `wrap`, `rotate` and
+`rotate_back` take either.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from tral_env.arrays import Array
+
 Pose = tuple[float, float, float]
 """x [m], y [m], yaw [rad]."""
 Number = TypeVar("Number", float, NDArray[np.float64], NDArray[np.floating])
@@ -30,11 +32,13 @@ def wrap(angle: Number) -> Number:
 
 
 def rotate(cos: Number, sin: Number, x: Number, y: Number) -> tuple[Number, Number]:
-    """Turn a vector by an angle whose cosine and sine are known: R v, R = [[cos, -sin], [sin, cos]].
-
-    With -sin in place of sin it turns back: R^T v.
-    """
+    """Turn a vector by an angle whose cosine and sine are known: R v, R = [[cos, -sin], [sin, cos]]."""
     return cos * x - sin * y, sin * x + cos * y
+
+
+def rotate_back(cos: Number, sin: Number, x: Number, y: Number) -> tuple[Number, Number]:
+    """Turn a vector back by an angle whose cosine and sine are known: R^T v, the inverse of `rotate`."""
+    return cos * x + sin * y, cos * y - sin * x
 
 
 def to_outer(frame: Pose, x: float, y: float) -> tuple[float, float]:
@@ -45,9 +49,7 @@ def to_outer(frame: Pose, x: float, y: float) -> tuple[float, float]:
 
 def to_inner(frame: Pose, x: float, y: float) -> tuple[float, float]:
     """A point as seen from a frame: p = R^T (p' - t)."""
-    dx, dy = x - frame[0], y - frame[1]
-    cos, sin = math.cos(frame[2]), math.sin(frame[2])
-    return cos * dx + sin * dy, cos * dy - sin * dx
+    return rotate_back(math.cos(frame[2]), math.sin(frame[2]), x - frame[0], y - frame[1])
 
 
 def compose(frame: Pose, pose: Pose) -> Pose:

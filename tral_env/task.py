@@ -10,14 +10,11 @@ from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Flags, Index
 from tral_env.config import CarConfig, TaskConfig
 from tral_env.course.plan import Plan, arc_length
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Flags = NDArray[np.bool_]
+from tral_env.se2 import rotate_back
 
 ROUTE_WINDOW = (3, 6)
 """Route points behind and ahead of the last one that are looked at, so that a car cannot jump to another leg."""
@@ -159,10 +156,10 @@ def locate(track: Track, rows: Index, position: Array, index: Index) -> tuple[Ar
     Returns:
         (k,) arc length [m], (k,) signed distance to the route [m], left positive, (k,) segment.
     """
-    s, lateral, segment, _ = _nearest(track, rows, position, index, _NEARBY)
+    s, lateral, segment, _ = _nearest(track, rows, position, index, _NEARBY, same_way=False)
     far = np.flatnonzero(np.abs(lateral) > CUT_M)
     if len(far):
-        *found, distance = _nearest(track, rows[far], position[far], segment[far], _FAR)
+        *found, distance = _nearest(track, rows[far], position[far], segment[far], _FAR, same_way=True)
         across = distance < _CLEARLY * np.abs(lateral[far])
         for values, there in zip((s, lateral, segment), found, strict=True):
             values[far[across]] = there[across]
@@ -170,9 +167,12 @@ def locate(track: Track, rows: Index, position: Array, index: Index) -> tuple[Ar
 
 
 def _nearest(
-    track: Track, rows: Index, position: Array, index: Index, around: Index
+    track: Track, rows: Index, position: Array, index: Index, around: Index, *, same_way: bool
 ) -> tuple[Array, Array, Index, Array]:
-    """As `locate`, among the segments `around` the last one; and the distance, (k,) m."""
+    """As `locate`, among the segments `around` the last one; and the distance, (k,) m.
+
+    With `same_way` the segments that lead elsewhere do not count, see `_SAME_WAY`.
+    """
     # minimum and maximum: for a single car np.clip costs five times as much.
     segment = np.minimum(np.maximum(index[:, None] + around, 0), track.last[rows, None] - 1)
     # Taking from flat arrays costs a third of indexing by row and segment.
@@ -183,7 +183,7 @@ def _nearest(
     ux, uy = unit[..., 0], unit[..., 1]
     t = np.minimum(np.maximum(dx * ux + dy * uy, 0.0), end - s)
     square = (dx - ux * t) ** 2 + (dy - uy * t) ** 2
-    if around is _FAR:
+    if same_way:
         here = -around[:1]
         square = np.where(ux * ux[:, here] + uy * uy[:, here] < _SAME_WAY, np.inf, square)
     pick = np.arange(len(rows)), square.argmin(axis=1)
@@ -225,10 +225,8 @@ def cross_gates(track: Track, before: Array, after: Array, s: Array, passed: Ind
 
 def _gate_frame(track: Track, position: Array) -> tuple[Array, Array]:
     """x and y of the cars as seen from each gate, (n, G) m."""
-    dx = position[:, None, 0] - track.gate_pose[..., 0]
-    dy = position[:, None, 1] - track.gate_pose[..., 1]
-    cos, sin = track.gate_unit[..., 0], track.gate_unit[..., 1]
-    return cos * dx + sin * dy, cos * dy - sin * dx
+    offset = position[:, None] - track.gate_pose[..., :2]
+    return rotate_back(track.gate_unit[..., 0], track.gate_unit[..., 1], offset[..., 0], offset[..., 1])
 
 
 def wall_clearance(track: Track, pose: Array, car: CarConfig) -> tuple[Array, Array]:
@@ -249,9 +247,8 @@ def wall_clearance(track: Track, pose: Array, car: CarConfig) -> tuple[Array, Ar
     cos, sin = track.straight_unit.transpose(2, 0, 1)
     turn = pose[:, 2:] - yaw
     cos_turn, half = np.cos(turn), width / 2
-    dx, dy = pose[:, :1] - x0, pose[:, 1:2] - y0
-    x = cos * dx + sin * dy + car.middle_x * cos_turn
-    y = cos * dy - sin * dx + car.middle_x * np.sin(turn)
+    along, across = rotate_back(cos, sin, pose[:, :1] - x0, pose[:, 1:2] - y0)
+    x, y = along + car.middle_x * cos_turn, across + car.middle_x * np.sin(turn)
     on = (x >= 0) & (x <= length) & (np.abs(y) < half) & (cos_turn > 0.7)
     pick = np.arange(n), on.argmax(axis=1)
     here, middle, side = on[pick], y[pick], car.sonar_side * cos_turn[pick]

@@ -90,8 +90,9 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
             mask = options["reset_mask"]
             options = {name: value for name, value in options.items() if name != "reset_mask"}
         rows = self._everyone if mask is None else self._rows(mask)
+        request = self.world.request(rows, options)
         self._seed(seed, rows)
-        cars = self.world.reset(rows, self._rngs, options)
+        cars = self.world.reset(request, self._rngs)
         self._done[rows] = False
         info = self.world.info()
         if self._done.any():
@@ -99,6 +100,11 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         return self.world.observation(), _masked(info | {"car": cars})
 
     def _rows(self, mask: Any) -> NDArray[np.int64]:
+        if self._mode is not AutoresetMode.DISABLED:
+            raise ConfigError(
+                f"reset_mask with autoreset_mode='{self._mode.value}', which resets the rows that ended: expected "
+                "autoreset_mode='Disabled', or a reset of all rows"
+            )
         mask = np.asarray(mask)
         if mask.shape != (self.num_envs,) or mask.dtype != bool:
             raise ConfigError(f"reset_mask is {mask.dtype} {mask.shape}: expected bool ({self.num_envs},)")
@@ -106,12 +112,8 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
 
     def _seed(self, seed: int | Sequence[int | None] | None, rows: NDArray[np.int64]) -> None:
         seeds = self._seeds(seed)
-        if not self._rngs:
-            self._rngs = [seeding.np_random(each)[0] for each in seeds]
-            return
-        for row in rows:
-            if seeds[row] is not None:
-                self._rngs[row] = seeding.np_random(seeds[row])[0]
+        fresh = {row: seeding.np_random(seeds[row])[0] for row in rows if seeds[row] is not None or not self._rngs}
+        self._rngs = [fresh.get(row) or self._rngs[row] for row in range(self.num_envs)]
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         """One seed for each row."""
@@ -159,7 +161,7 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
             final = step.info | {"is_success": step.info["success"], "reward_terms": step.reward_terms}
             info["final_info"], info["_final_info"] = _masked(final, self._done), self._done.copy()
             info |= _earned(step.reward_terms, ~self._done)
-            self.world.reset(np.flatnonzero(self._done), self._rngs)
+            self.world.reset(self.world.request(np.flatnonzero(self._done)), self._rngs)
             self._done = np.zeros(self.num_envs, bool)
             observation = self.world.observation()
             info |= _masked(self.world.info())
@@ -185,7 +187,7 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         self, step: Step, again: NDArray[np.bool_]
     ) -> tuple[Array, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Start the rows anew that ended in the step before; this step does nothing else with them."""
-        self.world.reset(np.flatnonzero(again), self._rngs)
+        self.world.reset(self.world.request(np.flatnonzero(again)), self._rngs)
         terminated, truncated = step.terminated & ~again, step.truncated & ~again
         self._done = terminated | truncated
         reward = np.where(again, 0.0, step.reward)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env import task
+from tral_env.arrays import Array, Flags, Index
 from tral_env.course.generate import generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course
@@ -22,14 +23,6 @@ from tral_env.randomization import Randomization, level, makes_hard_courses
 from tral_env.simulation.culling import LOCAL_BOXES, max_boxes_in_reach
 from tral_env.simulation.sim import Simulation
 from tral_env.simulation.views import VIEWS, Views
-from tral_env.simulation.vision import Webcam
-
-__all__ = ["VIEWS", "CorridorConfig", "Drawn", "Simulation", "Step", "Views", "Webcam", "World"]
-"""The environments see the simulation through this module alone."""
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 RESET_OPTIONS = ("course", "car")
 """What ``reset(options=...)`` understands."""
@@ -43,6 +36,20 @@ def _checked(options: Mapping[str, Any]) -> Mapping[str, Any]:
         if name not in RESET_OPTIONS:
             raise ConfigError(f"unknown reset option '{name}': {nearest(name, RESET_OPTIONS)}")
     return options
+
+
+@dataclass(frozen=True)
+class ResetRequest:
+    """A reset that `World.request` has checked."""
+
+    rows: Index
+    """(k,) which cars."""
+    cars: Sequence[Randomization]
+    """What is drawn for each of them, k."""
+    course: tuple[Course, Plan] | None
+    """The course that they drive; None: each a generated one."""
+    near: int = 0
+    """Boxes of that course that may be near a car."""
 
 
 class Drawn(NamedTuple):
@@ -80,6 +87,9 @@ def car_stream(rng: np.random.Generator) -> np.random.Generator:
 class World:
     """n cars on n courses."""
 
+    views = tuple(VIEWS)
+    """Names of the pictures that `render` gives."""
+
     def __init__(self, n: int, config: CorridorConfig, *, nthread: int = 1, pool: Pool | None = None) -> None:
         """Build the simulation; `reset` must come first.
 
@@ -100,6 +110,7 @@ class World:
         self.sim = self._simulation(own if pool is None else own.union(pool))
         self.track = task.empty_track(n)
         self._started = False
+        self._views = Views()
         self.kept: dict[int, tuple[Course, Plan]] = {}
         """Courses that were built so far, of those that `CorridorConfig.courses` keeps."""
         self.courses: list[Course | None] = [None] * n
@@ -125,21 +136,16 @@ class World:
             nthread=self._nthread,
             near=self._near,
             image_faults=config.image_faults,
+            image_size=config.image_size,
         )
 
-    def reset(
-        self, rows: Index, rngs: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None
-    ) -> dict[str, Array]:
-        """Put the cars of the rows at the start of new courses.
+    def request(self, rows: Index, options: Mapping[str, Any] | None = None) -> ResetRequest:
+        """Check what a reset asks for, before anything is drawn: a reset that is refused changes nothing.
 
         Args:
             rows: (k,) which cars.
-            rngs: generator of each of all n rows; only those of the rows are used.
             options: ``course``: a `Course` or the path of one, for these rows; ``car``: parameters of the car that are
                 not to be drawn, name -> value, or name -> (n,) values: what an earlier reset returned drives again.
-
-        Returns:
-            The parameters of all cars, name -> (n,).
 
         Raises:
             ConfigError: unknown option or parameter; the course does not fit beside the other rows; the first reset
@@ -149,33 +155,53 @@ class World:
         if not self._started and len(rows) != self.n:
             raise ConfigError(f"the first reset starts {len(rows)} of {self.n} cars: expected all")
         options = _checked(options or {})
-        cars = self._cars(options.get("car"))
+        cars = self._cars(rows, options.get("car"))
         given = as_course(options.get("course"))
-        fixed = self._fixed if given is None else (given, build_plan(given))
+        if given is None:
+            return ResetRequest(rows, cars, self._fixed)
+        plan = build_plan(given)
+        near = max_boxes_in_reach(plan)
+        if len(rows):
+            self._needed([plan], rows, near)
+        return ResetRequest(rows, cars, (given, plan), near)
+
+    def reset(self, request: ResetRequest, rngs: Sequence[np.random.Generator]) -> dict[str, Array]:
+        """Put cars at the start of new courses.
+
+        Args:
+            request: which cars, on what; see `request`.
+            rngs: generator of each of all n rows; only those of the request are used.
+
+        Returns:
+            The parameters of all cars, name -> (n,).
+        """
+        rows = request.rows
         if not len(rows):
             return self._parameters()
         streams = list(rngs)
         for row in rows:
             streams[row] = car_stream(rngs[row])
-        drawn = [Drawn(*self._course(rngs[row], fixed), cars(int(row)).draw(streams[row])) for row in rows]
-        if given is not None:
-            self._fit([drawn[0].plan], rows, max_boxes_in_reach(drawn[0].plan))
-        self.begin(rows, drawn, streams)
+        drawn = [
+            Drawn(*(request.course or self._generate(rngs[row])), car.draw(streams[row]))
+            for row, car in zip(rows, request.cars, strict=True)
+        ]
+        self.begin(rows, drawn, streams, request.near)
         return self._parameters()
 
-    def begin(self, rows: Index, drawn: Sequence[Drawn], rngs: Sequence[np.random.Generator]) -> None:
+    def begin(self, rows: Index, drawn: Sequence[Drawn], rngs: Sequence[np.random.Generator], near: int = 0) -> None:
         """Put cars at the start of courses that were drawn already; the first time all cars.
 
         Args:
             rows: (k,) which cars.
             drawn: k courses with their plans and cars.
             rngs: generator of each of all n rows, for the noise; only those of the rows are used.
+            near: how many boxes of a course may be near its car, if that may be more than in the families of courses.
 
         Raises:
             ConfigError: a course does not fit beside the other rows.
         """
         plans = [one.plan for one in drawn]
-        self._fit(plans, rows)
+        self._fit(plans, rows, near)
         for row, one in zip(rows, drawn, strict=True):
             self.courses[row], self.plans[row] = one.course, one.plan
             task.lay(self.track, int(row), one.plan)
@@ -193,25 +219,24 @@ class World:
         self._steering[rows] = 0.0
 
     def _parameters(self) -> dict[str, Array]:
-        return {name: values.copy() for name, values in self.sim.parameters.items()}
+        return {name: values.copy() for name, values in self.sim.car_parameters.drawn.items()}
 
-    def _cars(self, given: Mapping[str, Any] | None) -> Callable[[int], Randomization]:
-        """Randomization of each row, where some parameters are given: for all cars, or one value each."""
+    def _cars(self, rows: Index, given: Mapping[str, Any] | None) -> list[Randomization]:
+        """Randomization of the rows, where some parameters are given: for all cars, or one value each."""
         if given is None:
-            return lambda row: self._randomization
+            return [self._randomization] * len(rows)
         wrong = f"options['car'] = {given!r}: expected name -> number or {self.n} numbers"
         if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
             raise ConfigError(wrong)
-        # A vector environment tells its parameters with masks, `_name`.
-        given = {name: value for name, value in given.items() if not name.startswith("_")}
+        # A vector environment tells each parameter with a mask, `_name`.
+        given = {name: value for name, value in given.items() if name[:1] != "_" or name[1:] not in given}
         try:
             values = {name: np.broadcast_to(np.asarray(value, float), self.n) for name, value in given.items()}
         except (TypeError, ValueError, OverflowError):
             raise ConfigError(wrong) from None
-        return lambda row: self._randomization.fixed(**{name: float(value[row]) for name, value in values.items()})
-
-    def _course(self, rng: np.random.Generator, fixed: tuple[Course, Plan] | None) -> tuple[Course, Plan]:
-        return self._generate(rng) if fixed is None else fixed
+        return [
+            self._randomization.fixed(**{name: float(value[row]) for name, value in values.items()}) for row in rows
+        ]
 
     def _generate(self, rng: np.random.Generator) -> tuple[Course, Plan]:
         """A new course, or one of those that are kept."""
@@ -223,19 +248,29 @@ class World:
             self.kept[k] = generate_plan(scenario, np.random.default_rng(k), hard=hard)
         return self.kept[k]
 
-    def _fit(self, plans: Sequence[Plan], rows: Index, near: int = 0) -> None:
-        """Rebuild the simulation if a plan needs more walls or markers than it has, or more of them near the car."""
+    def _needed(self, plans: Sequence[Plan], rows: Index, near: int) -> Pool | None:
+        """The pool of the simulation that the rows need for their plans; None: the one at hand will do.
+
+        Raises:
+            ConfigError: they need another one, and other rows drive in the one at hand.
+        """
         needed = self.sim.pool
         for plan in plans:
             needed = needed.union(Pool.of(plan))
         if needed == self.sim.pool and near <= max(self._near, LOCAL_BOXES):
-            return
+            return None
         if len(rows) != self.n:
             told = f", {near} boxes near the car" if near > LOCAL_BOXES else ""
             raise ConfigError(
                 f"this course needs {needed}{told}, but the cars were built for {self.sim.pool}: "
                 "give the course to make_vec(course=...), or reset all cars at once"
             )
+        return needed
+
+    def _fit(self, plans: Sequence[Plan], rows: Index, near: int) -> None:
+        """Rebuild the simulation if a plan needs more walls or markers than it has, or more of them near the car."""
+        if (needed := self._needed(plans, rows, near)) is None:
+            return
         self.sim.close()
         self._near = max(self._near, near)
         self.sim = self._simulation(needed)
@@ -265,7 +300,7 @@ class World:
         self._passed = self._passed + through
         arrived = s >= self._length - 1e-6
         missed |= arrived & (self._passed < self.track.gates)
-        failure = sim.collision | missed
+        failure = sim.truth.collision | missed
         success = arrived & ~failure
         outcome = task.Outcome(
             advance=s - self._s,
@@ -286,10 +321,10 @@ class World:
         sim = self.sim
         no = np.zeros(self.n, bool)
         left, right = task.wall_clearance(self.track, sim.pose, self.config.car)
-        crash = sim.collision & (sim.closing_speed >= self.config.task.touch_speed)
+        crash = sim.truth.collision & (sim.truth.closing_speed >= self.config.task.touch_speed)
         return {
             "success": no if success is None else success,
-            "collision": sim.collision.copy(),
+            "collision": sim.truth.collision.copy(),
             "crash": crash,
             "missed_gate": no if missed is None else missed,
             "progress": np.minimum(np.maximum(self._s / self._length, 0.0), 1.0),
@@ -299,10 +334,34 @@ class World:
             "clearance_right_m": right,
             "lateral_offset_m": self._lateral.copy(),
             "pose": sim.pose.copy(),
-            "speed_mps": sim.speed.copy(),
+            "speed_mps": sim.truth.speed.copy(),
             "time_s": sim.time_s.copy(),
         }
 
+    def images(self) -> NDArray[np.uint8]:
+        """What the cameras show, (n, height, width, 3): the last images that have arrived, black before the first.
+
+        Raises:
+            ConfigError: the configuration has no `image_size`.
+        """
+        return self.sim.images()
+
+    def render(self, view: str, row: int, width: int, height: int) -> NDArray[np.uint8]:
+        """Picture of a car, (height, width, 3).
+
+        Args:
+            view: one of `views`.
+            row: which car.
+            width: px.
+            height: px.
+
+        Raises:
+            ConfigError: unknown view, or there was no reset.
+            RenderError: no OpenGL on this machine.
+        """
+        return self._views.render(self.sim, view, row, width, height)
+
     def close(self) -> None:
-        """Free the OpenGL context, if there is one."""
+        """Free what OpenGL holds."""
         self.sim.close()
+        self._views.close()

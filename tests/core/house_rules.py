@@ -16,7 +16,7 @@ from pathlib import Path
 Imports = Mapping[str, Set[str]]
 Rule = Callable[[Imports], list[str]]
 
-WAIST = {"tral_env.interface", "tral_env.geometry", "tral_env.se2", "tral_env.errors", "tral_env.json_text"}
+WAIST = {f"tral_env.{room}" for room in ("interface", "geometry", "se2", "errors", "json_text", "arrays")}
 WAIST_NEEDS = {"numpy", "gymnasium.spaces"}
 
 PHYSICS = {"mujoco"}

@@ -22,6 +22,10 @@ def test_a_quarter_turn_is_exact_where_its_cosine_is() -> None:
     assert se2.rotate(0, 1, 0.3, 0.1) == (-0.1, 0.3)
 
 
+def test_turning_back_undoes_a_quarter_turn() -> None:
+    assert se2.rotate_back(0, 1, -0.1, 0.3) == (0.3, 0.1)
+
+
 def test_half_a_turn_wraps_to_the_lower_end() -> None:
     assert se2.wrap(math.pi) == -math.pi
     assert se2.wrap(-math.pi) == -math.pi

@@ -124,6 +124,14 @@ def test_a_gate_is_missed_backwards() -> None:
     assert cross((5.01, 0.0), (4.99, 0.0), passed=1) == (False, True)
 
 
+def test_a_gate_is_missed_the_second_time_through_it() -> None:
+    assert cross((4.99, 0.0), (5.01, 0.0), passed=1) == (False, True)
+
+
+def test_backwards_outside_the_posts_counts_for_nothing() -> None:
+    assert cross((5.01, 0.41), (4.99, 0.41)) == (False, False)
+
+
 def test_a_car_that_stands_before_a_gate_has_neither_passed_nor_missed() -> None:
     assert cross((4.5, 0.0), (4.6, 0.0)) == (False, False)
 

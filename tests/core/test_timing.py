@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from tral_env.errors import ConfigError
-from tral_env.noise import NoiseTape
 from tral_env.perception.camera_pipeline import CameraPipeline
 from tral_env.perception.gate import Detection
 from tral_env.randomization import LEVELS, Randomization, level
@@ -68,23 +67,6 @@ def test_an_empty_image_does_not_forget_what_was_seen() -> None:
     seen = eyes.readings(np.array([0.2]))
     assert (seen["gate_id"][0], seen["gate_x"][0], seen["gate_age"][0]) == (3.0, 1.0, pytest.approx(0.2))
     assert (seen["marker_id"][0], seen["marker_x"][0], seen["marker_age"][0]) == (8.0, 2.0, pytest.approx(0.1))
-
-
-def test_the_noise_of_a_row_does_not_depend_on_other_rows() -> None:
-    alone, among = NoiseTape(1), NoiseTape(3)
-    alone.reset(0, np.random.default_rng(5))
-    for row, seed in enumerate((1, 5, 9)):
-        among.reset(row, np.random.default_rng(seed))
-    among.uniform(np.array([0, 2]), 7)
-    assert np.array_equal(alone.uniform(ROW, 4), among.uniform(np.array([1]), 4))
-    assert np.array_equal(alone.normal(ROW, 4), among.normal(np.array([1, 2]), 4)[:1])
-
-
-def test_the_tape_goes_round() -> None:
-    tape = NoiseTape(1, length=4)
-    tape.reset(0, np.random.default_rng(0))
-    first = tape.uniform(ROW, 4)
-    assert np.array_equal(tape.uniform(ROW, 4), first)
 
 
 def test_every_draw_lies_in_its_range() -> None:

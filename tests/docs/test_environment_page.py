@@ -14,9 +14,10 @@ import pytest
 from pages import read, table
 
 from tral_env import options
-from tral_env.config import TaskConfig
+from tral_env.config import CameraConfig, EscConfig, TaskConfig
 from tral_env.env import TralCorridorEnv
 from tral_env.interface import CORE_LAYOUT, OPTIONAL_GROUPS, action_space
+from tral_env.randomization import LEVELS
 from tral_env.task import REWARD_TERMS
 from tral_env.vector_env import TralCorridorVectorEnv
 from tral_env.world import RESET_OPTIONS
@@ -92,6 +93,16 @@ def test_its_time_limit_is_that_of_the_task() -> None:
     config = TaskConfig()
     assert f"`nominal_speed` ({config.nominal_speed:g} m/s) + `grace_s` ({config.grace_s:g} s)" in PAGE
     assert f"moves towards it at {config.touch_speed:g} m/s or more" in PAGE
+
+
+def test_its_numbers_are_those_of_the_configuration() -> None:
+    esc, cadences = EscConfig(), [LEVELS[name].sonar_cadence_s for name in LEVELS]
+    assert f"up to a throttle of {esc.dead_zone:g}" in PAGE
+    assert f"latency, {esc.nominal_latency_s:g} s\nwhen nothing is randomized" in PAGE
+    assert f"has seen {esc.switch_s:g} s of brake and then {esc.switch_s:g} s of neutral" in " ".join(PAGE.split())
+    slowest, fastest = 1 / max(high for _, high in cadences), 1 / min(low for low, _ in cadences)
+    assert f"a sonar answers {slowest:.0f} to {fastest:.0f} times a second" in PAGE
+    assert f"the camera {CameraConfig().rate_hz:g} times" in PAGE
 
 
 def test_its_reset_options_are_those_of_the_world_and_of_the_vector_environment() -> None:

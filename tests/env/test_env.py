@@ -84,7 +84,7 @@ def test_random_drives_stay_finite_and_in_bounds(scenario: str) -> None:
         assert np.isfinite(reward).all()
         assert (observation >= env.observation_space.low).all()
         assert (observation <= env.observation_space.high).all()
-    assert not env.world.sim.batch.warning[..., 1].any()
+    assert not env.world.sim.physics.batch.warning[..., 1].any()
 
 
 def test_a_straight_drive_succeeds_and_says_so() -> None:

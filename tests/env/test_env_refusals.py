@@ -6,9 +6,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from corridors import corridor
+from gymnasium.error import Error
 
 import tral_env.env
 from tral_env.config import CarConfig
+from tral_env.course.layout import Course, Door, Segment
+from tral_env.env import TralCorridorEnv
 from tral_env.errors import ConfigError, SimulationError
 from tral_env.vector_env import TralCorridorVectorEnv
 
@@ -55,6 +58,7 @@ def test_bad_actions_are_refused() -> None:
         (5, "options = 5"),
         ({"course": 3}, "course = 3"),
         ({"car": 5}, "'car'"),
+        ({"car": {"_fricton": 1.0}}, "unknown parameter '_fricton': did you mean 'friction'"),
         ({"car": {"mass_scale": 0.0}}, "mass_scale = .* above 0"),
         ({"car": {"camera_latency_s": -1.0}}, "camera_latency_s = .* from 0"),
         ({"car": {"hall_miss_rate": 7.0}}, "hall_miss_rate = .* between 0 and 1"),
@@ -76,7 +80,7 @@ def test_a_car_does_not_drive_before_its_first_reset() -> None:
 def test_unstable_physics_are_an_error_until_the_next_reset() -> None:
     env = TralCorridorVectorEnv(3, scenario="straight")
     env.reset(seed=0)
-    env.world.sim.qpos[1, 0] = np.inf
+    env.world.sim.physics.qpos[1, 0] = np.inf
     with pytest.raises(SimulationError, match=r"rows \[1\]"):
         env.step(np.zeros((3, 2)))
     env.reset(seed=0)
@@ -99,14 +103,58 @@ def test_a_reset_that_is_refused_leaves_the_cars_where_they_are() -> None:
     env, other = (TralCorridorVectorEnv(2, scenario="straight") for _ in range(2))
     for one in (env, other):
         one.reset(seed=0)
-    with pytest.raises(ConfigError, match=r"latency_s = \(0.5, 0.5\): expected at most 0.2 s"):
+    with pytest.raises(ConfigError, match=r"latency_s = 0\.5 s: expected 0 to 0\.2 s"):
         env.reset(options={"car": {"latency_s": 0.5}})
-    with pytest.raises(ConfigError, match=r"image_degradation = \(11.0, 11.0\): expected at most 10"):
+    with pytest.raises(ConfigError, match=r"image_degradation = 11: expected 0 to 10"):
         env.reset(options={"car": {"image_degradation": 11.0}})
     with pytest.raises(ConfigError, match="expected name -> number or 2 numbers"):
         env.reset(options={"car": {"friction": 10**400}})
     forward = np.tile([0.1, 0.5], (2, 1))
     assert np.array_equal(env.step(forward)[0], other.step(forward)[0])
+
+
+DOORS = tuple(Door(side=side, at=1.6 + 1.15 * i) for i in range(11) for side in ("left", "right"))
+TOO_BIG = {"course": Course(name="big", segments=(Segment(length=16.0, width=2.0, doors=DOORS),))}
+
+
+@pytest.mark.parametrize("options", [{"cours": 1}, {"car": {"latency_s": 0.5}}, {"course": "nope.json"}])
+def test_a_reset_that_is_refused_does_not_seed(options: dict) -> None:
+    env, other = (TralCorridorEnv(scenario="corners") for _ in range(2))
+    vector, rival = (TralCorridorVectorEnv(2, "Disabled", scenario="corners") for _ in range(2))
+    for one in (env, other, vector, rival):
+        one.reset(seed=0)
+    for one in (env, vector):
+        with pytest.raises(ConfigError):
+            one.reset(seed=1, options=options)
+        with pytest.raises(ConfigError):
+            one.reset(options=options)
+    assert env.np_random_seed == 0
+    assert np.array_equal(env.reset()[0], other.reset()[0])
+    assert np.array_equal(vector.reset()[0], rival.reset()[0])
+
+
+def test_a_course_that_does_not_fit_and_a_wrong_seed_do_not_seed_either() -> None:
+    env, other = (TralCorridorVectorEnv(2, "Disabled", scenario="straight") for _ in range(2))
+    for one in (env, other):
+        one.reset(seed=0)
+    with pytest.raises(ConfigError, match="this course needs"):
+        env.reset(seed=1, options={"reset_mask": np.array([True, False]), **TOO_BIG})
+    for options in ({}, TOO_BIG):
+        with pytest.raises(Error, match="Seed must be"):
+            env.reset(seed=[1, -1], options=options)
+    forward = np.tile([0.1, 0.5], (2, 1))
+    assert np.array_equal(env.step(forward)[0], other.step(forward)[0])
+    assert np.array_equal(env.reset()[0], other.reset()[0])
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_a_mask_is_refused_where_rows_reset_by_themselves(mode: str) -> None:
+    env = TralCorridorVectorEnv(2, mode, scenario="straight")
+    env.reset(seed=0)
+    with pytest.raises(
+        ConfigError, match=f"reset_mask with autoreset_mode='{mode}'.*expected autoreset_mode='Disabled'"
+    ):
+        env.reset(options={"reset_mask": np.array([True, False])})
 
 
 @pytest.mark.parametrize("name", ["num_envs", "nthread"])

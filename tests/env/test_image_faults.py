@@ -16,14 +16,14 @@ from tral_env.course.layout import Course, Gate, Segment
 from tral_env.course.scene import Pool, build_model
 from tral_env.errors import ConfigError, RenderError
 from tral_env.interface import CORE_LAYOUT
+from tral_env.options import CorridorConfig
 from tral_env.perception.aruco import Detector
 from tral_env.perception.degrade import PATCH_GREYS, ImageCorruption
 from tral_env.simulation.vision import RenderedVision, Webcam
-from tral_env.world import CorridorConfig
 
 GATE_AHEAD = Course(name="gate", segments=(Segment(length=6, gates=(Gate(id=2, at=4, offset=0.0, width=0.7),)),))
 PATCH = ImageCorruption(exposure=0, blur_px=0, glare=0, noise=0, patch=0.3)
-LEVEL_1 = {"car": {"image_degradation": 1.0}}
+LEVEL_1 = {"car": {"image_degradation": 1.0, "camera_latency_s": 0.0}}
 GATE_ID = CORE_LAYOUT.column("gate_id")
 ROW, LEVELLED = np.zeros(1, np.int64), np.zeros(3)
 
@@ -97,8 +97,8 @@ def test_the_readings_come_from_the_images_with_the_faults() -> None:
             env.reset(seed=seed, options=LEVEL_1)
             sim = env.unwrapped.world.sim
             webcam = webcam or Webcam(1, sim.pool, sim.lens, faults)
-            webcam.place(0, sim.plan(0), 1.0, int(sim.image_seeds[0]))
-            found = Detector().detect(webcam.image(0, sim.qpos[0], LEVELLED)).ids
+            webcam.place(0, sim.plan(0), 1.0, int(sim.cameras.image_seeds[0]))
+            found = Detector().detect(webcam.image(0, sim.physics.qpos[0], LEVELLED)).ids
             for _ in range(4):  # until the image of the reset is told, and before the next one is taken
                 observation, *_ = env.step(np.zeros(2, np.float32))
             seen = float(observation[GATE_ID])

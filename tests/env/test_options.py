@@ -35,9 +35,11 @@ def test_an_unknown_option_is_an_error_of_the_configuration_and_of_the_call() ->
 
 
 def test_that_the_observation_has_an_image_is_no_option() -> None:
-    assert {field.name for field in fields(CorridorConfig)} - {field.name for field in option_fields()} == {"pixels"}
-    with pytest.raises(UnknownOptionError, match="'pixels'"):
-        TralCorridorEnv(pixels=True)
+    assert {field.name for field in fields(CorridorConfig)} - {field.name for field in option_fields()} == {
+        "image_size"
+    }
+    with pytest.raises(UnknownOptionError, match="'image_size'"):
+        TralCorridorEnv(image_size=(160, 120))
 
 
 @pytest.mark.parametrize("env", ENVIRONMENTS)

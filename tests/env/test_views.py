@@ -13,7 +13,7 @@ from gymnasium.utils.env_checker import check_env
 import tral_env.env
 from tral_env.course.layout import Course, Gate, Segment
 from tral_env.errors import ConfigError, RenderError
-from tral_env.simulation.views import VIEWS, Views
+from tral_env.simulation.views import VIEWS
 
 NO_OPENGL = """
 import os
@@ -120,6 +120,20 @@ def test_an_image_stays_until_the_next_exposure() -> None:
 
 
 @needs_opengl
+def test_an_image_arrives_with_what_the_readings_tell_of_it() -> None:
+    env = gym.make("TralCorridorPixels-v0", course=GATE_AHEAD, randomization="none", image_size=(64, 48))
+    observation, _ = env.reset(seed=1, options={"car": {"camera_latency_s": 0.1}})
+    gate = env.unwrapped.world.layout.column("gate_id")
+    seen = []
+    for _ in range(10):
+        seen.append((observation["image"].any(), observation["readings"][gate] >= 0))
+        observation, *_ = env.step(np.zeros(2, np.float32))
+    assert seen == [(False, False)] * 8 + [(True, True)] * 2
+    assert not env.reset(seed=1)[0]["image"].any()
+    env.close()
+
+
+@needs_opengl
 def test_the_pixels_are_those_of_the_car_s_own_camera() -> None:
     env = gym.make("TralCorridorPixels-v0", course=GATE_AHEAD, randomization="none")
     images = {}
@@ -129,7 +143,7 @@ def test_the_pixels_are_those_of_the_car_s_own_camera() -> None:
         "degraded": {"image_degradation": 3.0},
         "again": {"image_degradation": 3.0},
     }.items():
-        images[name] = env.reset(seed=1, options={"car": car})[0]["image"].astype(int)
+        images[name] = env.reset(seed=1, options={"car": {"camera_latency_s": 0.0, **car}})[0]["image"].astype(int)
     assert np.abs(images["plain"] - env.unwrapped.render_view("onboard", 160, 120)).mean() < 0.5
     # 5 degrees to the left move the picture right by 139 tan(5 deg) = 12 px.
     assert np.abs(images["turned"][:, 12:] - images["plain"][:, :-12]).mean() < 3
@@ -142,7 +156,7 @@ def test_unknown_views_are_answered_with_the_nearest() -> None:
     env = tral_env.env.TralCorridorEnv(scenario="straight")
     env.reset(seed=0)
     with pytest.raises(ConfigError, match="did you mean 'onboard'"):
-        Views().render(env.world.sim, "onbord", 0, 8, 8)
+        env.render_view("onbord", 8, 8)
 
 
 def test_without_opengl_the_error_names_the_remedy() -> None:

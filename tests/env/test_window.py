@@ -8,9 +8,10 @@ from tral_env.course.generate import SCENARIOS, generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Door, Segment
 from tral_env.course.scene import Placement
+from tral_env.options import CorridorConfig
 from tral_env.simulation import culling
 from tral_env.simulation.culling import REACH_M, LocalGeoms, max_boxes_in_reach
-from tral_env.world import CorridorConfig, World
+from tral_env.world import World
 from tral_fsm import load_policy
 
 
@@ -69,7 +70,8 @@ def ranges(near: str) -> np.ndarray:
     """Readings of a drive through a dense course, that was named at the start or at the reset."""
     fixed = CorridorConfig(scenario="straight", randomization="none", course=dense() if near == "start" else None)
     world = World(1, fixed)
-    world.reset(np.array([0]), [np.random.default_rng(0)], {"course": dense()} if near == "reset" else None)
+    request = world.request(np.array([0]), {"course": dense()} if near == "reset" else None)
+    world.reset(request, [np.random.default_rng(0)])
     return np.stack([world.observation()] + [world.step(np.array([[0.0, 0.5]])).observation for _ in range(500)])
 
 
@@ -83,7 +85,8 @@ def test_a_dense_course_is_seen_as_a_whole(near: str, monkeypatch: pytest.Monkey
 
 def test_courses_of_the_families_need_no_more_local_boxes():
     for scenario in SCENARIOS:
-        plans = [generate_plan(scenario, np.random.default_rng(seed))[1] for seed in range(3)]
+        draws = [(seed, hard) for seed in range(3) for hard in (False, True)]
+        plans = [generate_plan(scenario, np.random.default_rng(seed), hard=hard)[1] for seed, hard in draws]
         assert max(max_boxes_in_reach(plan) for plan in plans) <= culling.LOCAL_BOXES
 
 
@@ -93,7 +96,7 @@ def test_no_reading_shows_which_boxes_are_left_out(scenario: str, monkeypatch: p
 
     def drive() -> list[np.ndarray]:
         world, policy = World(rows, CorridorConfig(scenario=scenario)), load_policy("office")
-        world.reset(np.arange(rows), [np.random.default_rng(seed) for seed in range(rows)])
+        world.reset(world.request(np.arange(rows)), [np.random.default_rng(seed) for seed in range(rows)])
         policy.reset(rows)
         seen = [world.observation()]
         for _ in range(ticks):

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 import tral_env
 from tral_env.course.layout import Course
-from tral_env.world import CorridorConfig, World
+from tral_env.options import CorridorConfig
+from tral_env.world import World
 from tral_fsm import load_machine, load_policy, machine_names
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.episode import EpisodeRequest
@@ -56,7 +57,7 @@ def test_office_drives_every_family() -> None:
 def drive_to_the_end(world: World, machine: str) -> Arrivals:
     """(n,) whether each row arrived, whether it hit something, and where it was in the end."""
     rows = world.n
-    world.reset(np.arange(rows), [np.random.default_rng(seed) for seed in range(rows)])
+    world.reset(world.request(np.arange(rows)), [np.random.default_rng(seed) for seed in range(rows)])
     policy, driving = load_policy(machine), np.ones(rows, bool)
     success, collision = np.zeros(rows, bool), np.zeros(rows, bool)
     policy.reset(rows)

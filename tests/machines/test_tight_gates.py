@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tral_env.course.layout import Course
-from tral_env.world import CorridorConfig, World
+from tral_env.options import CorridorConfig
+from tral_env.world import World
 from tral_fsm import load_policy
 
 
@@ -16,7 +17,7 @@ def outcomes(machine: str, width: float, length: float, *gates: dict[str, Any], 
     segment = {"length": length, "width": width, "gates": gates}
     course = Course.model_validate({"name": "tight", "segments": [segment]})
     world = World(rows, CorridorConfig(course=course))
-    world.reset(np.arange(rows), [np.random.default_rng(seed) for seed in range(rows)])
+    world.reset(world.request(np.arange(rows)), [np.random.default_rng(seed) for seed in range(rows)])
     policy, driving = load_policy(machine), np.ones(rows, bool)
     policy.reset(rows)
     observation, ends = world.observation(), ["" for _ in range(rows)]

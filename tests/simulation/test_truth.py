@@ -25,7 +25,7 @@ def meet(y: float, yaw: float, velocity: tuple[float, float], yaw_rate: float) -
     config = CorridorConfig.of({"course": COURSE, "randomization": "none"})
     world = World(1, config)
     row = np.zeros(1, np.int64)
-    world.reset(row, [np.random.default_rng(0)])
+    world.reset(world.request(row), [np.random.default_rng(0)])
     physics = world.sim.physics
     root, dof = physics.handles.root_qpos, physics.handles.root_dof
     x = physics.qpos[0, root]
@@ -35,7 +35,7 @@ def meet(y: float, yaw: float, velocity: tuple[float, float], yaw_rate: float) -
     physics.qvel[0, dof + 5] = yaw_rate
     world.sim.truth.observe()
     world.sim.step(np.zeros((1, 2)))
-    told = bool(world.sim.collision[0]), float(world.sim.closing_speed[0])
+    told = bool(world.sim.truth.collision[0]), float(world.sim.truth.closing_speed[0])
     world.close()
     return told
 

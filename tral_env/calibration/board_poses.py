@@ -6,13 +6,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array
 from tral_env.calibration.boards import Board
 from tral_env.config import CameraConfig
 from tral_env.perception.rays import lens_arrays, pixel_rays
-
-Array = NDArray[np.float64]
 
 TILT_DEG = 45.0
 """The board's normal leaves the line of sight by at most this angle."""

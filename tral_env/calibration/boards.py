@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.arrays import Array
 from tral_env.errors import ConfigError, nearest
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 Kind = Literal["charuco", "chessboard"]
 

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array
 from tral_env.errors import ConfigError, nearest
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 PAPERS = {"A4": (210.0, 297.0), "A3": (297.0, 420.0)}
 """Each paper has this width and height, upright, mm."""

@@ -10,12 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.arrays import Array
 from tral_env.calibration.boards import Board
 from tral_env.calibration.views import Collection, Rejected, View, coverage
 from tral_env.config import CameraConfig
 from tral_env.errors import CalibrationError
-
-Array = NDArray[np.float64]
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 """A lens has these numbers, in OpenCV's order."""

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.arrays import Array
 from tral_env.calibration.boards import Board
 from tral_env.errors import CalibrationError
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 GRID = (9, 6)

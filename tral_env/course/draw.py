@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.course.plan import BOX_KINDS, Array, Plan
+from tral_env.arrays import Array
+from tral_env.course.plan import BOX_KINDS, Plan
 from tral_env.interface import TURN_MARKER_IDS
 from tral_env.se2 import rotate_n, to_outer
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.course.plan import Array
+from tral_env.arrays import Array
 from tral_env.se2 import Number
 
 TOUCH = 1e-6

@@ -11,9 +11,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.arrays import Array
 from tral_env.geometry import MARKER_SIZE_M
-
-Array = NDArray[np.float64]
 
 BOX_KINDS = ("wall", "door", "frame", "obstacle", "post")
 """A box is one of these; `Plan.box_kind` holds indices into them."""

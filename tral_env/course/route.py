@@ -12,11 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.arrays import Array
 from tral_env.config import CarConfig
 from tral_env.course.frames import TURNS, Frame
 from tral_env.course.layout import Course, Segment
 from tral_env.course.overlap import level_half
-from tral_env.course.plan import Array, Plan, steps
+from tral_env.course.plan import Plan, steps
 from tral_env.errors import CourseError
 from tral_env.se2 import rotate, rotate_n
 

@@ -12,11 +12,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.arrays import Array
 from tral_env.assets import asset_path
 from tral_env.config import LineConfig
 from tral_env.course.generate import FAMILIES
 from tral_env.course.markers import MARKER_IDS, marker_image, material_name
-from tral_env.course.plan import BOX_KINDS, Array, Plan
+from tral_env.course.plan import BOX_KINDS, Plan
 from tral_env.errors import ConfigError, nearest
 from tral_env.geometry import MARKER_MODULES, MARKER_QUIET_MODULES
 

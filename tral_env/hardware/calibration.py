@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from tral_env.arrays import Array
 from tral_env.errors import ConfigError
 
-Array = NDArray[np.float64]
 _MIN_TRAVEL_US = 50
 """Between command 0 and either end the pulse has to change by at least this much."""
 PulseUs = Annotated[int, Field(ge=500, le=2500)]

@@ -9,11 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.arrays import Array
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.errors import ConfigError
 from tral_env.perception.rays import lens_arrays, pixel_rays
-
-Array = NDArray[np.float64]
 
 DICTIONARY = cv2.aruco.DICT_4X4_50
 """The markers of gates and signs come from this dictionary."""

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from tral_env.arrays import Array, Index
 from tral_env.interface import MAX_AGE_S, NOTHING_SEEN_ID
 from tral_env.perception.gate import Detection
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 IN_FLIGHT = 4
 """The queue has room for so many images at first: at 15 Hz and 120 ms two are on their way to the detector."""
@@ -19,6 +17,11 @@ QUANTITIES = ("id", "x", "y", "heading")
 """An image tells this of each subject, m and rad."""
 _EPSILON_S = 1e-9
 """Times that differ by less are equal."""
+
+
+def has_arrived(exposed_s: ArrayLike, latency_s: ArrayLike, time_s: ArrayLike) -> NDArray[np.bool_]:
+    """Whether what was exposed at a time is known now; each a scalar or an array, s."""
+    return np.less_equal(np.add(exposed_s, latency_s), np.add(time_s, _EPSILON_S))
 
 
 class CameraPipeline:
@@ -100,7 +103,7 @@ class CameraPipeline:
         """Publish the images whose latency is over; `time_s`, (n,) s, is now."""
         if self._queue_exposed.min() == np.inf:
             return
-        arrived = self._queue_exposed + self._latency_s[:, None] <= time_s[:, None] + _EPSILON_S
+        arrived = has_arrived(self._queue_exposed, self._latency_s[:, None], time_s[:, None])
         for slot in np.flatnonzero(arrived.any(axis=0)):
             rows = np.flatnonzero(arrived[:, slot])
             seen = self._queue[rows, slot, :, 0] != NOTHING_SEEN_ID

@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.arrays import Array
 from tral_env.perception.gate import DICTIONARY_SIZE
 
-Array = NDArray[np.float64]
 Figures = tuple[float, ...]
 """One figure at each level of `DetectionModel.levels`."""
 

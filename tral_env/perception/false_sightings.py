@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Index
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.interface import GATE_MARKER_IDS, NOTHING_SEEN_ID, TURN_MARKER_IDS
 from tral_env.perception.gate import Detection
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 LIKELY_ID = 17
 """A dark frame around a bright pane is read as this id. Source: benchmarks/false_sightings.py."""

@@ -7,11 +7,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Flags
 from tral_env.interface import GATE_MARKER_IDS, NOTHING_SEEN_ID
 from tral_env.se2 import wrap
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 DICTIONARY_SIZE = 50
 """DICT_4X4_50 has so many ids."""
@@ -45,17 +43,17 @@ class Detection:
             getattr(self, field.name)[rows] = getattr(other, field.name)
 
     @property
-    def gate_seen(self) -> Mask:
+    def gate_seen(self) -> Flags:
         """Whether a complete gate is in view, (n,)."""
         return np.asarray(self.gate_id >= 0)
 
     @property
-    def marker_seen(self) -> Mask:
+    def marker_seen(self) -> Flags:
         """Whether any marker is in view, (n,)."""
         return np.asarray(self.marker_id >= 0)
 
 
-def nearest_gate_and_marker(ids: NDArray[np.int64], x: Array, y: Array, heading: Array, valid: Mask) -> Detection:
+def nearest_gate_and_marker(ids: NDArray[np.int64], x: Array, y: Array, heading: Array, valid: Flags) -> Detection:
     """Find the nearest complete gate and the nearest marker of each row.
 
     A gate is complete when both its markers are seen, the left one to the left. Its axis is perpendicular to the line

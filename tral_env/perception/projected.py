@@ -13,14 +13,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Flags, Index
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.course.plan import Plan
 from tral_env.perception.detection_model import DETECTION_MODEL, DetectionModel
-from tral_env.se2 import rotate, to_outer_n, wrap
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Mask = NDArray[np.bool_]
+from tral_env.se2 import rotate_back, to_outer_n, wrap
 
 NOISE_PLACES = 8
 """So many markers of a row have noise of their own in one image; place i uses the noise of i modulo this."""
@@ -81,14 +78,14 @@ class Scenery:
 class ProjectedMarkers:
     """Markers that k cars see, each array (k, M), in the car's frame; meaningless where not valid."""
 
-    ids: Indices
+    ids: Index
     x: Array
     """Position forward, m."""
     y: Array
     """Position left, m."""
     heading: Array
     """Direction into the marker, rad."""
-    valid: Mask
+    valid: Flags
     """Whether the marker is seen."""
 
 
@@ -96,9 +93,9 @@ class ProjectedMarkers:
 class _Candidates:
     """Markers that may be seen, each array (c, ...)."""
 
-    row: Indices
+    row: Index
     """(c,) place of the car among the k cars."""
-    place: Indices
+    place: Index
     """(c,) place of the marker in its row."""
     eye: Array
     """(c, 3) the camera, course frame, m."""
@@ -124,7 +121,7 @@ class _Blur:
 
 def project(
     scenery: Scenery,
-    rows: Indices,
+    rows: Index,
     pose: Array,
     camera: CameraConfig,
     car: CarConfig,
@@ -172,7 +169,7 @@ def project(
     return out
 
 
-def _candidates(scenery: Scenery, rows: Indices, pose: Array, car: CarConfig, mounting: Array) -> _Candidates:
+def _candidates(scenery: Scenery, rows: Index, pose: Array, car: CarConfig, mounting: Array) -> _Candidates:
     """Markers ahead of the camera whose face looks towards it."""
     cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
     eye = to_outer_n(pose, np.array([car.camera_x, 0.0]))
@@ -226,7 +223,7 @@ def _into_camera(vector: Array, cos: Array, sin: Array, turn: Array) -> Array:
 
     No matrix product is used, because its last bit may differ with the size of the batch.
     """
-    x, y = rotate(cos, -sin, vector[..., 0], vector[..., 1])
+    x, y = rotate_back(cos, sin, vector[..., 0], vector[..., 1])
     z = vector[..., 2]
     out = np.empty(vector.shape)
     for axis in range(3):
@@ -296,7 +293,7 @@ def _extent(pixels: Array) -> Array:
     return np.sqrt(0.5 * np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]))
 
 
-def _in_image(pixels: Array, camera: CameraConfig, model: DetectionModel) -> Mask:
+def _in_image(pixels: Array, camera: CameraConfig, model: DetectionModel) -> Flags:
     """Whether all corners (c, 4, 2) of a marker lie in the image, away from its edge, (c,)."""
     u, v = pixels[..., 0], pixels[..., 1]
     inside = (u > model.margin_px) & (u < camera.width - 1 - model.margin_px)
@@ -324,7 +321,7 @@ def _position_error(
     return share * ahead - aside * left, share * left + aside * ahead
 
 
-def _seen_heading(near: _Candidates, index: Indices, blur: _Blur, camera: CameraConfig, model: DetectionModel) -> Array:
+def _seen_heading(near: _Candidates, index: Index, blur: _Blur, camera: CameraConfig, model: DetectionModel) -> Array:
     """Heading with its error: the width tells the angle to the line of sight, the perspective tells its sign.
 
     A marker of the edge a at the distance d, seen at the angle b off its normal, is ``w = fx a / d cos b`` wide, so an
@@ -352,7 +349,7 @@ CLEARANCE = 0.03
 """The line of sight ends this far before the marker, m, so that the post that carries it does not hide it."""
 
 
-def _hidden(scenery: Scenery, rows: Indices, near: _Candidates, index: Indices) -> Mask:
+def _hidden(scenery: Scenery, rows: Index, near: _Candidates, index: Index) -> Flags:
     """Whether a box stands between the camera and any of the five points of the markers with these indices, (c,)."""
     eye, points, row = near.eye[index], near.points[index], rows[near.row[index]]
     item, box = np.nonzero(_maybe_between(scenery.footprints[:, row], eye, points))
@@ -361,7 +358,7 @@ def _hidden(scenery: Scenery, rows: Indices, near: _Candidates, index: Indices) 
     return hidden
 
 
-def _maybe_between(footprints: NDArray[np.float32], eye: Array, points: Array) -> Mask:
+def _maybe_between(footprints: NDArray[np.float32], eye: Array, points: Array) -> Flags:
     """Boxes that overlap the strip from camera to marker, both along it and across it, seen from above, (c, B).
 
     Single precision and a margin do, because this only saves the exact test for the few boxes that matter.
@@ -386,7 +383,7 @@ def _half_edge(points: Array) -> Array:
     return (points[:, 0, 2] - points[:, 3, 2]) / 2
 
 
-def _crosses(eye: Array, points: Array, box: Array) -> Mask:
+def _crosses(eye: Array, points: Array, box: Array) -> Flags:
     """Whether one of the lines (p, 5) from the eye to the points enters its box, (p,): the method of slabs.
 
     In the box's frame a line is ``o + t d``, t from 0 at the eye to 1 at the point. Along each axis it is between the
@@ -395,9 +392,9 @@ def _crosses(eye: Array, points: Array, box: Array) -> Mask:
     """
     cos, sin = box[:, 3], box[:, 4]
     dx, dy, dz = (eye[:, i] - box[:, i] for i in range(3))
-    start = (*rotate(cos, -sin, dx, dy), dz)
+    start = (*rotate_back(cos, sin, dx, dy), dz)
     step = points - eye[:, None]
-    steps = (*rotate(cos[:, None], -sin[:, None], step[..., 0], step[..., 1]), step[..., 2])
+    steps = (*rotate_back(cos[:, None], sin[:, None], step[..., 0], step[..., 1]), step[..., 2])
     length = np.sqrt(step[..., 0] ** 2 + step[..., 1] ** 2)
     enter, leave = np.zeros(length.shape), 1.0 - CLEARANCE / length
     for axis in range(3):

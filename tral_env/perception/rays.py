@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array
 from tral_env.config import CameraConfig
-
-Array = NDArray[np.float64]
 
 _UNTIL = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-8)
 """The iteration ends here: OpenCV's own five steps miss by 9 px in the corners of the wide lens, these by less than

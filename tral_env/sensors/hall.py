@@ -10,10 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Index
 from tral_env.config import HallConfig
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 UPDATE_DRAWS = 2
 """`Hall.update` takes so many uniform numbers for one row: missed, doubled."""
@@ -57,7 +55,7 @@ class EdgeSpeed:
         self._median = np.zeros(n)
         self.reset(np.arange(n))
 
-    def reset(self, rows: IntArray) -> None:
+    def reset(self, rows: Index) -> None:
         """Put the wheels of the rows (k,) at rest, distance 0."""
         self._ticks[rows] = 0
         self._stamp[rows] = -np.inf
@@ -94,7 +92,7 @@ class EdgeSpeed:
         )
 
     @property
-    def ticks(self) -> IntArray:
+    def ticks(self) -> Index:
         """Edges counted since reset, (n,)."""
         return self._ticks
 
@@ -116,7 +114,7 @@ class Hall:
         self._speed = np.zeros(n)
         self.reset(np.arange(n))
 
-    def reset(self, rows: IntArray, place: Array | float = 0.5) -> None:
+    def reset(self, rows: Index, place: Array | float = 0.5) -> None:
         """Put cars at rest, distance 0.
 
         Args:
@@ -168,7 +166,7 @@ class Hall:
         self._speed = self._edges.speed(time_s)
 
     @property
-    def ticks(self) -> IntArray:
+    def ticks(self) -> Index:
         """Ticks counted since reset, (n,)."""
         return self._edges.ticks
 

@@ -10,16 +10,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array
 from tral_env.config import ImuConfig
-
-Array = NDArray[np.float64]
 
 STANDARD_GRAVITY = 9.80665
 """1 g in m/s^2. Source: CGPM 1901."""
 AXES = 6
-"""A reading has so many columns: gyro x, y, z in rad/s, then accelerometer x, y, z in m/s^2."""
+"""A reading has so many columns."""
+UNITS = ("rad/s",) * 3 + ("m/s^2",) * 3
+"""Units of the columns: gyroscope about x, y, z, then accelerometer along x, y, z."""
 
 _REGISTER = 1 << 15
 """The register of a reading holds so many steps either way: it has 16 bit."""
@@ -39,12 +39,12 @@ def noise_sigma(config: ImuConfig) -> Array:
 
 
 def full_scale(config: ImuConfig) -> Array:
-    """Largest reading either way, (6,) in the units of `AXES`."""
+    """Largest reading either way, (6,) in the units of `UNITS`."""
     return _columns(math.radians(config.gyro_range_dps), config.accel_range_g * STANDARD_GRAVITY)
 
 
 def draw_bias(normal: Array, config: ImuConfig) -> Array:
-    """Draw the bias of a drive from standard normal numbers, (..., 6) -> (..., 6) in the units of `AXES`."""
+    """Draw the bias of a drive from standard normal numbers, (..., 6) -> (..., 6) in the units of `UNITS`."""
     sigma = _columns(math.radians(config.gyro_bias_dps), config.accel_bias_mg * 1e-3 * STANDARD_GRAVITY)
     return normal * sigma
 

@@ -9,10 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.arrays import Array
 from tral_env.config import LineConfig
 from tral_env.se2 import to_outer_n
-
-Array = NDArray[np.float64]
 
 DIODES = 8
 """The row has so many photo diodes, one for each bit of the byte."""

@@ -7,12 +7,9 @@ fires again. So a range is one cadence old when it arrives, and ages until the n
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Index
 from tral_env.interface import MAX_AGE_S, NO_ECHO_M
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 SONARS = ("left", "front", "right")
 """The ultrasonics stand in this order along the second axis."""

@@ -12,13 +12,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Flags
 from tral_env.config import UltrasonicConfig
 from tral_env.interface import NO_ECHO_M
-
-Array = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 MEASURE_DRAWS = 4
 """`measure` takes so many uniform numbers for one reading."""
@@ -41,6 +38,28 @@ class _Fan:
     """Cosine of half the angle between two rays."""
     edge_share: Array
     """(R - 1,) share of `edge_range` to which an edge between two rays is heard."""
+
+
+@dataclass(frozen=True)
+class FanHit:
+    """What the rays of a fan hit, in the sensor frame; each (..., R)."""
+
+    reach: Array
+    """Distance along the ray, m; `_NOTHING_M` where nothing was hit."""
+    x: Array
+    """Place of the hit along the boresight, m."""
+    y: Array
+    """Place of the hit to the left, m."""
+    nx: Array
+    """Unit normal of the surface, along the boresight."""
+    ny: Array
+    """Unit normal of the surface, to the left."""
+
+    @property
+    def height(self) -> Array:
+        """Perpendicular distance of the sensor from the plane of the surface, m: ``h = -n . p``."""
+        result: Array = -(self.nx * self.x + self.ny * self.y)
+        return result
 
 
 @lru_cache(maxsize=32)
@@ -92,12 +111,11 @@ def echo(distance: Array, normal: Array, config: UltrasonicConfig, softness: Arr
     """
     fan = _fan(config.rays, config.beam_deg)
     reach = np.where(distance < 0, _NOTHING_M, distance)
-    x, y = reach * fan.x, reach * fan.y
-    nx, ny = normal[..., 0], normal[..., 1]
-    height = -(nx * x + ny * y)
-    mirror = (height >= reach * fan.cos_half_spacing) & (-nx >= _cos_limit(config, softness))
+    hit = FanHit(reach, reach * fan.x, reach * fan.y, normal[..., 0], normal[..., 1])
+    height = hit.height
+    mirror = (height >= reach * fan.cos_half_spacing) & (-hit.nx >= _cos_limit(config, softness))
     wall = np.where(mirror, height, np.inf).min(axis=-1)
-    corner = _corners_and_edges(reach, x, y, nx, ny, height, config).min(axis=-1)
+    corner = _corners_and_edges(hit, config).min(axis=-1)
     first = np.minimum(wall, corner)
     return np.where(first <= config.max_range, first, np.inf)
 
@@ -112,9 +130,7 @@ def _cos_limit(config: UltrasonicConfig, softness: Array | None) -> Array | floa
     return (low + (high - low) * np.asarray(softness))[..., None]
 
 
-def _corners_and_edges(
-    reach: Array, x: Array, y: Array, nx: Array, ny: Array, height: Array, config: UltrasonicConfig
-) -> Array:
+def _corners_and_edges(hit: FanHit, config: UltrasonicConfig) -> Array:
     """Ranges of the inner corners and edges between neighbouring rays, (..., R - 1) m; inf where the surface runs on.
 
     Two neighbouring rays hit the points p and q on surfaces with the normals a and b. Point q lies ``a . (q - p)`` in
@@ -123,8 +139,9 @@ def _corners_and_edges(
     an inner corner. Two planes at the heights u and v above the sensor, with the cosine c = a . b, meet at the distance
     ``sqrt((u^2 + v^2 - 2 u v c) / (1 - c^2))``.
     """
-    ax, ay, bx, by = nx[..., :-1], ny[..., :-1], nx[..., 1:], ny[..., 1:]
-    dx, dy = x[..., 1:] - x[..., :-1], y[..., 1:] - y[..., :-1]
+    reach = hit.reach
+    ax, ay, bx, by = hit.nx[..., :-1], hit.ny[..., :-1], hit.nx[..., 1:], hit.ny[..., 1:]
+    dx, dy = np.diff(hit.x), np.diff(hit.y)
     front = np.minimum(ax * dx + ay * dy, -(bx * dx + by * dy))
     near = np.minimum(reach[..., 1:], reach[..., :-1])
     step = config.jitter_m / 4  # a quarter of a wavelength: less is no step to the wave
@@ -135,6 +152,7 @@ def _corners_and_edges(
     across = np.abs(cosine) <= config.corner_tolerance
     inner = across & (front >= -step) & (np.maximum(reach[..., 1:], reach[..., :-1]) < _NOTHING_M)
     if inner.any():
+        height = hit.height
         u, v = height[..., :-1], height[..., 1:]
         square = (u * u + v * v - 2 * u * v * cosine) / np.where(inner, 1 - cosine * cosine, 1.0)
         found = np.where(inner, np.sqrt(np.where(inner, square, 0.0)), found)
@@ -186,14 +204,14 @@ def resolution(config: UltrasonicConfig) -> float:
     return 0.01 if config.mode == "cm" else config.metres_per_us
 
 
-def readable(range_m: Array | float, config: UltrasonicConfig) -> BoolArray:
+def readable(range_m: Array | float, config: UltrasonicConfig) -> Flags:
     """Whether ranges of any shape, m, lie within the limits of the mode in use; beyond them there is no echo."""
     low, high = limits(config)
-    result: BoolArray = np.greater_equal(range_m, low) & np.less_equal(range_m, high)
+    result: Flags = np.greater_equal(range_m, low) & np.less_equal(range_m, high)
     return result
 
 
-def crosstalk(first: Array, uniform: Array, together: BoolArray, config: UltrasonicConfig) -> Array:
+def crosstalk(first: Array, uniform: Array, together: Flags, config: UltrasonicConfig) -> Array:
     """Let sonars that fire together hear each other.
 
     The front sonar and a side sonar share a quarter of the surroundings. Sound of one comes back to the other by the

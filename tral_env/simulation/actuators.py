@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tral_env.actuation import Actuation
+from tral_env.arrays import Array, Index
 from tral_env.config import CarConfig
 from tral_env.simulation.physics import Physics
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 STEERING_LEAD_STEPS = 0.8
 """The semi-implicit integrator turns the car this many of its steps too early, so the servo is held back as much.

@@ -1,20 +1,20 @@
 """Which boxes of its course a car has around it: only those that it can range or touch stand in its physics.
 
 Every geom costs time in every step, wherever it stands. So a model holds no more boxes than fit around one car, and as
-the car moves on the nearest ones take the places of those left behind. Nothing within reach is ever missing.
+the car moves on the nearest ones take the places of those left behind. Nothing within reach is missing as long as a
+course has no more boxes within reach of a place than the model holds, which `max_boxes_in_reach` tells. On a denser
+course the farthest are left out.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Index
 from tral_env.config import UltrasonicConfig
 from tral_env.course.plan import Plan
 from tral_env.course.scene import Placement, Pool, place
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+from tral_env.se2 import rotate_back
 
 LOCAL_BOXES = 48
 """Number of boxes around a car. The families of courses have at most 46 within 5.5 m of a place on their routes; a
@@ -101,6 +101,6 @@ def _distance(pos: Array, quat: Array, half: Array, position: Array) -> Array:
     w, z = quat[..., 0], quat[..., 3]
     cos, sin = w * w - z * z, 2 * w * z
     dx, dy = position[:, None, 0] - pos[..., 0], position[:, None, 1] - pos[..., 1]
-    along = np.maximum(np.abs(cos * dx + sin * dy) - half[..., 0], 0.0)
-    across = np.maximum(np.abs(cos * dy - sin * dx) - half[..., 1], 0.0)
+    x, y = rotate_back(cos, sin, dx, dy)
+    along, across = np.maximum(np.abs(x) - half[..., 0], 0.0), np.maximum(np.abs(y) - half[..., 1], 0.0)
     return np.where(pos[..., 2] < 0.0, np.inf, np.sqrt(along * along + across * across))

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Index
 from tral_env.config import CarConfig, HallConfig
 from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.noise import NoiseTape
 from tral_env.sensors.hall import UPDATE_DRAWS, Hall
 from tral_env.simulation.parameters import CarParameters
 from tral_env.simulation.physics import Physics
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 class HallWheel:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Index
 from tral_env.config import UltrasonicConfig
+from tral_env.course.scene import PREFIX
 from tral_env.sensors.ranging import SONARS
 
-Index = NDArray[np.int64]
-
-PREFIX = "car/"
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
-_CLOCK, _CURSOR = 0, 1
-"""A sensor's history begins with the time of its last sample and the ring's cursor."""
+_CLOCK = 0
+"""The time of a sensor's last sample stands here in its history."""
 
 
 class CarHandles:

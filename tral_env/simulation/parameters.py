@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tral_env.actuation import Actuation
+from tral_env.arrays import Array, Index
 from tral_env.sensors.ranging import SONARS
 from tral_env.simulation.physics import Physics
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 _ACTUATION = ("lock_scale", "servo_speed_scale", "servo_strength_scale", "latency_s", "battery_v")
 """Parameters that the actuation takes as they were drawn, under the same name."""

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Index
 from tral_env.config import UltrasonicConfig
 from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool, build_model, place, pool_geoms
@@ -16,9 +16,6 @@ from tral_env.errors import SimulationError
 from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.simulation.culling import LocalGeoms
 from tral_env.simulation.handles import CarHandles
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 _VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
 _NONE = int(mujoco.mjtStage.mjSTAGE_NONE)

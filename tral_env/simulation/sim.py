@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Index
 from tral_env.config import CameraConfig, CarConfig, UltrasonicConfig
 from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool
@@ -19,18 +19,16 @@ from tral_env.interface import STEERING, THROTTLE, Layout
 from tral_env.noise import NoiseTape
 from tral_env.perception.degrade import ImageCorruption
 from tral_env.perception.false_sightings import FalseSightings
-from tral_env.sensors.extras import Extras
+from tral_env.sensors.optional import OptionalReadings
 from tral_env.simulation.actuators import Actuators
 from tral_env.simulation.cameras import Cameras
 from tral_env.simulation.hall_wheel import HallWheel
 from tral_env.simulation.parameters import CarParameters
 from tral_env.simulation.physics import Physics
+from tral_env.simulation.pixels import Pixels
 from tral_env.simulation.sonars import Sonars
 from tral_env.simulation.truth import GroundTruth
 from tral_env.simulation.vision import ProjectedVision, RenderedVision, Vision
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 class Simulation:
@@ -48,6 +46,7 @@ class Simulation:
         nthread: int = 1,
         near: int = 0,
         image_faults: ImageCorruption | None = None,
+        image_size: tuple[int, int] | None = None,
     ) -> None:
         """Compile the model and put the parts together.
 
@@ -62,6 +61,7 @@ class Simulation:
             near: how many boxes may be near a car, if that may be more than in the families of courses, see
                 `max_boxes_in_reach`.
             image_faults: how much of each fault a level of degradation brings to a rendered image.
+            image_size: width and height of the images that are observed, px; None: none are.
         """
         self.n, self.pool, self.layout = n, pool, layout
         self.car, self.lens = car or CarConfig(), lens or CameraConfig()
@@ -75,41 +75,20 @@ class Simulation:
         self.truth = GroundTruth(n, self.physics)
         self.hall_wheel = HallWheel(n, self.car, self.physics, self.car_parameters, noise)
         self.sonars = Sonars(n, sonar, self.physics, self.truth, self.car_parameters, noise)
-        self.extras = Extras(n, layout, noise)
+        self.optional = OptionalReadings(n, layout, noise)
         vision = self._vision(camera, image_faults)
         false_sightings = FalseSightings(n, self.lens, self.car)
+        pixels = None if image_size is None else Pixels(n, image_size, pool, self.lens, image_faults)
         self.cameras = Cameras(
-            n, self.lens.rate_hz, vision, false_sightings, self.physics, self.truth, self.car_parameters
+            n, self.lens.rate_hz, vision, false_sightings, self.physics, self.truth, self.car_parameters, pixels
         )
-        self._share_arrays()
+        self.time_s, self.command, self.pose = self.physics.time_s, self.actuators.command, self.truth.pose
+        """Arrays of the parts, which write them in place."""
 
     def _vision(self, camera: str, image_faults: ImageCorruption | None) -> Vision:
         if camera == "rendered":
             return RenderedVision(self.n, self.pool, self.lens, self.car, image_faults)
         return ProjectedVision(self.n, self._noise, self.lens, self.car)
-
-    def _share_arrays(self) -> None:
-        """The parts' arrays under short names; their owners write them in place and document them."""
-        self.qpos, self.time_s = self.physics.qpos, self.physics.time_s
-        self.command, self.parameters = self.actuators.command, self.car_parameters.drawn
-        self.pose, self.speed = self.truth.pose, self.truth.speed
-        self.collision, self.closing_speed = self.truth.collision, self.truth.closing_speed
-        self.exposures, self.image_seeds = self.cameras.exposures, self.cameras.image_seeds
-
-    @property
-    def batch(self) -> Batch:
-        """MuJoCo's batch, which steps the cars."""
-        return self.physics.batch
-
-    @property
-    def substeps(self) -> int:
-        """Steps of the physics in a control period."""
-        return self.physics.substeps
-
-    @property
-    def vision(self) -> Vision:
-        """The way the cars see."""
-        return self.cameras.vision
 
     def plan(self, row: int) -> Plan:
         """Course of a car.
@@ -146,8 +125,9 @@ class Simulation:
         self.hall_wheel.reset(rows)
         self.sonars.reset(rows)
         self.cameras.reset(rows)
-        self.extras.battery_v[rows] = self.parameters["battery_v"][rows]
-        self.extras.update(rows, self.pose, self.physics.motion_at_rest())
+        self.optional.update(
+            rows, self.pose, self.physics.motion_at_rest(), self.car_parameters.drawn["battery_v"][rows]
+        )
 
     def _place(self, row: int, plan: Plan, degradation: float, rng: np.random.Generator) -> None:
         """Put a course around a car. The order matters: all take their numbers from one generator."""
@@ -155,7 +135,7 @@ class Simulation:
         self.physics.place(row, plan)
         self.cameras.place(row, plan, degradation, rng)
         self._noise.reset(row, rng)
-        self.extras.place(row, plan.tape)
+        self.optional.place(row, plan.tape)
 
     def step(self, command: Array, rows: Index | None = None) -> None:
         """Drive for one control period.
@@ -168,17 +148,23 @@ class Simulation:
             SimulationError: the physics of a car became unstable; it has to be reset.
         """
         moving = self._rows if rows is None else rows
-        self.extras.battery_v[moving] = self.actuators.apply(moving, command)
+        battery_v = self.actuators.apply(moving, command)
         self.physics.step(moving, rows, self.pose[:, :2])
         self.truth.update()
         self.hall_wheel.update(moving)
         self.sonars.update()
         self.cameras.update(moving)
-        self.extras.update(moving, self.pose, self.physics.motion())
+        self.optional.update(moving, self.pose, self.physics.motion(), battery_v)
 
-    def mounting(self, rows: Index) -> Array:
-        """(k, 3) roll, pitch, yaw of the cameras' mounting errors, rad."""
-        return self.cameras.mounting(rows)
+    def images(self) -> NDArray[np.uint8]:
+        """The last images that have arrived, (n, height, width, 3).
+
+        Raises:
+            ConfigError: no images are observed.
+        """
+        if self.cameras.pixels is None:
+            raise ConfigError("no images are observed: expected TralCorridorPixels-v0")
+        return self.cameras.pixels.images.copy()
 
     def observation(self) -> NDArray[np.float32]:
         """What the policies are told now, (n, d)."""
@@ -187,11 +173,11 @@ class Simulation:
             "steering": self.command[:, STEERING],
             "throttle": self.command[:, THROTTLE],
             **self.cameras.readings(),
-            **self.extras.readings,
+            **self.optional.readings(),
             **self.sonars.readings(),
         }
         return self.layout.pack(values, self.n)
 
     def close(self) -> None:
         """Free what OpenGL holds."""
-        self.vision.close()
+        self.cameras.close()

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Index
 from tral_env.config import UltrasonicConfig
 from tral_env.noise import NoiseTape
+from tral_env.se2 import rotate_n
 from tral_env.sensors import ultrasonic
 from tral_env.sensors.ranging import BORESIGHT, SONARS, Ranging
 from tral_env.simulation.parameters import CarParameters
 from tral_env.simulation.physics import Physics
 from tral_env.simulation.truth import GroundTruth
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 _DRAWS = 2 + ultrasonic.MEASURE_DRAWS
 """Number of draws for one ranging: softness of the incidence limit, crosstalk, measurement."""
@@ -82,11 +80,7 @@ class Sonars:
         fan = physics.sensordata[rows[:, None], handles.fans[sonars]].reshape(len(rows), self._config.rays, 4)
         yaw_rate = physics.qvel[rows, handles.root_dof + 5]
         angle = self._truth.pose[rows, 2] - yaw_rate * since_s + BORESIGHT[sonars]
-        cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
-        normal = np.empty((*fan.shape[:2], 2))
-        normal[..., 0] = cos * fan[..., 1] + sin * fan[..., 2]
-        normal[..., 1] = cos * fan[..., 2] - sin * fan[..., 1]
-        return fan[..., 0], normal
+        return fan[..., 0], rotate_n(-angle[:, None], fan[..., 1:3])
 
     def readings(self) -> dict[str, Array]:
         """``ultrasonic_left`` .. ``ultrasonic_right_age``, (n,) each."""

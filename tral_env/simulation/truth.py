@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Index
 from tral_env.simulation.physics import Physics
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 class GroundTruth:

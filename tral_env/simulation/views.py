@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.course.scene import PREFIX
 from tral_env.errors import ConfigError, nearest
 from tral_env.perception.camera import SceneRenderer
 from tral_env.simulation.render_scene import RenderScene
 from tral_env.simulation.sim import Simulation
 
-VIEWS = {"chase": "car/chase", "top": "car/top", "onboard": "car/front"}
+VIEWS = {"chase": f"{PREFIX}chase", "top": f"{PREFIX}top", "onboard": f"{PREFIX}front"}
 """Names of the views and the cameras that give them."""
 
 
@@ -44,7 +45,7 @@ class Views:
             raise ConfigError(f"unknown view '{view}': {nearest(view, VIEWS)}")
         if self._scene is None or sim is not self._sim:
             self._sim, self._scene = sim, RenderScene(sim.pool)
-        model, data = self._scene.show(sim.plan(row), sim.qpos[row])
+        model, data = self._scene.show(sim.plan(row), sim.physics.qpos[row])
         return self._renderer.render(model, data, VIEWS[view], width, height)
 
     def close(self) -> None:

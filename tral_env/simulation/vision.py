@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Index
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool
@@ -17,9 +17,6 @@ from tral_env.perception.degrade import ImageCorruption, degrade
 from tral_env.perception.gate import Detection, nearest_gate_and_marker
 from tral_env.perception.projected import NOISE_PLACES, NORMALS, UNIFORMS, Scenery, project
 from tral_env.simulation.render_scene import RenderScene
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 class Vision(Protocol):

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from tral_env.course.scene import Pool, build_model
 from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.simulation.culling import LOCAL_BOXES
+from tral_env.simulation.sim import Simulation
 from tral_env.vector_env import TralCorridorVectorEnv
-from tral_env.world import Simulation
 from tral_fsm.bench.commands import gentle
 from tral_fsm.bench.timing import Contestant
 
@@ -23,7 +23,7 @@ RECORDED_TICKS = 160
 
 def bare_step(sim: Simulation) -> None:
     """Step the physics of all cars for one control period."""
-    sim.batch.step(nstep=sim.substeps, stage=_VEL)
+    sim.physics.batch.step(nstep=sim.physics.substeps, stage=_VEL)
 
 
 @lru_cache(maxsize=8)
@@ -31,7 +31,7 @@ def recording(scenario: str, rows: int) -> list[dict[str, NDArray[np.float64]]]:
     """Arrays that the native environment writes into its batch in each of its first ticks."""
     env = TralCorridorVectorEnv(rows, scenario=scenario)
     env.reset(seed=0)
-    rng, batch = np.random.default_rng(0), env.world.sim.batch
+    rng, batch = np.random.default_rng(0), env.world.sim.physics.batch
     ctrl, loss = batch.bind("ctrl"), batch.expand("dof_frictionloss")
     ticks = []
     for _ in range(RECORDED_TICKS):
@@ -46,7 +46,7 @@ def bare_batch(scenario: str, rows: int, threads: int) -> Contestant:
     ticks = recording(scenario, rows)
     env = TralCorridorVectorEnv(rows, nthread=threads, scenario=scenario)
     env.reset(seed=0)
-    sim, batch = env.world.sim, env.world.sim.batch
+    sim, batch = env.world.sim, env.world.sim.physics.batch
     start, ctrl, loss = batch.state.copy(), batch.bind("ctrl"), batch.expand("dof_frictionloss")
     tick = 0
 

@@ -12,9 +12,10 @@ from tral_env.config import CameraConfig
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Door, Segment
 from tral_env.env import TralCorridorEnv
+from tral_env.options import CorridorConfig
 from tral_env.perception.aruco import Detector, marker_poses
 from tral_env.vector_env import TralCorridorVectorEnv
-from tral_env.world import CorridorConfig, World
+from tral_env.world import World
 from tral_fsm.bench.bare import bare_step
 from tral_fsm.bench.timing import Contestant, take_turns
 
@@ -71,12 +72,12 @@ def camera_cost(*, rounds: int = 5, seconds: float = 0.05) -> dict[str, float]:
     env = TralCorridorEnv(course=Course.model_validate(_ONE_GATE), camera="rendered")
     env.reset(seed=0)
     sim = env.world.sim
-    pose, qpos, mounting, row = sim.pose, sim.qpos, np.zeros((1, 3)), np.zeros(1, np.int64)
+    pose, qpos, mounting, row = sim.pose, sim.physics.qpos, np.zeros((1, 3)), np.zeros(1, np.int64)
     detector, camera = Detector(), CameraConfig()
     image = env.render_view("onboard", 640, 480)
     markers = detector.detect(image)
     acts: dict[str, Callable[[], object]] = {
-        "in_env_ms": lambda: sim.vision.see(row, pose, qpos, mounting),
+        "in_env_ms": lambda: sim.cameras.vision.see(row, pose, qpos, mounting),
         "bare_render_ms": lambda: env.render_view("onboard", 640, 480),
         "bare_detect_ms": lambda: detector.detect(image),
         "bare_pose_ms": lambda: marker_poses(markers, camera),
@@ -151,4 +152,4 @@ def _bare(course: Course, rows: int) -> Contestant:
 
 
 def _start(world: World) -> None:
-    world.reset(np.arange(world.n), [seeding.np_random(row)[0] for row in range(world.n)])
+    world.reset(world.request(np.arange(world.n)), [seeding.np_random(row)[0] for row in range(world.n)])

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from tral_env.course.generate import generate_plan
 from tral_env.course.scene import Pool
+from tral_env.options import CorridorConfig
 from tral_env.randomization import level, makes_hard_courses
-from tral_env.world import CorridorConfig, Drawn, Step, World, car_stream
+from tral_env.world import Drawn, Step, World, car_stream
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
 from tral_fsm.evaluation.loop import DriveLoop, Index, Observer, Pair, row_info

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.course.layout import Course, Segment, Start
-from tral_env.geometry import SONAR_SIDE_M
+from tral_env.geometry import SIDE_SONAR_Y_M
 from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ, CORE_LAYOUT
 from tral_env.vector_env import TralCorridorVectorEnv
 from tral_fsm.conditions.simple import DistanceSpec
@@ -31,7 +31,7 @@ _WIDTH, _CLEARANCE = 2.4, 0.8
 
 def corridor(length: float, clearance: float = _CLEARANCE) -> Course:
     """A straight corridor in which the car starts at a clearance to the right wall; lengths in m."""
-    offset = clearance + SONAR_SIDE_M - _WIDTH / 2.0
+    offset = clearance + SIDE_SONAR_Y_M - _WIDTH / 2.0
     return Course(name="step", segments=(Segment(length=length, width=_WIDTH),), start=Start(at=1.0, offset=offset))
 
 
@@ -116,7 +116,7 @@ def relay(
 
     Source: Astrom and Hagglund 1984, Automatic tuning of simple regulators.
     """
-    wanted = _WIDTH / 2.0 - SONAR_SIDE_M
+    wanted = _WIDTH / 2.0 - SIDE_SONAR_Y_M
     course = corridor(4.0 + 1.3 * speed * seconds, wanted)
     column = CORE_LAYOUT.column
     track = []

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Array, Index
 from tral_env.config import ImuConfig, LineConfig
 from tral_env.interface import OPTIONAL_GROUPS, Layout
 from tral_env.noise import NoiseTape
 from tral_env.sensors.imu import AXES, draw_bias, measure
 from tral_env.sensors.line import line_byte
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
-
-class Extras:
+class OptionalReadings:
     """Readings of the optional groups of n cars."""
 
     def __init__(self, n: int, layout: Layout, noise: NoiseTape) -> None:
@@ -31,8 +28,6 @@ class Extras:
         self._tape = np.zeros((n, 0, 4))
         self._bias = np.zeros((n, AXES))
         self._values = {name: np.zeros(n) for name in layout.names if name not in Layout().names}
-        self.battery_v = np.zeros(n)
-        """(n,) voltage under load, V; written by the simulation."""
 
     def place(self, row: int, tape: Array) -> None:
         """Put a car on a new course and draw the bias of its inertial sensor; call it after the reset of the noise.
@@ -49,13 +44,14 @@ class Extras:
         if "imu" in self._groups:
             self._bias[row] = draw_bias(self._noise.normal(np.array([row]), AXES)[0], self._imu)
 
-    def update(self, rows: Index, pose: Array, motion: Array) -> None:
+    def update(self, rows: Index, pose: Array, motion: Array, battery_v: Array) -> None:
         """Measure what the groups need.
 
         Args:
             rows: (k,) the cars that moved.
             pose: (n, 3) x, y, yaw, m and rad.
             motion: (n, 6) angular rate, rad/s, and proper acceleration, m/s^2, in the car's frame.
+            battery_v: (k,) voltages of their batteries under load, V.
         """
         if "line" in self._groups:
             self._values["line"][rows] = line_byte(pose[rows], self._tape[rows], self._line)
@@ -64,9 +60,8 @@ class Extras:
             for i, field in enumerate(OPTIONAL_GROUPS["imu"]):
                 self._values[field.name][rows] = read[:, i]
         if "battery" in self._groups:
-            self._values["battery"][rows] = self.battery_v[rows]
+            self._values["battery"][rows] = battery_v
 
-    @property
     def readings(self) -> dict[str, Array]:
         """Last readings of all cars by the name of the field, (n,) each."""
         return self._values

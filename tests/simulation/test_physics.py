@@ -1,0 +1,61 @@
+"""The stepper: time, the start of a course, what a car that stands and one that drives feel."""
+
+import numpy as np
+import pytest
+from one_car import GATE_AHEAD, ROW, drive, one_car
+
+from tral_env.course.geometry import build_plan
+from tral_env.errors import SimulationError
+from tral_env.interface import CONTROL_PERIOD_S
+
+
+def test_a_car_begins_at_the_start_of_its_plan_at_time_0() -> None:
+    sim = one_car()
+    assert sim.pose[0] == pytest.approx(sim.plan(0).start, abs=1e-9)
+    assert sim.time_s[0] == 0.0
+
+
+def test_a_step_takes_a_control_period() -> None:
+    sim = one_car()
+    drive(sim, 0.0, 0.0, 3)
+    assert sim.time_s[0] == 3 * CONTROL_PERIOD_S
+    assert sim.physics.substeps * sim.physics.model.opt.timestep == pytest.approx(CONTROL_PERIOD_S)
+
+
+def test_rows_that_do_not_move_keep_state_and_time() -> None:
+    sim = one_car()
+    drive(sim, 0.0, 0.5, 40)
+    before, time_s = sim.physics.qpos.copy(), sim.time_s.copy()
+    sim.step(np.array([[0.0, 0.5]]), np.zeros(0, np.int64))
+    assert np.array_equal(sim.physics.qpos, before)
+    assert np.array_equal(sim.time_s, time_s)
+
+
+def test_a_car_that_stands_feels_its_weight_alone() -> None:
+    sim = one_car()
+    drive(sim, 0.0, 0.0, 40)
+    assert sim.physics.motion()[0] == pytest.approx([0, 0, 0, 0, 0, 9.81], abs=0.05)
+    assert sim.physics.motion_at_rest()[0].tolist() == [0, 0, 0, 0, 0, pytest.approx(9.81)]
+
+
+def test_a_car_that_turns_left_feels_a_positive_yaw_rate() -> None:
+    sim = one_car()
+    drive(sim, 0.5, 0.3, 80)
+    assert sim.physics.motion()[0, 2] == pytest.approx(
+        float(sim.physics.qvel[0, sim.physics.handles.root_dof + 5]), abs=0.05
+    )
+    assert sim.physics.motion()[0, 2] > 0.2
+
+
+def test_the_boxes_of_a_course_stand_around_the_car() -> None:
+    sim = one_car(GATE_AHEAD)
+    placed = sim.physics.geom["geom_pos"][0]
+    for box in build_plan(GATE_AHEAD).box_position:
+        assert np.abs(placed - box).max(axis=1).min() < 1e-9
+
+
+def test_a_state_that_is_not_finite_is_an_error_with_the_row() -> None:
+    sim = one_car()
+    sim.physics.qpos[0, 0] = np.inf
+    with pytest.raises(SimulationError, match=r"rows \[0\]"):
+        sim.step(np.zeros((1, 2)), ROW)
