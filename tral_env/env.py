@@ -128,10 +128,10 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     | `width` | `640` | Width of the picture, px. |
     | `height` | `480` | Height of the picture, px. |
     | `scenario` | `'office'` | Family of the generated courses: one of `tral_env.course.generate.SCENARIOS`, which `tral courses` lists. |
-    | `course` | `None` | Every episode drives this `Course`, or the one in the JSON file of this path, instead of generated ones. |
+    | `course` | `None` | Every episode drives this `Course` instead of generated ones. Also its name, one of those that `tral courses` lists, or the path of its JSON file. |
     | `courses` | `None` | Every episode draws one of so many courses, 1 or more. Each is built when it is first driven and then kept (up to 40 kB); course k is the one that `reset(seed=k)` gives without this option. `None`: every episode builds a new course, which takes most of a reset. |
     | `camera` | `'projected'` | `"projected"`: the corners of the markers are projected through the lens, without OpenGL. `"rendered"`: OpenCV's detector searches a rendered image. |
-    | `randomization` | `'default'` | How much cars differ from one another: `"none"`, `"default"`, `"hard"`, or a `Randomization` of other ranges. |
+    | `randomization` | `'default'` | How much cars differ from one another: `"none"`, `"default"`, `"hard"`, the path of a file of ranges (.json, .yaml, .yml), or a `Randomization` of other ranges. |
     | `groups` | `()` | Optional groups of readings behind the core ones: names out of `"line"`, `"imu"`, `"battery"`. |
     | `car` | `None` | A `CarConfig`: the car's geometry. Only `full_lock_deg` may differ from the car of `assets/car.xml`. |
     | `lens` | `None` | The camera's lens: a `CameraConfig`, `"default"`, `"wide"`, or the path of a calibration file (.yaml, .yml). |
@@ -146,7 +146,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
 
     | option | what it is |
     | --- | --- |
-    | `course` | a `tral_env.course.layout.Course`, or the path of its file, for this episode; car and noise stay those of the seed |
+    | `course` | a `tral_env.course.layout.Course`, or its name or the path of its file, for this episode; car and noise stay those of the seed |
     | `car` | values of `Randomization` parameters that are not to be drawn, such as `{"friction": 0.6}` |
     | `reset_mask` | (n,) bool, in a vector environment with `autoreset_mode="Disabled"` alone: the rows to reset |
 
