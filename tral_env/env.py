@@ -18,7 +18,7 @@ from tral_env.course.plan import Plan
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space
 from tral_env.options import CorridorConfig, check_counts, is_count, option_parameters, takes
-from tral_env.world import VIEWS, Simulation, Views, Webcam, World
+from tral_env.world import VIEWS, Simulation, Views, Webcam, World, fitted
 
 _ROW = np.zeros(1, np.int64)
 
@@ -124,7 +124,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     | argument | default | meaning |
     | --- | --- | --- |
     | `render_mode` | `None` | `"rgb_array"`: `render()` gives a picture. `None`: it gives none. |
-    | `view` | `'chase'` | What `render()` shows: `"chase"`, `"top"` or `"onboard"`. |
+    | `view` | `'chase'` | What `render()` shows: `"chase"`, `"top"`, or `"onboard"`, the image of the car's camera with its lens, mounting error and faults. |
     | `width` | `640` | Width of the picture, px. |
     | `height` | `480` | Height of the picture, px. |
     | `scenario` | `'office'` | Family of the generated courses: one of `tral_env.course.generate.SCENARIOS`, which `tral courses` lists. |
@@ -271,7 +271,8 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         """Render any view at any time.
 
         Args:
-            view: "chase", "top" or "onboard".
+            view: "chase", "top", or "onboard": the last image of the car's camera, with black beside it if its
+                proportions are others; with the projected camera, which takes none, the one that it would take now.
             width: of the picture, px.
             height: of the picture, px.
 
@@ -338,6 +339,12 @@ class TralCorridorPixelsEnv(TralCorridorEnv):
             self._exposures = exposures
             self._image = webcam.image(0, sim.qpos[0], sim.mounting(_ROW)[0])
         return {"image": self._image.copy(), "readings": readings}
+
+    def render_view(self, view: str, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
+        """Render any view at any time; "onboard" is the image of the observation, see `TralCorridorEnv.render_view`."""
+        if view == "onboard" and self._webcam is not None:
+            return fitted(self._image, width, height)
+        return super().render_view(view, width, height)
 
     def _place_webcam(self, sim: Simulation) -> Webcam:
         webcam = self._webcam

@@ -21,10 +21,10 @@ from tral_env.options import CorridorConfig, as_course
 from tral_env.randomization import Randomization, level, makes_hard_courses
 from tral_env.simulation.culling import LOCAL_BOXES, max_boxes_in_reach
 from tral_env.simulation.sim import Simulation
-from tral_env.simulation.views import VIEWS, Views
+from tral_env.simulation.views import VIEWS, Views, fitted
 from tral_env.simulation.vision import Webcam
 
-__all__ = ["VIEWS", "CorridorConfig", "Drawn", "Simulation", "Step", "Views", "Webcam", "World"]
+__all__ = ["VIEWS", "CorridorConfig", "Drawn", "Simulation", "Step", "Views", "Webcam", "World", "fitted"]
 """The environments see the simulation through this module alone."""
 
 Array = NDArray[np.float64]

@@ -13,6 +13,8 @@ from gymnasium.utils.env_checker import check_env
 import tral_env.env
 from tral_env.course.layout import Course, Gate, Segment
 from tral_env.errors import ConfigError, RenderError
+from tral_env.perception.aruco import Detector
+from tral_env.perception.degrade import ImageCorruption
 from tral_env.simulation.views import VIEWS, Views
 
 NO_OPENGL = """
@@ -130,11 +132,59 @@ def test_the_pixels_are_those_of_the_car_s_own_camera() -> None:
         "again": {"image_degradation": 3.0},
     }.items():
         images[name] = env.reset(seed=1, options={"car": car})[0]["image"].astype(int)
-    assert np.abs(images["plain"] - env.unwrapped.render_view("onboard", 160, 120)).mean() < 0.5
+    assert np.array_equal(images["again"], env.unwrapped.render_view("onboard", 160, 120))
     # 5 degrees to the left move the picture right by 139 tan(5 deg) = 12 px.
     assert np.abs(images["turned"][:, 12:] - images["plain"][:, :-12]).mean() < 3
     assert np.abs(images["degraded"] - images["plain"]).mean() > 1
     assert np.array_equal(images["degraded"], images["again"])
+    env.close()
+
+
+ODD = {"camera_yaw_deg": 6.0, "camera_roll_deg": 5.0, "image_degradation": 3.0}
+FAULTS = ImageCorruption(streak_px=2.0, patch=0.1)
+
+
+@needs_opengl
+def test_the_onboard_view_is_the_image_that_the_detector_searches(monkeypatch: pytest.MonkeyPatch) -> None:
+    searched, detect = [], Detector.detect
+
+    def spy(self: Detector, image: np.ndarray) -> object:
+        searched.append(image.copy())
+        return detect(self, image)
+
+    monkeypatch.setattr(Detector, "detect", spy)
+    options = {"course": GATE_AHEAD, "camera": "rendered", "lens": "wide", "image_faults": FAULTS}
+    watched, alone = (gym.make("TralCorridor-v0", **options).unwrapped for _ in range(2))
+    for env in (alone, watched):
+        env.reset(seed=1, options={"car": ODD})
+    for _ in range(20):
+        command = np.array([0.2, 0.4], np.float32)
+        expected, *_ = alone.step(command)
+        observation, *_ = watched.step(command)
+        seen = searched[-1]
+        assert np.array_equal(watched.render_view("onboard", 640, 480), seen)
+        assert np.array_equal(observation, expected)  # to look changes nothing
+    assert len(searched) > 4
+    assert np.array_equal(watched.render_view("onboard", 1000, 480)[:, 180:820], seen)
+    assert not watched.render_view("onboard", 1000, 480)[:, :180].any()
+    for env in (alone, watched):
+        env.close()
+
+
+@needs_opengl
+@pytest.mark.parametrize("lens", ["default", "wide"])
+def test_a_projected_camera_shows_what_it_would_take(lens: str) -> None:
+    still = {"camera_yaw_deg": 6.0, "camera_roll_deg": 5.0, "camera_pitch_deg": -3.0}
+    taken = gym.make("TralCorridorPixels-v0", course=GATE_AHEAD, lens=lens, randomization="none", image_size=(640, 480))
+    image = taken.reset(seed=1, options={"car": still})[0]["image"]
+    env = gym.make("TralCorridor-v0", course=GATE_AHEAD, lens=lens, randomization="none", image_faults=None).unwrapped
+    env.reset(seed=1, options={"car": still})
+    assert np.array_equal(env.render_view("onboard", 640, 480), image)
+    env.reset(seed=1, options={"car": still | {"image_degradation": 3.0}})
+    spoilt = env.render_view("onboard", 640, 480)
+    assert np.abs(spoilt.astype(int) - image).mean() > 3
+    assert np.array_equal(env.render_view("onboard", 640, 480), spoilt)
+    taken.close()
     env.close()
 
 
