@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
-from tral_env.errors import ConfigError, nearest
+from tral_env.errors import ConfigError
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space
-from tral_env.options import CorridorConfig, check_counts, is_count, option_parameters, takes
-from tral_env.world import VIEWS, Simulation, Views, Webcam, World, fitted
+from tral_env.options import CorridorConfig, is_count, option_parameters, takes
+from tral_env.world import Simulation, Views, Webcam, World, check_pictures, fitted
 
 _ROW = np.zeros(1, np.int64)
 
@@ -88,7 +88,8 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
 
     ### Truncation
     The episode took longer than the route's length / `nominal_speed` (0.3 m/s) + `grace_s` (10 s), both of
-    `TaskConfig`.
+    `TaskConfig`. The limit depends on the course, so `spec.max_episode_steps` is None. `gym.make(..., max_episode_steps=n)`
+    adds a second limit; the earlier one truncates.
 
     ## Info
     Ground truth. No policy sees it.
@@ -169,11 +170,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         **options: Any,
     ) -> None:
         EzPickle.__init__(self, render_mode=render_mode, view=view, width=width, height=height, **options)
-        if render_mode not in (None, "rgb_array"):
-            raise ConfigError(f"unknown render_mode {render_mode!r}. Allowed: None, 'rgb_array'")
-        if view not in VIEWS:
-            raise ConfigError(f"unknown view '{view}': {nearest(view, VIEWS)}")
-        check_counts(width=width, height=height)
+        check_pictures(render_mode, view, width, height)
         self.render_mode, self._view, self._size = render_mode, view, (width, height)
         config = CorridorConfig.of(options, allowed=inspect.signature(type(self)).parameters, pixels=self._pixels)
         self.world = World(1, config)

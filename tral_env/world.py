@@ -17,14 +17,25 @@ from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import Layout
-from tral_env.options import CorridorConfig, as_course
+from tral_env.options import CorridorConfig, as_course, check_counts
 from tral_env.randomization import Randomization, level, makes_hard_courses
 from tral_env.simulation.culling import LOCAL_BOXES, max_boxes_in_reach
 from tral_env.simulation.sim import Simulation
 from tral_env.simulation.views import VIEWS, Views, fitted
 from tral_env.simulation.vision import Webcam
 
-__all__ = ["VIEWS", "CorridorConfig", "Drawn", "Simulation", "Step", "Views", "Webcam", "World", "fitted"]
+__all__ = [
+    "VIEWS",
+    "CorridorConfig",
+    "Drawn",
+    "Simulation",
+    "Step",
+    "Views",
+    "Webcam",
+    "World",
+    "check_pictures",
+    "fitted",
+]
 """The environments see the simulation through this module alone."""
 
 Array = NDArray[np.float64]
@@ -43,6 +54,19 @@ def _checked(options: Mapping[str, Any]) -> Mapping[str, Any]:
         if name not in RESET_OPTIONS:
             raise ConfigError(f"unknown reset option '{name}': {nearest(name, RESET_OPTIONS)}")
     return options
+
+
+def check_pictures(render_mode: str | None, view: str, width: object, height: object) -> None:
+    """Refuse what no picture can be rendered with.
+
+    Raises:
+        ConfigError: an unknown render mode or view, or a size that is none.
+    """
+    if render_mode not in (None, "rgb_array"):
+        raise ConfigError(f"unknown render_mode {render_mode!r}. Allowed: None, 'rgb_array'")
+    if view not in VIEWS:
+        raise ConfigError(f"unknown view '{view}': {nearest(view, VIEWS)}")
+    check_counts(width=width, height=height)
 
 
 class Drawn(NamedTuple):
