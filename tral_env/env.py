@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
-from tral_env.errors import ConfigError, nearest
+from tral_env.errors import ConfigError
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space
-from tral_env.options import CorridorConfig, check_counts, is_count, option_parameters, takes
-from tral_env.world import World
+from tral_env.options import CorridorConfig, is_count, option_parameters, takes
+from tral_env.world import World, check_pictures
 
 _ROW = np.zeros(1, np.int64)
 
@@ -90,7 +90,8 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
 
     ### Truncation
     The episode took longer than the route's length / `nominal_speed` (0.3 m/s) + `grace_s` (10 s), both of
-    `TaskConfig`.
+    `TaskConfig`. The limit depends on the course, so `spec.max_episode_steps` is None. `gym.make(..., max_episode_steps=n)`
+    adds a second limit; the earlier one truncates.
 
     ## Info
     Ground truth. No policy sees it.
@@ -126,14 +127,14 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     | argument | default | meaning |
     | --- | --- | --- |
     | `render_mode` | `None` | `"rgb_array"`: `render()` gives a picture. `None`: it gives none. |
-    | `view` | `'chase'` | What `render()` shows: `"chase"`, `"top"` or `"onboard"`. |
+    | `view` | `'chase'` | What `render()` shows: `"chase"`, `"top"`, or `"onboard"`, the image of the car's camera with its lens, mounting error and faults. |
     | `width` | `640` | Width of the picture, px. |
     | `height` | `480` | Height of the picture, px. |
     | `scenario` | `'office'` | Family of the generated courses: one of `tral_env.course.generate.SCENARIOS`, which `tral courses` lists. |
-    | `course` | `None` | Every episode drives this `Course`, or the one in the JSON file of this path, instead of generated ones. |
+    | `course` | `None` | Every episode drives this `Course` instead of generated ones. Also its name, one of those that `tral courses` lists, or the path of its JSON file. |
     | `courses` | `None` | Every episode draws one of so many courses, 1 or more. Each is built when it is first driven and then kept (up to 40 kB); course k is the one that `reset(seed=k)` gives without this option. `None`: every episode builds a new course, which takes most of a reset. |
     | `camera` | `'projected'` | `"projected"`: the corners of the markers are projected through the lens, without OpenGL. `"rendered"`: OpenCV's detector searches a rendered image. |
-    | `randomization` | `'default'` | How much cars differ from one another: `"none"`, `"default"`, `"hard"`, or a `Randomization` of other ranges. |
+    | `randomization` | `'default'` | How much cars differ from one another: `"none"`, `"default"`, `"hard"`, the path of a file of ranges (.json, .yaml, .yml), or a `Randomization` of other ranges. |
     | `groups` | `()` | Optional groups of readings behind the core ones: names out of `"line"`, `"imu"`, `"battery"`. |
     | `car` | `None` | A `CarConfig`: the car's geometry. Only `full_lock_deg` may differ from the car of `assets/car.xml`. |
     | `lens` | `None` | The camera's lens: a `CameraConfig`, `"default"`, `"wide"`, or the path of a calibration file (.yaml, .yml). |
@@ -148,7 +149,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
 
     | option | what it is |
     | --- | --- |
-    | `course` | a `tral_env.course.layout.Course`, or the path of its file, for this episode; car and noise stay those of the seed |
+    | `course` | a `tral_env.course.layout.Course`, or its name or the path of its file, for this episode; car and noise stay those of the seed |
     | `car` | values of `Randomization` parameters that are not to be drawn, such as `{"friction": 0.6}` |
     | `reset_mask` | (n,) bool, in a vector environment with `autoreset_mode="Disabled"` alone: the rows to reset |
 
@@ -171,11 +172,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         **options: Any,
     ) -> None:
         EzPickle.__init__(self, render_mode=render_mode, view=view, width=width, height=height, **options)
-        if render_mode not in (None, "rgb_array"):
-            raise ConfigError(f"unknown render_mode {render_mode!r}. Allowed: None, 'rgb_array'")
-        if view not in World.views:
-            raise ConfigError(f"unknown view '{view}': {nearest(view, World.views)}")
-        check_counts(width=width, height=height)
+        check_pictures(render_mode, view, width, height)
         self.render_mode, self._view, self._size = render_mode, view, (width, height)
         config = CorridorConfig.of(
             options, allowed=inspect.signature(type(self)).parameters, image_size=self._image_size
@@ -275,7 +272,8 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         """Render any view at any time.
 
         Args:
-            view: "chase", "top" or "onboard".
+            view: "chase", "top", or "onboard": the last image of the car's camera, with black beside it if its
+                proportions are others; with the projected camera, which takes none, the one that it would take now.
             width: of the picture, px.
             height: of the picture, px.
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import traceback
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 
 class TralError(Exception):
@@ -24,6 +26,14 @@ class CourseError(TralError, ValueError):
 
 class MachineError(TralError, ValueError):
     """A machine file cannot be read, or the machine that it describes cannot run."""
+
+
+class PolicyError(TralError, RuntimeError):
+    """A policy failed while it drove: its code raised an error, or its answer is no command."""
+
+
+class MachineRunError(PolicyError, MachineError):
+    """A state or a condition of a machine failed while the machine drove."""
 
 
 class CalibrationError(TralError, ValueError):
@@ -91,3 +101,26 @@ def problem_report(source: str, problems: Sequence[object]) -> str:
     """
     count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
     return problem_list(f"{source}: {count}", problems)
+
+
+_MAX_REASON = 300
+"""`reason` tells so many letters of an error."""
+
+
+def reason(error: BaseException, file: str | None = None) -> str:
+    """Word an error of code that is not ours in a line, with its place.
+
+    Args:
+        error: what was raised.
+        file: path of the code that is to blame; None: wherever the error was raised.
+
+    Returns:
+        A clause such as ``ZeroDivisionError: division by zero (weave.py, line 12)``.
+    """
+    lines = str(error).strip().splitlines()
+    told = f"{type(error).__name__}: {lines[0][:_MAX_REASON]}" if lines else type(error).__name__
+    if isinstance(error, SyntaxError):  # it tells its place itself
+        return told
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if frame.filename == file] or frames
+    return f"{told} ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else told

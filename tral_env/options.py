@@ -14,7 +14,7 @@ import numpy as np
 from tral_env.calibration.camera_info import load_lens
 from tral_env.config import CameraConfig, CarConfig, TaskConfig, as_config
 from tral_env.course.generate import SCENARIOS
-from tral_env.course.layout import Course, example_names
+from tral_env.course.layout import Course, example_names, example_path
 from tral_env.errors import ConfigError, CourseError, UnknownOptionError, nearest
 from tral_env.interface import Layout, group_names
 from tral_env.perception.degrade import ImageCorruption
@@ -35,7 +35,8 @@ class CorridorConfig:
     scenario: str = "office"
     """Family of the generated courses: one of `tral_env.course.generate.SCENARIOS`, which `tral courses` lists."""
     course: Course | str | Path | None = None
-    """Every episode drives this `Course`, or the one in the JSON file of this path, instead of generated ones."""
+    """Every episode drives this `Course` instead of generated ones. Also its name, one of those that `tral courses`
+    lists, or the path of its JSON file."""
     courses: int | None = None
     """Every episode draws one of so many courses, 1 or more. Each is built when it is first driven and then kept (up to
     40 kB); course k is the one that `reset(seed=k)` gives without this option. `None`: every episode builds a new
@@ -43,8 +44,9 @@ class CorridorConfig:
     camera: str = "projected"
     """`"projected"`: the corners of the markers are projected through the lens, without OpenGL. `"rendered"`: OpenCV's
     detector searches a rendered image."""
-    randomization: str | Randomization | Mapping[str, Any] = "default"
-    """How much cars differ from one another: `"none"`, `"default"`, `"hard"`, or a `Randomization` of other ranges."""
+    randomization: str | Path | Randomization | Mapping[str, Any] = "default"
+    """How much cars differ from one another: `"none"`, `"default"`, `"hard"`, the path of a file of ranges (.json,
+    .yaml, .yml), or a `Randomization` of other ranges."""
     groups: tuple[str, ...] = field(default=(), metadata={"read": group_names})
     """Optional groups of readings behind the core ones: names out of `"line"`, `"imu"`, `"battery"`."""
     car: CarConfig = field(default_factory=CarConfig, metadata={"read": partial(as_config, CarConfig)})
@@ -168,7 +170,7 @@ def check_counts(**counts: object) -> None:
 
 
 def as_course(course: Course | str | Path | None) -> Course | None:
-    """A course, read from its file if a path was given.
+    """A course: that of the package if a name was given, read from its file if a path was given.
 
     Raises:
         ConfigError: none of these, or the file cannot be opened.
@@ -176,21 +178,19 @@ def as_course(course: Course | str | Path | None) -> Course | None:
     """
     if isinstance(course, str | Path):
         try:
-            return Course.load(course)
+            return Course.load(example_path(str(course)) if course in example_names() else course)
         except (OSError, ValueError) as error:  # a name with a null is a ValueError
             if isinstance(error, CourseError):
                 raise
             raise ConfigError(_unreadable(course, error)) from error
     if course is not None and not isinstance(course, Course):
-        raise ConfigError(f"course = {course!r}: expected a Course or the path of a course file")
+        raise ConfigError(f"course = {course!r}: expected a Course, or the name or the path of one")
     return course
 
 
 def _unreadable(course: str | Path, error: Exception) -> str:
-    """Why a course file cannot be opened; the name of a family or an example is no path."""
+    """Why a course file cannot be opened; the name of a family is no path."""
     told = f"course = {str(course)[:200]!r}: cannot be read: {getattr(error, 'strerror', error)}"
-    if str(course) in example_names():
-        return f"{told}. It is an example: tral_env.course.layout.example_path({str(course)!r}) gives its path"
     if str(course) in tuple(SCENARIOS):
         return f"{told}. It is a family: scenario={str(course)!r}"
-    return f"{told}. Expected a Course or the path of a course file"
+    return f"{told}. Expected a Course, the path of its file, or its name: {nearest(course, example_names())}"

@@ -5,20 +5,24 @@
 | none | the nominal car: unit tests, system identification, first steps |
 | default | cars as they are: what a policy must cope with |
 | hard | the worst cars that a policy may meet |
+
+A level of one's own is a `Randomization`, or a file that `read_level` reads.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from tral_env.config import Bounds, EscConfig, UltrasonicConfig, as_config, check_number, check_plausible
-from tral_env.errors import ConfigError, nearest
+from tral_env.errors import ConfigError, nearest, problem_report
 
 Range = tuple[float, float]
 _ESC, _SONAR = EscConfig(), UltrasonicConfig()
@@ -193,19 +197,85 @@ LEVELS: Mapping[str, Randomization] = {
 """The named levels; docs/randomization.md has them as a table."""
 
 
-def makes_hard_courses(randomization: str | Randomization | Mapping[str, Any]) -> bool:
+def makes_hard_courses(randomization: str | Path | Randomization | Mapping[str, Any]) -> bool:
     """Whether the courses are harder too: at the level "hard", by its name or by its ranges."""
     return level(randomization) == LEVELS["hard"]
 
 
-def level(randomization: str | Randomization | Mapping[str, Any]) -> Randomization:
-    """Find a level by name, or take over ranges; a mapping of ranges is what the JSON of an environment's spec holds.
+def level(randomization: str | Path | Randomization | Mapping[str, Any]) -> Randomization:
+    """Find a level by its name or its file, or take over ranges.
+
+    Args:
+        randomization: name of a level; path of a file, see `read_level`; ranges; a mapping of ranges, which is what the
+            JSON of an environment's spec holds.
 
     Raises:
-        ConfigError: unknown name.
+        ConfigError: unknown name, or the ranges or the file are not allowed.
     """
     if isinstance(randomization, Randomization | Mapping):
         return as_config(Randomization, randomization)
+    if str(randomization).lower().endswith(_SUFFIXES):
+        return read_level(randomization)
     if randomization not in LEVELS:
-        raise ConfigError(f"unknown randomization '{randomization}': {nearest(randomization, LEVELS)}")
-    return LEVELS[randomization]
+        allowed = nearest(randomization, LEVELS)
+        raise ConfigError(
+            f"unknown randomization '{randomization}': {allowed}; a file has to end in {', '.join(_SUFFIXES)}"
+        )
+    return LEVELS[str(randomization)]
+
+
+_SUFFIXES = (".json", ".yaml", ".yml")
+
+
+def read_level(path: str | Path) -> Randomization:
+    """Read a level of one's own from a file.
+
+    Args:
+        path: a JSON or YAML file: parameter -> low and high, or one number. `base` names the level that the other
+            parameters are taken from; without it they are those of the nominal car, "none".
+
+    Raises:
+        ConfigError: the file cannot be read, or something in it is not allowed; the message lists all problems.
+    """
+    content = _content(path)
+    base = content.pop("base", "none")
+    names = [field.name for field in fields(Randomization)]
+    problems, ranges = [], {}
+    if not isinstance(base, str) or base not in LEVELS:
+        problems.append(f"base: got {base!r}: {nearest(base, LEVELS)}")
+    for name, given in content.items():
+        if name not in names:
+            problems.append(f"unknown parameter '{name}': {nearest(name, ['base', *names])}")
+            continue
+        pair = given if isinstance(given, list) else [given, given]
+        try:
+            _check_range(name, pair)
+        except ConfigError as error:
+            problems.append(str(error).removeprefix("Randomization."))
+        else:
+            ranges[name] = (float(pair[0]), float(pair[1]))
+    if problems:
+        raise ConfigError(problem_report(str(path), problems))
+    return replace(LEVELS[base], **ranges)
+
+
+def _content(path: str | Path) -> dict[str, Any]:
+    """The mapping in a JSON or YAML file; JSON is YAML."""
+    try:
+        text = Path(path).read_text("utf-8-sig")
+        content, node = yaml.safe_load(text), yaml.compose(text, yaml.SafeLoader)
+    except (OSError, UnicodeDecodeError) as error:
+        told = getattr(error, "strerror", None) or error
+        raise ConfigError(f"randomization {path}: cannot be read: {told}") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        mark = getattr(error, "problem_mark", None)
+        place = f"{path}:{mark.line + 1}:{mark.column + 1}" if mark else str(path)
+        raise ConfigError(f"{place}: not YAML or JSON: {getattr(error, 'problem', None) or error}") from error
+    if not isinstance(content, dict) or not content:
+        raise ConfigError(
+            f"{path}: got {type(content).__name__}: expected parameters and their ranges, such as friction: [0.4, 0.6]"
+        )
+    keys = [key.value for key, _ in node.value]
+    if repeated := sorted({str(key) for key in keys if keys.count(key) > 1}):
+        raise ConfigError(f"{path}: {', '.join(repeated)}: there more than once. Allowed: each name once")
+    return content

@@ -6,7 +6,7 @@ and the wrapper reads what SB3 wants of an episode's end from `final_obs` and `f
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,10 @@ try:
     from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 except ImportError as error:
     raise MissingExtraError("stable-baselines3", "rl", "tral_env.sb3") from error
+
+
+MAX_PICTURES = 16
+"""`render` shows so many cars at most."""
 
 
 class SB3CorridorVecEnv(VecEnv):
@@ -42,6 +46,7 @@ class SB3CorridorVecEnv(VecEnv):
         self._seed: int | None = None
         self._actions: NDArray[np.floating] = np.zeros((env.num_envs, 2))
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
+        self.metadata["render_fps"] = env.metadata["render_fps"]
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Seed the next reset: row i with seed + i."""
@@ -59,15 +64,20 @@ class SB3CorridorVecEnv(VecEnv):
         super().set_options(options)
 
     def reset(self) -> NDArray[np.float32]:
-        """Start new episodes in all rows; `reset_infos` then holds the drawn parameters of each car as "car"."""
+        """Start new episodes in all rows.
+
+        From now on `reset_infos` holds the parameters of each row's car as "car", those of the episode that is driven.
+        """
         observation, info = self.env.reset(seed=self._seed, options=self._options[0] or None)
         self._seed = None
         self._reset_options()
-        self.reset_infos = [
-            {"car": {name: float(value) for name, value in _row(info["car"], row).items()}}
-            for row in range(self.num_envs)
-        ]
+        self._tell_cars(info, range(self.num_envs))
         return np.asarray(observation, np.float32)
+
+    def _tell_cars(self, info: dict[str, Any], rows: Iterable[int]) -> None:
+        """Put the cars of rows that began an episode into `reset_infos`, a list that wrappers share."""
+        for row in rows:
+            self.reset_infos[row] = {"car": {name: float(value) for name, value in _row(info["car"], row).items()}}
 
     def step_async(self, actions: NDArray[np.floating]) -> None:
         """Keep the actions (n, 2) for `step_wait`."""
@@ -85,7 +95,13 @@ class SB3CorridorVecEnv(VecEnv):
                 "terminal_observation": info["final_obs"][row],
                 "TimeLimit.truncated": bool(truncated[row] and not terminated[row]),
             }
+        if done.any():
+            self._tell_cars(info, np.flatnonzero(done).tolist())
         return np.asarray(observation, np.float32), reward.astype(np.float32), done, infos
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """Pictures of the first cars, at most `MAX_PICTURES`; `render` puts them side by side."""
+        return self.env.render_rows(range(min(self.num_envs, MAX_PICTURES)))
 
     def close(self) -> None:
         """Free what the environment holds."""
@@ -109,6 +125,15 @@ class SB3CorridorVecEnv(VecEnv):
         return [False] * len(list(self._get_indices(indices)))
 
 
+class _Monitor(VecMonitor):
+    """`VecMonitor` that has the `reset_infos` of its environment; wrappers of SB3 keep empty ones of their own."""
+
+    def reset(self) -> Any:
+        observation = super().reset()
+        self.reset_infos = self.venv.reset_infos
+        return observation
+
+
 def _row(info: dict[str, Any], row: int) -> dict[str, Any]:
     """The entries of one row, without masks; so too within an entry."""
     return {
@@ -125,7 +150,7 @@ def make_vec_env(num_envs: int = 64, *, seed: int | None = None, monitor: bool =
         num_envs: n.
         seed: row i starts with seed + i.
         monitor: wrap it in `VecMonitor`, which counts episodes' rewards and lengths.
-        options: those of `TralCorridorVectorEnv`.
+        options: those of `TralCorridorVectorEnv`, such as ``render_mode="rgb_array"`` for SB3's `VecVideoRecorder`.
 
     Returns:
         A `VecEnv`, for example ``PPO("MlpPolicy", make_vec_env(64, scenario="corners"))``.
@@ -135,4 +160,4 @@ def make_vec_env(num_envs: int = 64, *, seed: int | None = None, monitor: bool =
     """
     env = SB3CorridorVecEnv(TralCorridorVectorEnv(num_envs, autoreset_mode="SameStep", **options))
     env.seed(seed)
-    return VecMonitor(env, info_keywords=("is_success",)) if monitor else env
+    return _Monitor(env, info_keywords=("is_success",)) if monitor else env

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, action_space
 from tral_env.options import CorridorConfig, check_counts, option_parameters, takes
-from tral_env.world import Step, World
+from tral_env.world import Step, World, check_pictures
 
 Array = NDArray[np.floating]
 
@@ -25,7 +25,7 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
     """`TralCorridor-v0`, n at once: ``gym.make_vec("TralCorridor-v0", num_envs=64)``.
 
     Row i, reset with seed s + i, is bit for bit the single environment reset with that seed, whatever the other rows
-    do. The options are those of `TralCorridorEnv`, without the arguments of its pictures, and three more arguments:
+    do. The options are those of `TralCorridorEnv`, and three more arguments:
 
     - `num_envs`: number of cars, n.
     - `autoreset_mode`: "NextStep" (default), "SameStep" or "Disabled", as Gymnasium defines them. With "SameStep"
@@ -38,19 +38,30 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
     third of the time or less.
 
     Every entry of `info` is an array of (n, ...) with a mask `_name`; `info["car"]` of a reset holds the parameters of
-    the cars in the same way. ``options={"car": {"friction": np.linspace(0.5, 1.2, n)}}`` sweeps a parameter.
+    the cars in the same way, and that of a step those of the rows that began an episode in it.
+    ``options={"car": {"friction": np.linspace(0.5, 1.2, n)}}`` sweeps a parameter.
+
+    With ``render_mode="rgb_array"`` `render()` gives a picture of each car, as Gymnasium's `RecordVideo` for vector
+    environments wants it.
     """
 
-    metadata: dict[str, Any] = {"render_fps": int(CONTROL_RATE_HZ)}  # noqa: RUF012 (Gymnasium declares it so)
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": int(CONTROL_RATE_HZ)}  # noqa: RUF012 (Gymnasium declares it so)
 
     def __init__(
         self,
         num_envs: int = 1,
         autoreset_mode: str | AutoresetMode = "NextStep",
         nthread: int = 2,
+        *,
+        render_mode: str | None = None,
+        view: str = "chase",
+        width: int = 640,
+        height: int = 480,
         **options: Any,
     ) -> None:
         check_counts(num_envs=num_envs, nthread=nthread)
+        check_pictures(render_mode, view, width, height)
+        self.render_mode, self._view, self._size = render_mode, view, (width, height)
         self._mode = _autoreset_mode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
         config = CorridorConfig.of(options, allowed=inspect.signature(type(self)).parameters)
@@ -161,7 +172,8 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
             final = step.info | {"is_success": step.info["success"], "reward_terms": step.reward_terms}
             info["final_info"], info["_final_info"] = _masked(final, self._done), self._done.copy()
             info |= _earned(step.reward_terms, ~self._done)
-            self.world.reset(self.world.request(np.flatnonzero(self._done)), self._rngs)
+            cars = self.world.reset(self.world.request(np.flatnonzero(self._done)), self._rngs)
+            info |= _masked({"car": cars}, self._done)
             self._done = np.zeros(self.num_envs, bool)
             observation = self.world.observation()
             info |= _masked(self.world.info())
@@ -187,19 +199,38 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         self, step: Step, again: NDArray[np.bool_]
     ) -> tuple[Array, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Start the rows anew that ended in the step before; this step does nothing else with them."""
-        self.world.reset(self.world.request(np.flatnonzero(again)), self._rngs)
+        cars = self.world.reset(self.world.request(np.flatnonzero(again)), self._rngs)
         terminated, truncated = step.terminated & ~again, step.truncated & ~again
         self._done = terminated | truncated
         reward = np.where(again, 0.0, step.reward)
         fresh = self.world.info()
         info = {name: np.where(_like(again, values), fresh[name], values) for name, values in step.info.items()}
         self._last = Step(self.world.observation(), reward, terminated, truncated, info, step.reward_terms)
-        told = _masked(info) | _earned(step.reward_terms, ~again) | self._success()
+        told = _masked(info) | _earned(step.reward_terms, ~again) | self._success() | _masked({"car": cars}, again)
         return self._last.observation, reward, terminated, truncated, told
 
     def _success(self) -> dict[str, Any]:
         """``is_success`` of the rows that have ended; nothing while all are under way."""
         return _masked({"is_success": self._last.info["success"]}, self._done) if self._done.any() else {}
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """The chosen view of each car, n of (height, width, 3) uint8; None without a render mode."""
+        return None if self.render_mode is None else self.render_rows(range(self.num_envs))
+
+    def render_rows(self, rows: Iterable[int]) -> tuple[NDArray[np.uint8], ...]:
+        """The chosen view of some cars, at any time.
+
+        Args:
+            rows: the cars.
+
+        Returns:
+            (height, width, 3) uint8 each.
+
+        Raises:
+            ConfigError: there was no reset.
+            RenderError: no OpenGL on this machine.
+        """
+        return tuple(self.world.render(self._view, row, *self._size) for row in rows)
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free what OpenGL holds."""

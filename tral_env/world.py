@@ -18,11 +18,11 @@ from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import Layout
-from tral_env.options import CorridorConfig, as_course
+from tral_env.options import CorridorConfig, as_course, check_counts
 from tral_env.randomization import Randomization, level, makes_hard_courses
 from tral_env.simulation.culling import LOCAL_BOXES, max_boxes_in_reach
 from tral_env.simulation.sim import Simulation
-from tral_env.simulation.views import VIEWS, Views
+from tral_env.simulation.views import VIEWS, Views, fitted
 
 RESET_OPTIONS = ("course", "car")
 """What ``reset(options=...)`` understands."""
@@ -50,6 +50,19 @@ class ResetRequest:
     """The course that they drive; None: each a generated one."""
     near: int = 0
     """Boxes of that course that may be near a car."""
+
+
+def check_pictures(render_mode: str | None, view: str, width: object, height: object) -> None:
+    """Refuse what no picture can be rendered with.
+
+    Raises:
+        ConfigError: an unknown render mode or view, or a size that is none.
+    """
+    if render_mode not in (None, "rgb_array"):
+        raise ConfigError(f"unknown render_mode {render_mode!r}. Allowed: None, 'rgb_array'")
+    if view not in VIEWS:
+        raise ConfigError(f"unknown view '{view}': {nearest(view, VIEWS)}")
+    check_counts(width=width, height=height)
 
 
 class Drawn(NamedTuple):
@@ -347,7 +360,7 @@ class World:
         return self.sim.images()
 
     def render(self, view: str, row: int, width: int, height: int) -> NDArray[np.uint8]:
-        """Picture of a car, (height, width, 3).
+        """Picture of a car, (height, width, 3); "onboard" is the observed image, if images are observed.
 
         Args:
             view: one of `views`.
@@ -359,6 +372,8 @@ class World:
             ConfigError: unknown view, or there was no reset.
             RenderError: no OpenGL on this machine.
         """
+        if view == "onboard" and self.config.image_size is not None:
+            return fitted(self.images()[row], width, height)
         return self._views.render(self.sim, view, row, width, height)
 
     def close(self) -> None:

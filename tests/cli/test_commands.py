@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import inspect
 import json
 import os
 import subprocess
@@ -11,10 +12,12 @@ from typer.testing import CliRunner, Result
 
 import tral_env
 from tral_env.course.generate import SCENARIOS
-from tral_env.course.layout import Course
+from tral_env.course.layout import Course, example_names, example_path
+from tral_env.env import TralCorridorEnv
 from tral_env.errors import SimulationError
 from tral_fsm.cli import app
 from tral_fsm.cli.courses import seeded_course
+from tral_fsm.cli.drive import command as drive_command
 
 SHORT = {"name": "short", "segments": [{"length": 4.0}]}
 """A course that is driven in a few seconds."""
@@ -98,7 +101,18 @@ def test_a_course_file_is_driven_under_its_name(driven: tuple[Path, Result]) -> 
         (["drive", "--scenario", "cornrs"], "unknown scenario 'cornrs': did you mean 'corners'?"),
         (["drive", "--policy", "wal"], "did you mean 'wall'?"),
         (["courses", "--scenario", "ofice"], "did you mean 'office'?"),
-        (["courses", "--out", "a.json"], "a course file holds one course, so --scenario is needed"),
+        (["courses", "--out", "a.json"], "a course file holds one course, so --scenario or --course is needed"),
+        (["courses", "--course", "l_shap"], "did you mean 'l_shape'?"),
+        (["courses", "--course", "ring", "--scenario", "loop"], "expected one of them"),
+        (["courses", "--course", "ring", "--out", "a.bmp"], "got suffix '.bmp': Allowed: .png, .json"),
+        (["drive", "--course", "l_shap"], "did you mean 'l_shape'?"),
+        (["drive", "--car", "frction=0.6"], "--car frction=0.6: unknown parameter 'frction': did you mean 'friction'?"),
+        (["drive", "--car", "friction"], "--car friction: expected NAME=VALUE with a number"),
+        (["drive", "--car", "friction=-1"], "expected numbers above 0"),
+        (["drive", "--car", "friction=1", "--car", "friction=2"], "--car friction=2: friction is set twice"),
+        (["drive", "--randomization", "hrd"], "did you mean 'hard'?"),
+        (["drive", "--randomization", "no.yaml"], "randomization no.yaml: cannot be read"),
+        (["drive", "--policy", "no.py:P"], "policy file no.py: there is no such file"),
         (["courses", "--out", "a.bmp"], "got suffix '.bmp': Allowed: .png, .json"),
         (["tune", "--params", "*.p=3"], "*.p=3: expected LOW:HIGH"),
         (["tune", "--params", "*.d=3:1"], "*.d=3:1: expected the lower end first"),
@@ -219,3 +233,104 @@ def test_the_doctor_finds_the_core_working_and_says_a_remedy_for_all_that_is_not
     assert found["plugin: -"]["detail"] == "no entry point of the group tral_fsm.states"
     assert found["core: env without OpenGL"]["detail"].endswith("steps/s")
     assert all(finding["ok"] != bool(finding["remedy"]) for finding in report["findings"])
+
+
+OWN = """
+class Own:
+    active_states = ["rolling"]
+
+    def act(self, observation):
+        return [0.0, 0.3]
+
+
+class Fragile:
+    def act(self, observation):
+        return 1 / 0
+"""
+
+
+def test_a_policy_of_one_s_own_gets_all_that_a_machine_gets(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(OWN)
+    (tmp_path / "level.yaml").write_text("base: default\nfriction: [0.5, 0.6]\n")
+    arguments = ["--policy", tmp_path / "own.py:Own", "--course", "short", "--randomization", tmp_path / "level.yaml"]
+    out = tmp_path / "out"
+    result = tral("drive", *arguments, "--car", "battery_v=6.8", "--no-video", "--trace", "--out", out)
+    assert result.exit_code == 0, result.stderr
+    assert "own.py:Own on short, projected camera" in " ".join(result.stdout.split())
+    assert sorted(path.name for path in out.iterdir()) == ["summary.json", "trace.csv", "trajectory.png"]
+    assert (out / "trace.csv").read_text().splitlines()[1].split(",")[:3] == ["0", "0.0125", "rolling"]
+    assert json.loads((out / "summary.json").read_text())["arguments"]["car"] == {"battery_v": 6.8}
+
+
+def test_a_policy_that_fails_is_told_in_a_line_and_exits_with_1(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(OWN)
+    policy = f"{tmp_path / 'own.py'}:Fragile"
+    result = tral("drive", "--policy", policy, "--course", "short", "--no-video", "--out", tmp_path / "out")
+    assert result.exit_code == 1
+    told = f"Error: policy {policy} failed at 0.01 s: ZeroDivisionError: division by zero (own.py, line 11)"
+    assert result.stderr.splitlines()[-1] == told
+
+
+def test_a_state_that_fails_is_told_in_a_line_and_exits_with_1(tmp_path: Path) -> None:
+    code = """
+import sys
+from typing import Literal
+from tral_fsm import states
+from tral_fsm.cli import app
+from tral_fsm.definition.machine import StateSpec
+
+class WeaveSpec(StateSpec):
+    type: Literal["Weave"] = "Weave"
+
+@states.register
+class Weave(states.State[WeaveSpec]):
+    def tick(self, estimate):
+        return self.spec.swing
+
+open("m.json", "w").write('{"root": 0, "states": [{"id": 0, "type": "Weave", "final": true}]}')
+sys.argv = ["tral", "drive", "--policy", "m.json", "--course", "short", "--no-video"]
+app()
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert "Error: state 0 (Weave) failed at 0.01 s: AttributeError: " in done.stderr
+
+
+def test_the_command_and_gym_make_have_the_same_camera_by_default() -> None:
+    default = inspect.signature(TralCorridorEnv).parameters["camera"].default
+    assert inspect.signature(drive_command).parameters["camera"].default == default
+
+
+def test_a_car_that_is_set_is_the_car_that_drives(tmp_path: Path) -> None:
+    times = []
+    for friction in ("friction=0.9", "friction=0.9", "friction=0.05"):
+        arguments = [*CALM, "--course", "short", "--car", friction, "--no-video", "--json", "--out", tmp_path]
+        times.append(json.loads(tral("drive", *arguments).stdout)["episodes"][0]["time_s"])
+    assert times[0] == times[1] < times[2]
+
+
+def test_courses_with_a_name_are_listed_and_checked() -> None:
+    listed = " ".join(tral("courses").stdout.split())
+    assert all(name in listed for name in example_names())
+    checked = tral("courses", "--course", "one_gate")
+    assert checked.exit_code == 0
+    assert checked.stdout == "one_gate: can be driven: 'one_gate', a route of 7.0 m, 1 gate\n"
+
+
+def test_a_course_file_is_checked_and_drawn(tmp_path: Path, short: Path) -> None:
+    assert tral("courses", "--course", short, "--out", tmp_path / "short.png").exit_code == 0
+    assert (tmp_path / "short.png").read_bytes().startswith(b"\x89PNG")
+    assert tral("courses", "--course", "ring", "--out", tmp_path / "mine.json").exit_code == 0
+    assert Course.load(tmp_path / "mine.json") == Course.load(example_path("ring"))
+    (tmp_path / "bad.json").write_text('{"name": "bad", "segments": [{"length": 0.1, "obstacles": [{"at": 1}]}]}')
+    result = tral("courses", "--course", tmp_path / "bad.json", "--out", tmp_path / "bad.png")
+    assert result.exit_code == 1
+    assert "/segments/0/length: got 0.1. Allowed: greater than or equal to 1" in result.stderr
+    (tmp_path / "blocked.json").write_text(
+        '{"name": "b", "segments": [{"length": 9, "obstacles": [{"at": 5, "width": 1.9}]}]}'
+    )
+    result = tral("courses", "--course", tmp_path / "blocked.json")
+    assert result.exit_code == 1
+    assert result.stdout == ""
+    assert not (tmp_path / "bad.png").exists()

@@ -18,7 +18,9 @@ SET_UP = ("python3 -m venv ", ".venv/bin/pip install ", "pip install ", ".venv/b
 """What begins so installs or runs these tests: .ci/run does it, with the command of the README."""
 
 CHEAPER = {
-    ".venv/bin/tral drive --scenario office --seed 7 --out runs/first": "--camera projected --no-video",
+    ".venv/bin/tral drive --scenario office --seed 7 --camera rendered --out runs/first": (
+        "--camera projected --no-video"
+    ),
     'tral tune --policy wall --scenario straight --params "*.p,*.d" --budget 600 --out runs/tune': (
         "--seeds 0:1 --budget 4 --population 4 --report-seeds 500:501 --grid 0"
     ),

@@ -18,8 +18,9 @@ PAGE = read("docs/extending.md")
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """The files of the page, and the metadata that pip makes of its pyproject.toml."""
+    page = PAGE[PAGE.index("## A state and a condition") :]
     text = {
-        name: [each.text for each in examples("", PAGE) if each.language == name] for name in ("python", "toml", "json")
+        name: [each.text for each in examples("", page) if each.language == name] for name in ("python", "toml", "json")
     }
     (tmp_path / "sine_wall.py").write_text(text["python"][0])
     (tmp_path / "test_sine_wall.py").write_text(text["python"][1])
@@ -55,6 +56,16 @@ def test_its_machine_is_checked_with_the_types_of_the_plugin(folder: Path) -> No
 
 def test_its_tests_pass(folder: Path) -> None:
     assert "2 passed" in run(folder, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_sine_wall.py")
+
+
+def test_its_policy_is_driven_by_the_command_and_arrives(tmp_path: Path) -> None:
+    (tmp_path / "middle.py").write_text(examples("", PAGE)[0].text)
+    command = "tral drive --policy middle.py:Middle --course short --trace"
+    assert command in PAGE
+    drive = command.split()[1:]
+    out = run(tmp_path, "-c", "from tral_fsm.cli import app; app()", *drive, "--no-video", "--out", "out")
+    assert "yes" in out
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"summary.json", "trace.csv", "trajectory.png"}
 
 
 def test_the_tests_that_it_names_are_there() -> None:

@@ -133,6 +133,17 @@ def test_a_car_that_stands_runs_out_of_time() -> None:
     assert info["is_success"] is False
 
 
+@pytest.mark.parametrize(("steps", "ends_after"), [(50, 50), (10**6, 1867)])
+def test_a_second_limit_of_steps_truncates_once_at_the_earlier_of_both(steps: int, ends_after: int) -> None:
+    assert gym.spec("TralCorridor-v0").max_episode_steps is None
+    env = gym.make("tral_env:TralCorridor-v0", course="short", max_episode_steps=steps)
+    env.reset(seed=0)
+    own_limit = 80 * (env.unwrapped.plan.length / 0.3 + 10)
+    assert ends_after == min(steps, np.ceil(own_limit))
+    ends = [env.step(np.zeros(2, np.float32))[2:4] for _ in range(ends_after)]
+    assert ends == [(False, False)] * (ends_after - 1) + [(False, True)]
+
+
 def test_the_true_clearances_are_what_the_side_ultrasonics_measure() -> None:
     env = corridor(scenario="straight", randomization="none")
     env.reset(seed=4)

@@ -166,10 +166,11 @@ def test_true_is_no_number_of_anything(name: str) -> None:
 @pytest.mark.parametrize(
     ("course", "told"),
     [
-        ("nope.json", "Expected a Course or the path of a course file"),
-        (".", "Expected a Course or the path of a course file"),
+        ("nope.json", "Expected a Course, the path of its file, or its name: "),
+        (".", "Expected a Course, the path of its file, or its name: "),
+        ("l_shap", "did you mean 'l_shape'?"),
+        ("./short", "Expected a Course, the path of its file, or its name: "),
         ("office", "It is a family: scenario='office'"),
-        ("default", "It is an example: tral_env.course.layout.example_path('default') gives its path"),
     ],
 )
 def test_a_course_file_that_cannot_be_opened_is_refused_at_make(course: str, told: str):

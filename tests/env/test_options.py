@@ -11,6 +11,8 @@ from corridors import corridor
 from gymnasium.envs.registration import EnvSpec
 
 from tral_env.config import CameraConfig, CarConfig, TaskConfig
+from tral_env.course.generate import SCENARIOS
+from tral_env.course.layout import Course, example_names, example_path
 from tral_env.env import TralCorridorEnv, TralCorridorPixelsEnv
 from tral_env.errors import ConfigError, UnknownOptionError
 from tral_env.options import CorridorConfig, option_fields
@@ -108,3 +110,20 @@ def test_stable_baselines_takes_the_same_options() -> None:
 def test_the_real_car_too_takes_groups_as_names_in_a_tuple() -> None:
     with pytest.raises(ConfigError, match="groups = 'imu': expected names in a tuple"):
         gym.make("TralCar-v0", groups="imu")
+
+
+def test_a_course_may_be_given_by_its_name_at_make_and_at_reset() -> None:
+    env = gym.make("TralCorridor-v0", course="l_shape")
+    env.reset(seed=1)
+    assert env.unwrapped.course == Course.load(example_path("l_shape"))
+    env.reset(seed=1, options={"course": "one_gate"})
+    assert env.unwrapped.course.name == "one_gate"
+    again = gym.make(EnvSpec.from_json(env.spec.to_json()))
+    again.reset(seed=1)
+    assert again.unwrapped.course.name == "l_shape"
+    env.close()
+    again.close()
+
+
+def test_no_course_has_the_name_of_a_family() -> None:
+    assert not {*example_names()} & {*SCENARIOS}

@@ -65,10 +65,27 @@ def test_cars_are_told_at_reset_and_can_be_given_one_value_a_row() -> None:
     env = make_vec_env(2, seed=0, scenario="straight")
     env.set_options({"car": {"friction": [0.6, 0.9]}})
     env.reset()
-    told = env.unwrapped.reset_infos
-    assert [info["car"]["friction"] for info in told] == [0.6, 0.9]
+    for told in (env.reset_infos, env.unwrapped.reset_infos):
+        assert [info["car"]["friction"] for info in told] == [0.6, 0.9]
     env.reset()
-    assert [info["car"]["friction"] for info in env.unwrapped.reset_infos] != [0.6, 0.9]
+    assert [info["car"]["friction"] for info in env.reset_infos] != [0.6, 0.9]
+
+
+@pytest.mark.parametrize("monitor", [True, False])
+def test_a_row_that_begins_anew_tells_its_new_car(monitor: bool) -> None:
+    env = make_vec_env(2, seed=0, scenario="straight", monitor=monitor)
+    env.reset()
+    before = [info["car"] for info in env.reset_infos]
+    command = np.array([[1.0, 0.9], [0.0, 0.0]])  # into the wall, and standing
+    done = np.zeros(2, bool)
+    while not done.any():
+        _, _, done, _ = env.step(command)
+    assert done.tolist() == [True, False]
+    after = [info["car"] for info in env.reset_infos]
+    assert after[0] != before[0]
+    assert after[1] == before[1]
+    drawn = env.get_attr("world")[0].sim.parameters
+    assert after[0] == {name: float(values[0]) for name, values in drawn.items()}
 
 
 def test_options_for_each_row_are_refused() -> None:

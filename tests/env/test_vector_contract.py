@@ -109,6 +109,26 @@ def test_every_entry_of_info_has_its_mask() -> None:
             assert name.startswith("_") or info[f"_{name}"].shape == (ROWS,)
 
 
+@pytest.mark.parametrize("mode", MODES[:2])
+def test_a_row_that_begins_anew_tells_its_car_as_gymnasium_tells_it(mode: AutoresetMode) -> None:
+    ours, theirs = native(mode, scenario="straight"), rival(mode, scenario="straight")
+    for env in (ours, theirs):
+        env.reset(seed=3)
+    begun = 0
+    for action in actions(300):
+        info, their = ours.step(action)[4], theirs.step(action)[4]
+        assert ("car" in info) == ("car" in their)
+        if "car" in their:
+            new = their["_car"]
+            begun += new.sum()
+            assert_array_equal(info["_car"], new)
+            for name in info["car"]:
+                if not name.startswith("_"):
+                    assert_array_equal(info["car"][name][new], their["car"][name][new])
+                    assert_array_equal(info["car"][f"_{name}"], new)
+    assert begun >= 1
+
+
 @pytest.mark.parametrize("mode", MODES)
 def test_the_terms_of_the_reward_are_told_as_gymnasium_tells_them(mode: AutoresetMode) -> None:
     ours, theirs = native(mode, scenario="straight"), rival(mode, scenario="straight")

@@ -3,17 +3,23 @@
 import itertools
 import subprocess
 import sys
+import types
 import warnings
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from gymnasium.wrappers.vector import RecordVideo
 
 import tral_env.env
 from tral_env.course.layout import Course, Gate, Segment
 from tral_env.errors import ConfigError, RenderError
+from tral_env.perception.aruco import Detector
+from tral_env.perception.degrade import ImageCorruption
 from tral_env.simulation.views import VIEWS
+from tral_env.vector_env import TralCorridorVectorEnv
 
 NO_OPENGL = """
 import os
@@ -144,12 +150,163 @@ def test_the_pixels_are_those_of_the_car_s_own_camera() -> None:
         "again": {"image_degradation": 3.0},
     }.items():
         images[name] = env.reset(seed=1, options={"car": {"camera_latency_s": 0.0, **car}})[0]["image"].astype(int)
-    assert np.abs(images["plain"] - env.unwrapped.render_view("onboard", 160, 120)).mean() < 0.5
+    assert np.array_equal(images["again"], env.unwrapped.render_view("onboard", 160, 120))
     # 5 degrees to the left move the picture right by 139 tan(5 deg) = 12 px.
     assert np.abs(images["turned"][:, 12:] - images["plain"][:, :-12]).mean() < 3
     assert np.abs(images["degraded"] - images["plain"]).mean() > 1
     assert np.array_equal(images["degraded"], images["again"])
     env.close()
+
+
+ODD = {"camera_yaw_deg": 6.0, "camera_roll_deg": 5.0, "image_degradation": 3.0}
+FAULTS = ImageCorruption(streak_px=2.0, patch=0.1)
+
+
+@needs_opengl
+def test_the_onboard_view_is_the_image_that_the_detector_searches(monkeypatch: pytest.MonkeyPatch) -> None:
+    searched, detect = [], Detector.detect
+
+    def spy(self: Detector, image: np.ndarray) -> object:
+        searched.append(image.copy())
+        return detect(self, image)
+
+    monkeypatch.setattr(Detector, "detect", spy)
+    options = {"course": GATE_AHEAD, "camera": "rendered", "lens": "wide", "image_faults": FAULTS}
+    watched, alone = (gym.make("TralCorridor-v0", **options).unwrapped for _ in range(2))
+    for env in (alone, watched):
+        env.reset(seed=1, options={"car": ODD})
+    for _ in range(20):
+        command = np.array([0.2, 0.4], np.float32)
+        expected, *_ = alone.step(command)
+        observation, *_ = watched.step(command)
+        seen = searched[-1]
+        assert np.array_equal(watched.render_view("onboard", 640, 480), seen)
+        assert np.array_equal(observation, expected)  # to look changes nothing
+    assert len(searched) > 4
+    assert np.array_equal(watched.render_view("onboard", 1000, 480)[:, 180:820], seen)
+    assert not watched.render_view("onboard", 1000, 480)[:, :180].any()
+    for env in (alone, watched):
+        env.close()
+
+
+@needs_opengl
+@pytest.mark.parametrize("lens", ["default", "wide"])
+def test_a_projected_camera_shows_what_it_would_take(lens: str) -> None:
+    still = {"camera_latency_s": 0.0, "camera_yaw_deg": 6.0, "camera_roll_deg": 5.0, "camera_pitch_deg": -3.0}
+    taken = gym.make("TralCorridorPixels-v0", course=GATE_AHEAD, lens=lens, randomization="none", image_size=(640, 480))
+    image = taken.reset(seed=1, options={"car": still})[0]["image"]
+    env = gym.make("TralCorridor-v0", course=GATE_AHEAD, lens=lens, randomization="none", image_faults=None).unwrapped
+    env.reset(seed=1, options={"car": still})
+    assert np.array_equal(env.render_view("onboard", 640, 480), image)
+    env.reset(seed=1, options={"car": still | {"image_degradation": 3.0}})
+    spoilt = env.render_view("onboard", 640, 480)
+    assert np.abs(spoilt.astype(int) - image).mean() > 3
+    assert np.array_equal(env.render_view("onboard", 640, 480), spoilt)
+    taken.close()
+    env.close()
+
+
+@needs_opengl
+def test_a_vector_environment_gives_a_picture_of_each_row() -> None:
+    options = {"scenario": "gates", "render_mode": "rgb_array", "width": 160, "height": 120}
+    envs = gym.make_vec("TralCorridor-v0", num_envs=2, **options)
+    envs.reset(seed=3)
+    pictures = envs.render()
+    for row, picture in enumerate(pictures):
+        env = gym.make("TralCorridor-v0", **options)
+        env.reset(seed=3 + row)
+        assert np.array_equal(env.render(), picture)
+        env.close()
+    envs.close()
+    assert gym.make_vec("TralCorridor-v0", num_envs=2).render() is None
+
+
+def test_a_vector_environment_refuses_other_pictures() -> None:
+    with pytest.raises(ConfigError, match="unknown render_mode 'human'"):
+        TralCorridorVectorEnv(2, render_mode="human")
+    with pytest.raises(ConfigError, match="did you mean 'onboard'"):
+        TralCorridorVectorEnv(2, view="onbord")
+    with pytest.raises(ConfigError, match="width = 0: expected a whole number, 1 or more"):
+        TralCorridorVectorEnv(2, width=0)
+
+
+@pytest.fixture
+def clips(monkeypatch: pytest.MonkeyPatch) -> list[list[np.ndarray]]:
+    """The videos that a recorder hands to moviepy, which is not needed for the frames."""
+    written: list[list[np.ndarray]] = []
+
+    class Clip:
+        def __init__(self, frames: list[np.ndarray], fps: float) -> None:
+            assert fps == 80
+            written.append(frames)
+
+        def write_videofile(self, *_: object, **__: object) -> None:
+            pass
+
+    names = ("moviepy", "moviepy.video", "moviepy.video.io", "moviepy.video.io.ImageSequenceClip")
+    for name in names:
+        module = types.ModuleType(name)
+        module.ImageSequenceClip = Clip  # type: ignore[attr-defined]
+        monkeypatch.setitem(sys.modules, name, module)
+    return written
+
+
+@needs_opengl
+def test_gymnasium_records_a_vector_environment(tmp_path: Path, clips: list[list[np.ndarray]]) -> None:
+    envs = gym.make_vec("TralCorridor-v0", num_envs=2, scenario="gates", render_mode="rgb_array", width=64, height=48)
+    envs = RecordVideo(envs, str(tmp_path / "videos"), episode_trigger=lambda episode: True, video_length=5)
+    envs.reset(seed=1)
+    for _ in range(6):
+        envs.step(np.tile([0.1, 0.4], (2, 1)))
+    envs.close()
+    assert [len(clip) for clip in clips] == [6]
+    assert clips[0][0].size == 2 * 64 * 48 * 3
+    assert not np.array_equal(clips[0][0], clips[0][-1])
+
+
+@needs_opengl
+def test_stable_baselines_records_up_to_sixteen_cars(tmp_path: Path, clips: list[list[np.ndarray]]) -> None:
+    pytest.importorskip("stable_baselines3")
+    from stable_baselines3.common.vec_env import VecVideoRecorder
+
+    from tral_env.sb3 import make_vec_env
+
+    envs = make_vec_env(17, scenario="straight", seed=1, render_mode="rgb_array", width=16, height=12, courses=2)
+    envs = VecVideoRecorder(envs, str(tmp_path), record_video_trigger=lambda step: step == 0, video_length=3)
+    envs.reset()
+    for _ in range(4):
+        envs.step(np.tile([0.1, 0.4], (17, 1)))
+    envs.close()
+    assert [len(clip) for clip in clips] == [4]
+    assert clips[0][0].shape == (4 * 12, 4 * 16, 3)
+
+
+FORKED = """
+import gymnasium as gym, numpy as np
+from tral_env.errors import RenderError
+
+def make():
+    return gym.make("tral_env:TralCorridor-v0", course="short", camera="rendered")
+
+env = make()
+env.reset(seed=0)
+envs = gym.vector.AsyncVectorEnv([make], context="fork")
+try:
+    envs.reset(seed=0)
+except RenderError as error:
+    print('context="spawn"' in str(error))
+envs.close(terminate=True)
+env.reset(seed=1)
+env.close()
+print("the parent goes on")
+"""
+
+
+@needs_opengl
+def test_opengl_in_a_forked_process_is_refused_instead_of_hanging() -> None:
+    command = [sys.executable, "-W", "ignore", "-c", FORKED]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    assert done.stdout.split("\n") == ["True", "the parent goes on", ""], done.stderr
 
 
 def test_unknown_views_are_answered_with_the_nearest() -> None:

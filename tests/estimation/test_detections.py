@@ -1,6 +1,5 @@
 """A detection counts when images agree on its place."""
 
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

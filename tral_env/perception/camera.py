@@ -5,6 +5,7 @@ The only module of this room that knows MuJoCo. OpenGL is touched when the first
 
 from __future__ import annotations
 
+import os
 from types import TracebackType
 from typing import Any
 
@@ -24,6 +25,12 @@ Image = NDArray[np.uint8]
 
 MAX_GEOMS = 5000
 """A picture can show so many geoms."""
+
+
+_opened_by: int | None = None
+"""The process that opened OpenGL first."""
+_inherited: list[object] = []
+"""What the parent of a forked process holds of OpenGL: to free it in the child would hang."""
 
 
 class SceneRenderer:
@@ -80,7 +87,7 @@ class SceneRenderer:
             (height, width, 3) uint8.
 
         Raises:
-            RenderError: no OpenGL on this machine.
+            RenderError: no OpenGL on this machine, or this process was forked from one that had opened OpenGL.
             ConfigError: the model has no such camera.
         """
         context, scene = self._open(model, width, height)
@@ -101,6 +108,7 @@ class SceneRenderer:
 
     def _open(self, model: mujoco.MjModel, width: int, height: int) -> tuple[mujoco.MjrContext, mujoco.MjvScene]:
         """Make or grow, where needed, the contexts that can show this model at this size."""
+        _refuse_fork()
         if self._gl is None:
             self._gl = _gl_context(max(width, 640), max(height, 480))
         if self._context is None or self._scene is None or not self._shows(model):
@@ -123,7 +131,9 @@ class SceneRenderer:
 
     def close(self) -> None:
         """Free the OpenGL context. The next image opens a new one."""
-        if self._gl is not None:
+        if self._gl is not None and _is_forked():
+            _inherited.append((self._gl, self._context))
+        elif self._gl is not None:
             if self._context is not None:
                 with self._gl.as_current():
                     self._context.free()
@@ -205,8 +215,24 @@ def camera_id(model: mujoco.MjModel, name: str) -> int:
     return int(index)
 
 
+def _is_forked() -> bool:
+    """Whether the parent of this process, and not the process itself, has opened OpenGL."""
+    return _opened_by is not None and _opened_by != os.getpid()
+
+
+def _refuse_fork() -> None:
+    """Refuse OpenGL where it would hang for ever."""
+    if _is_forked():
+        raise RenderError(
+            "OpenGL was opened in the process from which this one was forked, and would hang here: start the processes "
+            'with AsyncVectorEnv(..., context="spawn"), or render nothing before they start'
+        )
+
+
 def _gl_context(width: int, height: int) -> Any:
     """An OpenGL context, current."""
+    global _opened_by
+    _opened_by = os.getpid()
     try:
         context = _context_class()(width, height)
         context.make_current()

@@ -37,6 +37,8 @@ class Cameras:
         self.pixels = pixels
         self.image_seeds = np.zeros(n, np.int64)
         """(n,) seeds of the noise in the images."""
+        self.exposures = np.zeros(n, np.int64)
+        """(n,) number of images that each camera has taken on its course."""
 
     def place(self, row: int, plan: Plan, degradation: float, rng: np.random.Generator) -> None:
         """Put a course around a car, see `Vision`; the generator gives the seed of its images' noise."""
@@ -53,6 +55,7 @@ class Cameras:
         self._pipeline.reset(rows, self._parameters.drawn["camera_latency_s"][rows])
         if self.pixels is not None:
             self.pixels.reset(rows)
+        self.exposures[rows] = 0
         self.update(rows)
 
     def update(self, moving: Index) -> None:
@@ -60,6 +63,7 @@ class Cameras:
         time_s = self._physics.time_s
         rows = self._pipeline.trigger(moving, time_s)
         if len(rows):
+            self.exposures[rows] += 1
             qpos, mounting = self._physics.qpos[rows], self.mounting(rows)
             seen = self.vision.see(rows, self._truth.pose[rows], qpos, mounting)
             self._false_sightings.add(rows, seen)

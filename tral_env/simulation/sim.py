@@ -64,7 +64,7 @@ class Simulation:
             image_size: width and height of the images that are observed, px; None: none are.
         """
         self.n, self.pool, self.layout = n, pool, layout
-        self.car, self.lens = car or CarConfig(), lens or CameraConfig()
+        self.car, self.lens, self.image_faults = car or CarConfig(), lens or CameraConfig(), image_faults
         self._rows = np.arange(n)
         self._plans: list[Plan | None] = [None] * n
         sonar, noise = UltrasonicConfig(), NoiseTape(n)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -44,6 +44,10 @@ class Vision(Protocol):
         Returns:
             Arrays of (k,).
         """
+        ...
+
+    def last_image(self, row: int) -> Image | None:
+        """The image that a car's camera took last, bit for bit; None if the cameras take no images."""
         ...
 
     def close(self) -> None:
@@ -90,8 +94,21 @@ class ProjectedVision:
         )
         return nearest_gate_and_marker(seen.ids, seen.x, seen.y, seen.heading, seen.valid)
 
+    def last_image(self, row: int) -> Image | None:
+        """See `Vision`."""
+        return None
+
     def close(self) -> None:
         """Nothing to free."""
+
+
+class _Shot(NamedTuple):
+    """What an image depends on, so that it can be taken again instead of being kept."""
+
+    qpos: Array
+    mounting: Array
+    generator: dict[str, Any]
+    """State of the generator of its noise."""
 
 
 class Webcam:
@@ -103,12 +120,14 @@ class Webcam:
         self._plans: list[Plan | None] = [None] * n
         self._rngs = [np.random.default_rng(0) for _ in range(n)]
         self._degradation = np.zeros(n)
+        self._shots: dict[int, _Shot] = {}
         self._camera = OnboardCamera(lens)
         self._corruption = corruption
 
     def place(self, row: int, plan: Plan, degradation: float, seed: int) -> None:
         """See `Vision`."""
         self._plans[row] = plan
+        self._shots.pop(row, None)
         self._degradation[row], self._rngs[row] = degradation, np.random.default_rng(seed)
 
     def image(self, row: int, qpos: Array, mounting: Array) -> Image:
@@ -122,11 +141,25 @@ class Webcam:
         Raises:
             RenderError: no OpenGL on this machine.
         """
+        state = self._rngs[row].bit_generator.state
+        self._shots[row] = _Shot(qpos.copy(), mounting.copy(), dict(state))
+        return self._take(row, qpos, mounting, self._rngs[row])
+
+    def last_image(self, row: int) -> Image | None:
+        """The last image of one car, bit for bit; None before the first."""
+        shot = self._shots.get(row)
+        if shot is None:
+            return None
+        rng = np.random.default_rng()
+        rng.bit_generator.state = shot.generator
+        return self._take(row, shot.qpos, shot.mounting, rng)
+
+    def _take(self, row: int, qpos: Array, mounting: Array, rng: np.random.Generator) -> Image:
         plan = self._plans[row]
         assert plan is not None, "a car looks around after its course was placed"
         roll, pitch, yaw = (float(angle) for angle in mounting)
         image = self._camera.capture(*self._scene.show(plan, qpos), (roll, pitch, yaw))
-        return degrade(image, float(self._degradation[row]), self._rngs[row], self._corruption)
+        return degrade(image, float(self._degradation[row]), rng, self._corruption)
 
     def close(self) -> None:
         """Free the OpenGL context."""
@@ -162,6 +195,10 @@ class RenderedVision:
         poses = marker_poses(self._detector.detect(image), self._lens, self._car)
         valid = np.ones((1, len(poses.ids)), bool)
         return nearest_gate_and_marker(poses.ids[None], poses.x[None], poses.y[None], poses.heading[None], valid)
+
+    def last_image(self, row: int) -> Image | None:
+        """See `Vision`."""
+        return self._webcam.last_image(row)
 
     def close(self) -> None:
         """Free the OpenGL context."""

@@ -11,6 +11,7 @@ from tral_env.errors import (
     CourseError,
     HardwareError,
     MissingExtraError,
+    PolicyError,
     RenderError,
     SimulationError,
     TralError,
@@ -37,4 +38,4 @@ class Guarded(TyperGroup):
 def _exit_code(error: TralError) -> int:
     if isinstance(error, RenderError | MissingExtraError | HardwareError):
         return MACHINE_LACKS
-    return FAILED if isinstance(error, SimulationError | FormatError | CourseError) else BAD_USAGE
+    return FAILED if isinstance(error, SimulationError | FormatError | CourseError | PolicyError) else BAD_USAGE

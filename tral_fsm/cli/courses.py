@@ -1,4 +1,4 @@
-"""`tral courses`: the families of courses, as a list, as pictures or as course files."""
+"""`tral courses`: families of courses, courses by name and course files: as a list, as pictures or as files."""
 
 from __future__ import annotations
 
@@ -13,58 +13,101 @@ from tral_fsm.evaluation.choices import check_families
 from tral_fsm.evaluation.files import prepare_folder
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from tral_env.course.layout import Course
+    from tral_env.course.plan import Plan
 
 _SUFFIXES = (".png", ".json")
 
 
 def command(
     scenario: Annotated[str | None, typer.Option(help="Family of courses; default: all.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the course.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the course of a family.")] = 0,
+    course: Annotated[
+        str | None, typer.Option(help="One course instead: its name, or a course file. It is checked.")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(dir_okay=False, help="Draw the course into this .png, or write it into this .json.")
     ] = None,
 ) -> None:
-    """List the families of courses, draw courses, or write a course file.
+    """List families and courses, check a course file, draw courses, or write a course file.
 
     A seed gives the same course here as in `tral drive`.
     """
-    from tral_env.course.generate import SCENARIOS
-
     if scenario is not None:
         check_families([scenario])
-    if out is None:
-        _list({scenario: SCENARIOS[scenario]} if scenario else dict(SCENARIOS))
-        return
-    families = [scenario] if scenario else list(SCENARIOS)
-    if suffix_of(out, _SUFFIXES) == ".json":
-        _export(scenario, seed, out)
+    if course is not None:
+        if scenario is not None:
+            raise ConfigError(f"--course {course} and --scenario {scenario}: expected one of them")
+        _one(course, out)
+    elif out is None:
+        _list(scenario)
+    elif suffix_of(out, _SUFFIXES) == ".json":
+        if scenario is None:
+            raise ConfigError(f"--out {out}: a course file holds one course, so --scenario or --course is needed")
+        _save(seeded_course(scenario, seed), out)
     else:
-        prepare_folder(out.parent)
+        from tral_env.course.generate import SCENARIOS
         from tral_env.course.geometry import build_plan
-        from tral_fsm.report.courses import course_sheet
 
-        plans = {f"{family}, seed {seed}": build_plan(seeded_course(family, seed)) for family in families}
-        course_sheet(plans).savefig(out, dpi=110)
-    typer.echo(f"Written: {out}")
+        families = [scenario] if scenario else list(SCENARIOS)
+        _draw({f"{family}, seed {seed}": build_plan(seeded_course(family, seed)) for family in families}, out)
 
 
-def _list(families: dict[str, str]) -> None:
+def _list(scenario: str | None) -> None:
+    from tral_env.course.generate import SCENARIOS
+    from tral_env.course.layout import Course, example_names, example_path
+
+    _table("family", "Families of courses", {scenario: SCENARIOS[scenario]} if scenario else dict(SCENARIOS))
+    if scenario is None:
+        examples = {name: Course.load(example_path(name)).description for name in example_names()}
+        _table("name", "Courses with a name", examples)
+    typer.echo("Draw one: tral courses --scenario office --seed 7 --out office.png")
+    if scenario is None:
+        typer.echo("Drive one: tral drive --course l_shape")
+
+
+def _table(heading: str, title: str, descriptions: Mapping[str, str]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    table = Table("family", "course", title="Families of courses", title_justify="left")
-    for name, description in families.items():
+    table = Table(heading, "course", title=title, title_justify="left")
+    for name, description in descriptions.items():
         table.add_row(name, description)
     Console().print(table)
-    typer.echo("Draw one: tral courses --scenario office --seed 7 --out office.png")
 
 
-def _export(scenario: str | None, seed: int, out: Path) -> None:
-    if scenario is None:
-        raise ConfigError(f"--out {out}: a course file holds one course, so --scenario is needed")
+def _one(source: str, out: Path | None) -> None:
+    """Check a course, and draw or write it if `out` says so."""
+    from tral_env.course.geometry import build_plan
+    from tral_env.options import as_course
+
+    suffix = None if out is None else suffix_of(out, _SUFFIXES)
+    course = as_course(source)
+    assert course is not None, "a name or a path gives a course"
+    plan = build_plan(course)
+    if out is None:
+        counts = f"{len(plan.gate_id)} gates" if len(plan.gate_id) != 1 else "1 gate"
+        typer.echo(f"{source}: can be driven: '{course.name}', a route of {plan.length:.1f} m, {counts}")
+    elif suffix == ".json":
+        _save(course, out)
+    else:
+        _draw({course.name: plan}, out)
+
+
+def _draw(plans: Mapping[str, Plan], out: Path) -> None:
+    from tral_fsm.report.courses import course_sheet
+
     prepare_folder(out.parent)
-    seeded_course(scenario, seed).save(out)
+    course_sheet(plans).savefig(out, dpi=110)
+    typer.echo(f"Written: {out}")
+
+
+def _save(course: Course, out: Path) -> None:
+    prepare_folder(out.parent)
+    course.save(out)
+    typer.echo(f"Written: {out}")
 
 
 def seeded_course(scenario: str, seed: int) -> Course:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tral_env.errors import ConfigError
 from tral_env.perception import opengl
 from tral_fsm.cli.console import FAILED
 from tral_fsm.cli.terminal import print_figures
-from tral_fsm.evaluation.choices import Camera, Randomization, check_families
+from tral_fsm.evaluation.choices import Camera, check_families
 from tral_fsm.evaluation.files import prepare_folder, write_json
 from tral_fsm.evaluation.host import versions
 
@@ -37,15 +38,17 @@ class DriveArguments:
     episodes: int
     policy: str
     camera: Camera
-    randomization: Randomization
+    randomization: str
     course: str | None
     video: bool
     lens: str = "default"
     trace: bool = False
+    car: dict[str, float] = field(default_factory=dict)
+    """Parameters of the car that are set, not drawn."""
 
     @property
     def name(self) -> str:
-        """Name of the family, or of the course file."""
+        """Name of the family or of the course."""
         return Path(self.course).stem if self.course else self.scenario
 
     @property
@@ -60,18 +63,32 @@ def command(
         int, typer.Option(min=0, help="Seed of the first episode; each later episode has the next seed.")
     ] = 7,
     episodes: Annotated[int, typer.Option(min=1, help="Number of episodes.")] = 1,
-    policy: Annotated[str, typer.Option(help="Name of a packaged machine, or a machine file.")] = "office",
+    policy: Annotated[
+        str,
+        typer.Option(help="Name of a packaged machine, a machine file, or FILE.py:NAME for a policy of your own."),
+    ] = "office",
     camera: Annotated[
-        Camera, typer.Option(help="Render the camera's image, or project the markers: faster, without OpenGL.")
-    ] = "rendered",
+        Camera,
+        typer.Option(
+            help="Project the markers, as gym.make does by default, or render the camera's image: slower, needs OpenGL."
+        ),
+    ] = "projected",
     randomization: Annotated[
-        Randomization, typer.Option(help="How much cars and sensors differ from seed to seed.")
+        str,
+        typer.Option(
+            help="How much cars and sensors differ from seed to seed: none, default, hard, or a file of ranges."
+        ),
     ] = "default",
+    car: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="A parameter of the car that is not drawn: friction=0.6. Repeatable."),
+    ] = None,
     out: Annotated[
         Path, typer.Option(file_okay=False, help="Folder of the files; it replaces those of an earlier drive.")
     ] = Path("runs/drive"),
     course: Annotated[
-        Path | None, typer.Option(exists=True, dir_okay=False, help="Drive this course file instead of a family.")
+        str | None,
+        typer.Option(help="Drive one course instead of a family: a name that `tral courses` lists, or a course file."),
     ] = None,
     video: Annotated[bool, typer.Option(help="Write drive.mp4, which needs OpenGL.")] = True,
     lens: Annotated[
@@ -96,10 +113,11 @@ def command(
         policy=policy,
         camera=camera,
         randomization=randomization,
-        course=str(course) if course else None,
+        course=course,
         video=video,
         lens=lens,
         trace=trace,
+        car=car_parameters(car or []),
     )
     report = run(arguments, out)
     if as_json:
@@ -125,13 +143,14 @@ def run(arguments: DriveArguments, out: Path) -> dict[str, Any]:
 
     Raises:
         ConfigError: unknown scenario, policy or option, or a folder that cannot be written.
+        PolicyError: the policy fails.
         RenderError: this computer has no OpenGL or no encoder for the pictures.
     """
-    from tral_fsm import load_policy
+    from tral_fsm.evaluation.own_policy import find_policy
     from tral_fsm.evaluation.summary import summarize
 
     opengl.require_loadable()
-    policy = load_policy(arguments.policy)
+    policy = find_policy(arguments.policy)
     with contextlib.closing(make_env(arguments)) as env:
         _prepare(out)
         report: dict[str, Any] = {
@@ -153,6 +172,29 @@ def run(arguments: DriveArguments, out: Path) -> dict[str, Any]:
             report["complete"] = seed == arguments.seeds[-1]
             write_json(out / "summary.json", report)
     return report
+
+
+def car_parameters(given: list[str]) -> dict[str, float]:
+    """Parameters of the car, from texts NAME=VALUE.
+
+    Raises:
+        ConfigError: a text has another form, or the car has no such parameter or may not have this value.
+    """
+    from tral_env.randomization import LEVELS
+
+    values: dict[str, float] = {}
+    for text in given:
+        name, _, number = (part.strip() for part in text.partition("="))
+        if name in values:
+            raise ConfigError(f"--car {text}: {name} is set twice")
+        try:
+            values[name] = float(number)
+            LEVELS["none"].fixed(**{name: values[name]})
+        except ConfigError as error:
+            raise ConfigError(f"--car {text}: {error}") from error
+        except ValueError:
+            raise ConfigError(f"--car {text}: expected NAME=VALUE with a number, such as friction=0.6") from None
+    return values
 
 
 def make_env(arguments: DriveArguments) -> gym.Env[Any, Any]:
@@ -203,6 +245,7 @@ def _drive_one(env: gym.Env[Any, Any], policy: Policy, seed: int, folder: Path, 
             for watch in watchers:
                 watch(tick)
 
-        episode = drive(env, policy, seed, on_step=on_step, scenario=arguments.name)
+        options = {"car": arguments.car} if arguments.car else None
+        episode = drive(env, policy, seed, options, on_step, scenario=arguments.name)
     save_trajectory(episode, world.plan, folder / "trajectory.png")
     return episode

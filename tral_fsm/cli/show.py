@@ -53,9 +53,8 @@ def table_of_episodes(report: Mapping[str, Any]) -> Table:
     """Table of a drive: a row for each episode, and a last row over all if there are several."""
     arguments = report["arguments"]
     name = report["episodes"][0]["scenario"]
-    table = Table(
-        title=Text(f"{arguments['policy']} on {name}"), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False
-    )
+    title = f"{arguments['policy']} on {name}, {arguments['camera']} camera"
+    table = Table(title=Text(title), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for heading in ("seed", "success"):
         table.add_column(heading, no_wrap=True)
     for heading in ("progress", "time", "mean\nspeed", "clearance\nRMSE", "gates", "collisions"):

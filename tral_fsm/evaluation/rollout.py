@@ -13,6 +13,7 @@ from tral_env.interface import Policy, check_readings
 from tral_env.world import Step
 from tral_fsm.evaluation.episode import NO_WISH, Episode, Tick, TickRecorder
 from tral_fsm.evaluation.loop import DriveLoop, Pair
+from tral_fsm.evaluation.own_policy import as_policy
 from tral_fsm.runtime.machine import Trace, Transit
 from tral_fsm.runtime.policy import MachinePolicy
 
@@ -21,7 +22,7 @@ Index = NDArray[np.int64]
 
 def drive(
     env: gym.Env[Any, Any],
-    policy: Policy,
+    policy: Policy | Any,
     seed: int,
     options: dict[str, Any] | None = None,
     on_step: Callable[[Tick], None] | None = None,
@@ -32,7 +33,8 @@ def drive(
 
     Args:
         env: `TralCorridor-v0`, or anything with its info.
-        policy: the policy; its `active_states` and `wanted_clearance` are recorded, if it has them.
+        policy: the policy, or any object with `act(observation)` or `predict(observation)`. Its `active_states` and
+            `wanted_clearance` are recorded, if it has them.
         seed: seed of the course, the car and the noise.
         options: options of the env's reset.
         on_step: called after each tick.
@@ -42,8 +44,10 @@ def drive(
         The episode with its trace.
 
     Raises:
-        ConfigError: the policy needs a reading that the env does not have.
+        ConfigError: the policy needs a reading that the env does not have, or is none.
+        PolicyError: the policy fails.
     """
+    policy = as_policy(policy)
     check_readings(policy, env)
     car, recorder = _GymCar(env, seed, options), TickRecorder()
     policy.reset(1)

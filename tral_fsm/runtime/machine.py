@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-from tral_env.errors import MachineError
+from tral_env.errors import MachineRunError, reason
 from tral_fsm.conditions.base import Condition, build
 from tral_fsm.control.command import Command
 from tral_fsm.definition.checks import FormatError, check
+from tral_fsm.definition.conditions import CONDITIONS
 from tral_fsm.definition.machine import STATES, MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.definition.validated import Id
 from tral_fsm.estimation.detections import Detection
@@ -71,6 +74,7 @@ class Machine:
 
         Raises:
             FormatError: the definition cannot run.
+            MachineRunError: the code of a state or a condition fails.
         """
         problems = [] if checked else check(definition, library.by_name)
         if problems:
@@ -83,13 +87,15 @@ class Machine:
         self._ways: list[list[_Way]] = [[] for _ in self._states]
         for spec in definition.transitions:
             source = index[spec.source]
-            self._ways[source].append(_Way(spec, build(spec.when, self._states[source]), index[spec.target]))
+            with self._blaming(spec, "when it was built"):
+                self._ways[source].append(_Way(spec, build(spec.when, self._states[source]), index[spec.target]))
         self._asked = [[(way.condition.triggered, way) for way in ways] for ways in self._ways]
         self._root = index[definition.root]
         self._active = -1
 
     def _state(self, spec: StateSpec) -> State[Any]:
-        runtime: State[Any] = STATES.runtime(spec.type)(spec)
+        with self._blaming(spec, "when it was built"):
+            runtime: State[Any] = STATES.runtime(spec.type)(spec)
         if isinstance(runtime, FSMState):
             inner = runtime.spec.machine
             inner = library.by_name(inner) if isinstance(inner, str) else inner
@@ -120,7 +126,8 @@ class Machine:
     def leave(self, estimate: CarEstimate) -> None:
         """Leave the active state; the machine starts at its root the next time."""
         if self._active >= 0:
-            self._states[self._active].on_exit(estimate)
+            with self._blaming(self.active.spec, _at(estimate)):
+                self._states[self._active].on_exit(estimate)
         self._active = -1
 
     def restart(self) -> None:
@@ -130,7 +137,8 @@ class Machine:
             if isinstance(state, FSMState):
                 state.machine.restart()
         for way in itertools.chain(*self._ways):
-            way.condition.restart()
+            with self._blaming(way.spec, "when it was restarted"):
+                way.condition.restart()
 
     def watch(self, trace: Trace | None) -> None:
         """Call `trace` for each transition that fires from now on, also in inner machines; None: call nothing."""
@@ -149,54 +157,94 @@ class Machine:
             The command of the state that was active, with the target of the state that is entered.
 
         Raises:
-            MachineError: the state answered no command, or one with a number that is not finite.
+            MachineRunError: the code of the state or of a condition raised an error, or the state answered no command,
+                or one with a number that is not finite.
         """
         entered = None
         if self._active < 0:
             entered = self.start(estimate)
-        command = self._states[self._active].tick(estimate)
-        if not isinstance(command, Command) or not isfinite(
-            (command.steering or 0.0) + (command.speed or 0.0) + (command.throttle or 0.0)
-        ):
-            raise self._refused(command, estimate)
+        fired, spec = None, self._states[self._active].spec
+        try:
+            command = self._states[self._active].tick(estimate)
+            if not isinstance(command, Command) or not isfinite(
+                (command.steering or 0.0) + (command.speed or 0.0) + (command.throttle or 0.0)
+            ):
+                raise self._refused(command, estimate)
+            for triggered, way in self._asked[self._active]:
+                spec = way.spec
+                if triggered(estimate):
+                    fired = way
+                    break
+        except MachineRunError:
+            raise
+        except Exception as error:
+            raise self._failure(spec, _at(estimate), error) from error
         if entered is not None:
             command = command._replace(target=entered)
-        for triggered, way in self._asked[self._active]:
-            if triggered(estimate):
-                target = self._transit(way, estimate)
-                return command if target is None else command._replace(target=target)
-        return command
+        if fired is None:
+            return command
+        target = self._transit(fired, estimate)
+        return command if target is None else command._replace(target=target)
 
-    def _refused(self, command: object, estimate: CarEstimate) -> MachineError:
+    def _refused(self, command: object, estimate: CarEstimate) -> MachineRunError:
         """Word the error for an answer of the active state that is no command of finite numbers."""
         spec = self.active.spec
         where = "/".join(str(part) for part in (*self.path, spec.id))
-        return MachineError(
+        return MachineRunError(
             f"state {where!r} ({spec.type}) answered {command!r} at {estimate.time:.4f} s: "
             "expected a Command whose steering, speed and throttle are None or finite"
         )
 
+    def _failure(self, spec: StateSpec | TransitionSpec, when: str, error: Exception) -> MachineRunError:
+        """Word the error that the code of a state or of the condition of a transition raised."""
+        where = "/".join(str(part) for part in (*self.path, spec.id))
+        if isinstance(spec, StateSpec):
+            part, runtime = f"state {where} ({spec.type})", STATES.runtime(spec.type)
+        else:
+            kind = spec.when.type
+            part, runtime = f"transition {where} ({kind}) from state {spec.source}", CONDITIONS.runtime(kind)
+        file = getattr(sys.modules.get(runtime.__module__), "__file__", None)
+        return MachineRunError(f"{part} failed {when}: {reason(error, file)}")
+
+    @contextmanager
+    def _blaming(self, spec: StateSpec | TransitionSpec, when: str) -> Iterator[None]:
+        """Name a state or a transition in the error that its code raises."""
+        try:
+            yield
+        except MachineRunError:
+            raise
+        except Exception as error:
+            raise self._failure(spec, when, error) from error
+
     def _transit(self, way: _Way, estimate: CarEstimate) -> Detection | None:
         """Leave the old state, enter the new one, hand it its target."""
-        if self.trace is not None:
-            spec = way.spec
-            self.trace(
-                Transit(estimate.time, self.path, spec.source, spec.target, spec.id, way.condition.why(estimate))
-            )
-        found = way.condition.hand_over(estimate)
-        self._states[self._active].on_exit(estimate)
+        spec, now = way.spec, _at(estimate)
+        with self._blaming(spec, now):
+            if self.trace is not None:
+                why = way.condition.why(estimate)
+                self.trace(Transit(estimate.time, self.path, spec.source, spec.target, spec.id, why))
+            found = way.condition.hand_over(estimate)
+        with self._blaming(self.active.spec, now):
+            self._states[self._active].on_exit(estimate)
         aim = self._enter(way.target, estimate)
         state = self._states[way.target]
         if found is None or not isinstance(state, Targetable):
             return aim
-        state.set_target(estimate, estimate.seen_from_here(found), gate=found.id)
+        with self._blaming(state.spec, now):
+            state.set_target(estimate, estimate.seen_from_here(found), gate=found.id)
         return found
 
     def _enter(self, index: int, estimate: CarEstimate) -> Detection | None:
         """Enter a state; gives the gate that the state chose as its target by itself."""
         self._active = index
-        state = self._states[index]
-        state.on_enter(estimate)
+        state, now = self._states[index], _at(estimate)
+        with self._blaming(state.spec, now):
+            state.on_enter(estimate)
         for way in self._ways[index]:
-            way.condition.on_enter(estimate)
+            with self._blaming(way.spec, now):
+                way.condition.on_enter(estimate)
         return state.aim
+
+
+def _at(estimate: CarEstimate) -> str:
+    return f"at {estimate.time:.2f} s"
