@@ -18,6 +18,7 @@ from marker_views import LENS, WEBCAM, Array, Columns, rendered, views_of_marker
 from rich.console import Console
 from rich.table import Table
 
+from tral_env.interface import MARKER_IDS
 from tral_env.perception.detection_model import DETECTION_MODEL
 from tral_env.se2 import wrap
 
@@ -26,7 +27,6 @@ MAX_FITTED_ANGLE = 1.0
 MAX_FITTED_PX = 40.0
 """Larger markers (root of their area) do not count for the position: their many errors of millimetres would outweigh
 the errors that matter."""
-IDS_IN_COURSES = 43
 STRAY_SHARE = 0.015
 """Share of headings with errors that the model does not explain."""
 
@@ -66,7 +66,7 @@ def weakness(rng: np.random.Generator, count: int) -> list[float]:
         DETECTION_MODEL.found_slope[-1],
     )
     out = []
-    for marker in range(IDS_IN_COURSES):
+    for marker in MARKER_IDS:
         views["id"] = np.full(len(views["id"]), float(marker))
         seen = rendered(LENS, views, {"strong": (DETECTION_MODEL.levels[-1], WEBCAM)}, rng)["strong"]
         half, _ = _fit_rate(views["size"], ~np.isnan(seen["range"]), slopes=(slope,))

@@ -10,10 +10,10 @@ import pytest
 from tral_env.config import CameraConfig
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, example_path
-from tral_env.course.markers import MARKER_IDS, marker_image
+from tral_env.course.markers import marker_image
 from tral_env.course.plan import Plan
-from tral_env.course.scene import Pool, apply_materials, build_model
-from tral_env.interface import STRONG_GATES
+from tral_env.course.scene import Pool, build_model, write_plan
+from tral_env.interface import GATE_IDS, MARKER_IDS, STRONG_GATES
 from tral_env.perception.detection_model import DETECTION_MODEL
 
 LENS = CameraConfig()
@@ -32,7 +32,7 @@ def photograph(plan: Plan, pose: tuple[float, float, float]) -> np.ndarray:
     """What the front camera sees from a pose, grey values."""
     pool = Pool.of(plan)
     model = build_model(pool)
-    apply_materials(model, plan, pool)
+    write_plan(model, plan, pool)
     data = mujoco.MjData(model)
     x, y, yaw = pose
     data.qpos[:7] = [x, y, 0, np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]
@@ -57,7 +57,7 @@ def gate_ahead(distance: float, yaw_deg: float = 0.0, gate: int = 5) -> Plan:
 
 def test_strong_gates_have_codes_that_are_neither_weak_nor_seen_where_they_are_not():
     weakness = DETECTION_MODEL.weakness
-    readable = {gate for gate in range(20) if max(weakness[2 * gate : 2 * gate + 2]) <= 0.2}
+    readable = {gate for gate in GATE_IDS if max(weakness[2 * gate : 2 * gate + 2]) <= 0.2}
     assert set(STRONG_GATES) == readable - {marker // 2 for marker in SEEN_FALSELY}
 
 

@@ -8,7 +8,7 @@ from tral_env.calibration.boards import Board, marker_ink
 from tral_env.calibration.sheet import PAPERS, Sheet, Text, paper_size, ruler
 from tral_env.errors import ConfigError
 from tral_env.geometry import MARKER_MODULES, MARKER_QUIET_MODULES, MARKER_SIZE_M
-from tral_env.interface import GATE_MARKER_IDS
+from tral_env.interface import GATE_IDS
 from tral_env.perception.aruco import DICTIONARY
 from tral_env.perception.gate import DICTIONARY_SIZE
 
@@ -99,9 +99,8 @@ def gate_sheets(gate: int, size_mm: float = SIZE_MM, paper: str = "A4") -> list[
     Raises:
         ConfigError: there is no such gate, or a marker does not fit.
     """
-    gates = len(GATE_MARKER_IDS) // 2
-    if not 0 <= gate < gates:
-        raise ConfigError(f"gate {gate}: there are 0 to {gates - 1}")
+    if gate not in GATE_IDS:
+        raise ConfigError(f"gate {gate}: there are {GATE_IDS[0]} to {GATE_IDS[-1]}")
     sides = ("left", "right")
     return [
         marker_sheet(2 * gate + i, size_mm, paper, f"gate {gate}, {side} in driving direction")

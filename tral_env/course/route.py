@@ -251,7 +251,7 @@ def _from_start(ring: Array, frame: Frame, course: Course) -> Array:
     return np.concatenate([ring[at:], ring[: at + 1]])
 
 
-def straights(course: Course, frames: list[Frame]) -> Array:
+def straights(frames: list[Frame]) -> Array:
     """Stretches of plain parallel walls, (S, 5): see `Plan.straights`."""
     found = []
     for frame in frames:
