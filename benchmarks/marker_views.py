@@ -16,6 +16,7 @@ from tral_env.course.scene import Pool, build_model, write_plan
 from tral_env.perception.aruco import Detector, MarkerPoses, marker_poses
 from tral_env.perception.camera import OnboardCamera
 from tral_env.perception.degrade import ImageCorruption, degrade
+from tral_env.perception.lens import project_points
 from tral_env.perception.projected import (
     NOISE_PLACES,
     NORMALS,
@@ -23,7 +24,6 @@ from tral_env.perception.projected import (
     ProjectedMarkers,
     Scenery,
     project,
-    project_points,
 )
 from tral_env.se2 import wrap
 

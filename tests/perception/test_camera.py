@@ -9,7 +9,7 @@ from marker_world import build, camera_or_skip
 from tral_env.config import WIDE_LENS, CameraConfig, CarConfig
 from tral_env.errors import ConfigError, RenderError
 from tral_env.perception.camera import OnboardCamera, SceneRenderer
-from tral_env.perception.projected import mounting_turn, project_points
+from tral_env.perception.lens import mounting_turn, project_points
 
 OFF_CENTRE = CameraConfig(fx=500.0, fy=520.0, cx=300.0, cy=250.0)
 PATCH = 0.05

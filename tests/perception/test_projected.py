@@ -8,13 +8,13 @@ from tral_env.config import WIDE_LENS, CameraConfig, CarConfig
 from tral_env.perception.aruco import Detector, marker_poses
 from tral_env.perception.detection_model import DETECTION_MODEL, DetectionModel
 from tral_env.perception.gate import nearest_gate_and_marker
+from tral_env.perception.lens import project_points
 from tral_env.perception.projected import (
     NOISE_PLACES,
     NORMALS,
     UNIFORMS,
     Scenery,
     project,
-    project_points,
 )
 
 LENS, CAR = CameraConfig(), CarConfig()
@@ -101,7 +101,7 @@ def test_a_box_hides_a_marker_only_from_in_between(box, seen):
     assert see([(3, 3.0, 0.0, 0.2, FACING)], [box]).valid[0, 0] == seen
 
 
-def test_of_all_markers_of_a_size_the_law_s_share_is_found():
+def test_of_all_markers_of_a_size_the_model_s_share_is_found():
     model = DetectionModel(
         always_found=1.0, weakness=(), half_found_px=(LENS.fx * LENS.marker_size / 5.0,) * len(DETECTION_MODEL.levels)
     )
@@ -142,7 +142,7 @@ def test_without_noise_blurred_markers_seem_farther():
     assert 0.01 < strong / clean - 1 < 0.05
 
 
-def test_between_the_levels_the_law_s_figures_are_interpolated():
+def test_between_the_levels_the_model_s_figures_are_interpolated():
     model = DetectionModel(levels=(0.0, 2.0), half_found_px=(8.0, 12.0))
     assert model.at(model.half_found_px, np.array([0.0, 0.5, 2.0, 9.0])).tolist() == [8.0, 9.0, 12.0, 12.0]
 
