@@ -12,7 +12,7 @@ from gymnasium.utils.env_checker import check_env
 
 import tral_env.env
 from tral_env.course.layout import Course, Gate, Segment
-from tral_env.errors import ConfigError, RenderError
+from tral_env.errors import ConfigError
 from tral_env.simulation.views import VIEWS, Views
 
 NO_OPENGL = """
@@ -32,22 +32,7 @@ except RenderError as error:
 GATE_AHEAD = Course(name="gate", segments=(Segment(length=10, gates=(Gate(id=2, at=5, offset=0.3, yaw_deg=8),)),))
 
 
-def opengl() -> bool:
-    env = tral_env.env.TralCorridorEnv(scenario="straight")
-    env.reset(seed=0)
-    try:
-        env.render_view("top", 8, 8)
-    except RenderError:
-        return False
-    finally:
-        env.close()
-    return True
-
-
-needs_opengl = pytest.mark.skipif(not opengl(), reason="no OpenGL on this machine")
-
-
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 @pytest.mark.parametrize("view", VIEWS)
 def test_every_view_is_a_picture(view: str) -> None:
     env = gym.make("TralCorridor-v0", scenario="gates", render_mode="rgb_array", view=view, width=160, height=120)
@@ -59,7 +44,7 @@ def test_every_view_is_a_picture(view: str) -> None:
     env.close()
 
 
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 def test_the_chase_view_shows_the_red_car_in_the_lower_middle() -> None:
     env = tral_env.env.TralCorridorEnv(scenario="straight", randomization="none")
     env.reset(seed=0)
@@ -71,7 +56,7 @@ def test_the_chase_view_shows_the_red_car_in_the_lower_middle() -> None:
     env.close()
 
 
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 def test_pictures_follow_the_car_to_another_course() -> None:
     env = tral_env.env.TralCorridorEnv(scenario="corners")
     env.reset(seed=0)
@@ -81,7 +66,7 @@ def test_pictures_follow_the_car_to_another_course() -> None:
     env.close()
 
 
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 def test_a_rendered_gate_is_seen_where_the_projected_one_is() -> None:
     readings = []
     for camera in ("projected", "rendered"):
@@ -98,14 +83,14 @@ def test_a_rendered_gate_is_seen_where_the_projected_one_is() -> None:
     assert rendered["gate_heading"] == pytest.approx(float(projected["gate_heading"]), abs=0.05)
 
 
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 def test_gymnasiums_checker_finds_nothing_in_the_pixels() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(gym.make("TralCorridorPixels-v0", scenario="straight").unwrapped, skip_render_check=True)
 
 
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 def test_an_image_stays_until_the_next_exposure() -> None:
     env = gym.make("TralCorridorPixels-v0", scenario="straight", image_size=(64, 48))
     observation, _ = env.reset(seed=0)
@@ -119,7 +104,7 @@ def test_an_image_stays_until_the_next_exposure() -> None:
     env.close()
 
 
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 def test_the_pixels_are_those_of_the_car_s_own_camera() -> None:
     env = gym.make("TralCorridorPixels-v0", course=GATE_AHEAD, randomization="none")
     images = {}

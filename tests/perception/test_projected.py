@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from marker_world import build, camera_or_skip, plan_of
+from marker_world import build, plan_of
 
 from tral_env.config import WIDE_LENS, CameraConfig, CarConfig
 from tral_env.perception.aruco import Detector, marker_poses
+from tral_env.perception.camera import OnboardCamera
 from tral_env.perception.detection_model import DETECTION_MODEL, DetectionModel
 from tral_env.perception.gate import nearest_gate_and_marker
 from tral_env.perception.lens import project_points
@@ -236,7 +237,7 @@ def test_a_row_has_the_same_bits_when_a_larger_course_comes_in_beside_it():
 
 def views(count):
     """Random views of a turned gate and an obstacle, rendered and projected: id -> x, y, heading of each."""
-    camera, detector = camera_or_skip(), Detector()
+    camera, detector = OnboardCamera(), Detector()
     rng = np.random.default_rng(7)
     for _ in range(count):
         x, axis, width = rng.uniform(1.5, 6), rng.uniform(-0.3, 0.3), rng.uniform(0.8, 1.3)
@@ -260,6 +261,7 @@ def views(count):
         yield {int(i): (a, b, c) for i, a, b, c in found}, truth
 
 
+@pytest.mark.usefixtures("opengl")
 def test_projected_and_rendered_camera_agree():
     pairs = list(views(30))
     expected = sum(len(truth) for _, truth in pairs)
@@ -275,13 +277,14 @@ def test_projected_and_rendered_camera_agree():
     assert np.median(np.abs(rendered - projected)[:, 2]) < 0.06
 
 
+@pytest.mark.usefixtures("opengl")
 @pytest.mark.parametrize("axis", [-0.25, 0.25])
 @pytest.mark.parametrize("middle", [-0.3, 0.3])
 def test_a_rendered_gate_has_the_right_side_and_turn(axis, middle):
     side = np.array([-np.sin(axis), np.cos(axis)]) / 2
     markers = [(8 + i, 3.0 + s * side[0], middle + s * side[1], 0.2, axis + FACING) for i, s in enumerate((1, -1))]
     world = build(markers)
-    poses = marker_poses(Detector().detect(camera_or_skip().capture(world.model, world.data)), LENS)
+    poses = marker_poses(Detector().detect(OnboardCamera().capture(world.model, world.data)), LENS)
     seen = nearest_gate_and_marker(
         *(a[None] for a in (poses.ids, poses.x, poses.y, poses.heading, np.ones(len(poses.ids), bool)))
     )
