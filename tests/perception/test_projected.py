@@ -1,3 +1,4 @@
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -155,9 +156,9 @@ def test_weak_codes_need_larger_images_the_more_so_the_more_blurred():
 
 
 @pytest.mark.parametrize("level", [0.0, 3.0])
-def test_markers_far_below_the_limit_are_not_found_and_large_ones_are(level):
-    small, large = DETECTION_MODEL.found(np.array([4.0, 60.0]), np.array([2, 2]), np.full(2, level))
-    assert small < 0.15
+def test_markers_too_small_for_opencv_are_never_found_and_large_ones_are(level):
+    nothing, small, large = DETECTION_MODEL.found(np.array([0.0, 4.79, 60.0]), np.full(3, 2), np.full(3, level))
+    assert nothing == small == 0.0
     assert large == pytest.approx(DETECTION_MODEL.always_found, abs=1e-6)
 
 
@@ -292,3 +293,8 @@ def test_a_rendered_gate_has_the_right_side_and_turn(axis, middle):
     assert seen.gate_x[0] == pytest.approx(3.0, rel=0.03)
     assert seen.gate_y[0] == pytest.approx(middle, abs=0.04)
     assert seen.gate_heading[0] == pytest.approx(axis, abs=0.06)
+
+
+def test_the_smallest_side_is_a_quarter_of_the_shortest_outline_that_opencv_takes():
+    rate = cv2.aruco.DetectorParameters().minMarkerPerimeterRate
+    assert pytest.approx(rate * LENS.width / 4) == DETECTION_MODEL.min_side_px
