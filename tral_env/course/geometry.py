@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from tral_env.course import route as routes
+from tral_env.course.drivable import check_drivable
 from tral_env.course.frames import TURNS, Frame, Rect, place_segments, stubs
 from tral_env.course.furniture import (
     FRAME_WIDTH,
@@ -71,7 +72,7 @@ def build_plan(course: Course) -> Plan:
         straights=routes.straights(frames),
         laps=course.laps,
     )
-    routes.check_drivable(plan, course.name)
+    check_drivable(plan, course.name)
     return plan
 
 
