@@ -1,32 +1,39 @@
 """Which parameters of `DetectionModel` fit the rendered detector best?
 
 The script renders one marker in many views at each of the model's levels of image degradation, and prints the fitted
-parameters beside those in use.
+parameters beside those in use, and writes results/detector_fit.json.
 
-    python benchmarks/detector_fit.py [--views 2400] [--seed 1] [--codes 50]
+    python benchmarks/detector_fit.py [--views 2400] [--seed 1] [--codes 50] [--out FILE]
 """
 
 from __future__ import annotations
 
 import argparse
 import itertools
+import json
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from marker_views import LENS, WEBCAM, Array, Columns, rendered, views_of_markers
 from rich.console import Console
 from rich.table import Table
 
+from tral_env.interface import MARKER_IDS
 from tral_env.perception.detection_model import DETECTION_MODEL
 from tral_env.se2 import wrap
+from tral_fsm.evaluation.host import host
+
+RESULTS = Path(__file__).parent / "results" / "detector_fit.json"
 
 MAX_FITTED_ANGLE = 1.0
 """Views at a larger angle do not count, rad: there the errors do not follow from the size in the image."""
 MAX_FITTED_PX = 40.0
 """Larger markers (root of their area) do not count for the position: their many errors of millimetres would outweigh
 the errors that matter."""
-IDS_IN_COURSES = 43
 STRAY_SHARE = 0.015
 """Share of headings with errors that the model does not explain."""
 
@@ -66,7 +73,7 @@ def weakness(rng: np.random.Generator, count: int) -> list[float]:
         DETECTION_MODEL.found_slope[-1],
     )
     out = []
-    for marker in range(IDS_IN_COURSES):
+    for marker in MARKER_IDS:
         views["id"] = np.full(len(views["id"]), float(marker))
         seen = rendered(LENS, views, {"strong": (DETECTION_MODEL.levels[-1], WEBCAM)}, rng)["strong"]
         half, _ = _fit_rate(views["size"], ~np.isnan(seen["range"]), slopes=(slope,))
@@ -111,6 +118,7 @@ def main() -> None:
     parser.add_argument("--views", type=int, default=2400)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--codes", type=int, default=0, help="views of each id, to fit the weakness of codes as well")
+    parser.add_argument("--out", type=Path, default=RESULTS)
     arguments = parser.parse_args()
     rng = np.random.default_rng(arguments.seed)
     views = views_of_markers(LENS, rng, arguments.views)
@@ -122,8 +130,14 @@ def main() -> None:
         table.add_row(name, *(f"{figures[name]:.3g} / {used:g}" for figures, used in pairs))
     console = Console()
     console.print(table)
+    result: dict[str, Any] = {"fitted": fitted, "in_use": asdict(DETECTION_MODEL)}
     if arguments.codes:
-        console.print("weakness", weakness(rng, arguments.codes))
+        result["weakness"] = weakness(rng, arguments.codes)
+        console.print("weakness", result["weakness"])
+    result |= {"views": arguments.views, "codes": arguments.codes, "seed": arguments.seed, "host": host()}
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    arguments.out.write_text(json.dumps(result) + "\n", encoding="utf-8")
+    console.print(f"written: {arguments.out}")
 
 
 if __name__ == "__main__":

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 from numpy.typing import NDArray
+from run_settings import RunSettings
 
 from tral_env.config import CarConfig
 from tral_env.course.plan import BOX_KINDS, Plan
@@ -41,15 +41,6 @@ STEP_M = 0.05
 """Distance between two points of the path along the gate's axis."""
 TOUCH_M = 0.03
 """A car in collision touches a post if the post is nearer than this."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunSettings:
-    """Settings of all drives of a file."""
-
-    policy: str
-    camera: str
-    randomization: str
 
 
 def main(
@@ -180,7 +171,7 @@ def batch(seeds: list[int], settings: RunSettings) -> list[dict[str, Any]]:
 
 
 def read(path: Path) -> tuple[dict[str, str], list[dict[str, Any]]]:
-    """RunSettings and drives of a file.
+    """Settings and drives of a file.
 
     Raises:
         ConfigError: there are none.

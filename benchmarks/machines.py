@@ -47,7 +47,7 @@ Record = dict[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunSettings:
+class MachinesSettings:
     """Settings of all drives of a file."""
 
     folder: str
@@ -69,7 +69,7 @@ def main(
     """Drive seeds x families with their machines and print a table."""
     try:
         if not table:
-            settings = RunSettings(folder=folder, camera="projected", randomization=randomization)
+            settings = MachinesSettings(folder=folder, camera="projected", randomization=randomization)
             drive(jobs(families(scenarios), parse_seeds(seeds), own=own), settings, processes, out)
         print(markdown(files or [out]))
     except TralError as error:
@@ -87,7 +87,9 @@ def jobs(scenarios: Iterable[str], seeds: range, *, own: bool) -> dict[str, list
     return {scenario: [(name, seed) for seed in seeds for name in names] for scenario, names in machines.items()}
 
 
-def drive(wanted: Mapping[str, Sequence[tuple[str, int]]], settings: RunSettings, processes: int, out: Path) -> None:
+def drive(
+    wanted: Mapping[str, Sequence[tuple[str, int]]], settings: MachinesSettings, processes: int, out: Path
+) -> None:
     """Drive what the file does not hold yet, and append each drive as it ends.
 
     Raises:
@@ -108,12 +110,12 @@ def drive(wanted: Mapping[str, Sequence[tuple[str, int]]], settings: RunSettings
         collect(batch, [(*part, settings) for part in batches], processes, out, count)
 
 
-def machine(name: str, settings: RunSettings) -> MachineDefinition:
+def machine(name: str, settings: MachinesSettings) -> MachineDefinition:
     """A machine of the folder, or the packaged one."""
     return load_machine(Path(settings.folder) / f"{name}.json" if settings.folder else name)
 
 
-def batch(scenario: str, wanted: Sequence[tuple[str, int]], settings: RunSettings) -> list[Record]:
+def batch(scenario: str, wanted: Sequence[tuple[str, int]], settings: MachinesSettings) -> list[Record]:
     """Records of drives, given as machine and seed, on one family."""
     names = sorted({name for name, _ in wanted})
     machines = [machine(name, settings) for name in names]

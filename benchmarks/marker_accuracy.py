@@ -161,7 +161,7 @@ def main() -> None:
         for title in set(result[name]) - {"timing"}:
             show(console, f"{name} lens, by {title} (median / 95 %)", result[name][title])
         show(console, f"{name} lens: time of a frame", [result[name]["timing"]])
-    result |= {"law": asdict(DETECTION_MODEL), "views": arguments.views, "seed": arguments.seed, "host": host()}
+    result |= {"model": asdict(DETECTION_MODEL), "views": arguments.views, "seed": arguments.seed, "host": host()}
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     arguments.out.write_text(json.dumps(result) + "\n", encoding="utf-8")
     console.print(f"written: {arguments.out}")

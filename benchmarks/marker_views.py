@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.course.plan import BOX_KINDS, Plan
-from tral_env.course.scene import Pool, apply_materials, build_model
+from tral_env.course.scene import Pool, build_model, write_plan
 from tral_env.perception.aruco import Detector, MarkerPoses, marker_poses
 from tral_env.perception.camera import OnboardCamera
 from tral_env.perception.degrade import ImageCorruption, degrade
+from tral_env.perception.lens import project_points
 from tral_env.perception.projected import (
     NOISE_PLACES,
     NORMALS,
@@ -23,7 +24,6 @@ from tral_env.perception.projected import (
     ProjectedMarkers,
     Scenery,
     project,
-    project_points,
 )
 from tral_env.se2 import wrap
 
@@ -66,7 +66,7 @@ class MarkerRoom:
 
     def show(self, markers: list[Marker]) -> None:
         """Render the room with these markers."""
-        apply_materials(self.model, room_plan(markers), self.pool)
+        write_plan(self.model, room_plan(markers), self.pool)
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
         self.image = self.camera.capture(self.model, self.data)

@@ -125,8 +125,8 @@ def image_faults() -> plt.Figure:
     room, faults = MarkerRoom(), LEVELS | SINGLE
     room.show([(6, 3.0, 0.5, 0.25, math.pi), (7, 3.0, -0.5, 0.25, math.pi)])
     figure, panels = plt.subplots(3, 3, figsize=(7.2, 3.6))
-    for axes, (name, (level, law)) in zip(panels.flat, faults.items(), strict=True):
-        image = degrade(room.image, level, np.random.default_rng(CLEAR_SEEDS.get(name, 2)), law)
+    for axes, (name, (level, corruption)) in zip(panels.flat, faults.items(), strict=True):
+        image = degrade(room.image, level, np.random.default_rng(CLEAR_SEEDS.get(name, 2)), corruption)
         seen = len(room.detector.detect(image).ids)
         axes.imshow(image[150:300, 160:500], interpolation="nearest")
         axes.set_title(f"{name}: {seen} found", fontsize=8)

@@ -1,4 +1,4 @@
-"""Draw the plots of docs/sensors.md from the sensor laws themselves, and print the figures that page states.
+"""Draw the plots of docs/sensors.md from the sensor models themselves, and print the figures that page states.
 
 Usage: python benchmarks/plot_sensors.py [FOLDER]        (default: docs/img)
 """

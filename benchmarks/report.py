@@ -8,11 +8,11 @@ The script appends each episode to the file as it ends; started again, it goes o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from run_settings import RunSettings
 
 from tral_env.course.generate import SCENARIOS
 from tral_env.errors import TralError
@@ -23,15 +23,6 @@ from tral_fsm.evaluation.pool import stop_check
 from tral_fsm.evaluation.records import begin_run, collect, made_with, read_lines
 from tral_fsm.evaluation.seeds import parse_seeds, stretches
 from tral_fsm.evaluation.summary import Summary, summarize
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunSettings:
-    """Settings of all episodes of a file."""
-
-    policy: str
-    camera: str
-    randomization: str
 
 
 def main(

@@ -1,7 +1,30 @@
 """What all tests share."""
 
+import subprocess
+import sys
+
+import pytest
 from hypothesis import settings
 
 # A busy machine is no failure. The rest stays as Hypothesis chose it: its own profile where the variable CI is set.
 settings.register_profile("tral", settings(), deadline=None)
 settings.load_profile("tral")
+
+
+_PROBE = """
+import mujoco
+from tral_env.perception.camera import SceneRenderer
+
+model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><camera name='eye'/></worldbody></mujoco>")
+with SceneRenderer() as renderer:
+    renderer.render(model, mujoco.MjData(model), "eye", 8, 8)
+"""
+
+
+@pytest.fixture(scope="session")
+def opengl() -> None:
+    """What a test that renders asks for: it is skipped on a machine without OpenGL."""
+    # In a process of its own: a context that could not be made may complain when it is thrown away, or crash.
+    done = subprocess.run([sys.executable, "-c", _PROBE], capture_output=True, text=True, check=False)
+    if done.returncode:
+        pytest.skip(f"no OpenGL: {(done.stderr.splitlines() or ['the program crashed'])[-1]}")

@@ -35,11 +35,15 @@ NOTHING_SEEN_ID = -1.0
 
 GATE_MARKER_IDS = range(0, 40)
 """Gate k is the pair of markers 2k (left post) and 2k + 1 (right post), seen in driving direction."""
+GATE_IDS = range(len(GATE_MARKER_IDS) // 2)
+"""A gate has one of these numbers k."""
 STRONG_GATES = (1, 2, 3, 10, 11, 12, 15, 16)
 """Gates whose codes are read well when blurred, and are not seen where there is no marker. Generated courses have no
 others; use them first on yours. Source: `DetectionModel.weakness`, benchmarks/false_sightings.py."""
 TURN_MARKER_IDS: Mapping[str, int] = {"left": 40, "right": 41, "straight": 42}
 """Markers that tell a turn at a crossing."""
+MARKER_IDS = (*GATE_MARKER_IDS, *TURN_MARKER_IDS.values())
+"""A course has no other markers: those of gates and those that tell a turn."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -179,16 +179,16 @@ def as_course(course: Course | str | Path | None) -> Course | None:
     if isinstance(course, str | Path):
         try:
             return Course.load(example_path(str(course)) if course in example_names() else course)
-        except (OSError, ValueError) as error:  # a name with a null is a ValueError
-            if isinstance(error, CourseError):
+        except CourseError as error:
+            if error.__cause__ is None:  # the file was read
                 raise
-            raise ConfigError(_unreadable(course, error)) from error
+            raise ConfigError(_unreadable(course, error.__cause__)) from error
     if course is not None and not isinstance(course, Course):
         raise ConfigError(f"course = {course!r}: expected a Course, or the name or the path of one")
     return course
 
 
-def _unreadable(course: str | Path, error: Exception) -> str:
+def _unreadable(course: str | Path, error: BaseException) -> str:
     """Why a course file cannot be opened; the name of a family is no path."""
     told = f"course = {str(course)[:200]!r}: cannot be read: {getattr(error, 'strerror', error)}"
     if str(course) in tuple(SCENARIOS):

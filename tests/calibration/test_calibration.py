@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from tral_env.calibration.board_poses import BoardPose, seeded_poses
 from tral_env.calibration.boards import Board
-from tral_env.calibration.solve import PARAMETERS, calibrate, calibrate_collection, uncovered
+from tral_env.calibration.solve import LIMITS, PARAMETERS, calibrate, calibrate_collection, uncovered
 from tral_env.calibration.views import Collection, Rejected, View
 from tral_env.config import WIDE_LENS, CameraConfig
-from tral_env.errors import CalibrationError, RenderError
+from tral_env.errors import CalibrationError, ConfigError
 from tral_env.perception.rays import lens_arrays
 from tral_env.simulation.board_scene import BoardScene
 
@@ -61,13 +61,12 @@ def test_the_wide_lens_is_found_again_from_photographs(board):
     assert result.held_out_px < 0.08
 
 
+@pytest.mark.usefixtures("opengl")
 def test_the_wide_lens_of_the_simulated_camera_is_found_again():
     stage, collection = BoardScene(BOARD, WIDE_LENS, degradation=1.0), Collection(BOARD)
     try:
         for i, pose in enumerate(poses()):
             collection.add(f"shot {i}", stage.capture(pose))
-    except RenderError as error:
-        pytest.skip(f"no OpenGL: {error}")
     finally:
         stage.close()
     result = calibrate_collection(collection)
@@ -166,6 +165,20 @@ def test_one_distance_is_not_enough():
 
 def test_a_board_that_is_not_flat_is_suspected():
     assert "is the board flat and stiff" in advice_on(poses(), noise=1.0)
+
+
+@pytest.mark.parametrize("radial", [0, 4, 9])
+def test_a_number_of_radial_terms_that_no_lens_has_is_refused(radial: int):
+    with pytest.raises(ConfigError, match=f"radial = {radial}: expected 1, 2 or 3"):
+        calibrate(BOARD, seen(BOARD, WIDE_LENS, poses(6), noise=0.0), SIZE, radial=radial)
+
+
+def test_each_focal_length_is_judged_by_itself():
+    lens = CameraConfig(fx=800.0, fy=400.0)
+    views = seen(BOARD, lens, seeded_poses(BOARD, lens, 12, 1), noise=0.3)
+    deviation = calibrate(BOARD, views, SIZE).deviation["fy"]
+    between = replace(LIMITS, focal_std=deviation / 600.0)  # more than a share of 400 px, less than one of 800 px
+    assert any("fy uncertain by" in told for told in calibrate(BOARD, views, SIZE, limits=between).advice)
 
 
 def test_uncertain_parameters_ask_for_more():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tral_env import geometry
-from tral_env.calibration.boards import Board, printed_board
+from tral_env.calibration.boards import Board, Kind, printed_board
 from tral_env.calibration.printables import SIZE_MM
 from tral_env.config import CameraConfig
 from tral_env.course.plan import Plan
@@ -19,6 +19,24 @@ def test_the_usual_boards_fill_a_page() -> None:
 
 def test_a_marker_is_seven_ninths_of_a_square_of_any_size() -> None:
     assert printed_board("charuco", square_mm=18.0).marker == pytest.approx(0.014)
+
+
+def test_a_board_of_no_columns_is_refused_instead_of_made_the_usual_one() -> None:
+    with pytest.raises(ConfigError, match="columns = 0: expected a whole number of 3 or more"):
+        printed_board("charuco", columns=0)
+
+
+@pytest.mark.parametrize("kind", ["charuco", "chessboard"])
+@pytest.mark.parametrize("edge", [-1, 0, True, "0.03", float("nan")])
+def test_an_edge_that_is_no_length_is_refused(kind: Kind, edge: object) -> None:
+    with pytest.raises(ConfigError, match=rf"Board\.square = {edge!r}: expected a length of 0.0001 to 100, in m"):
+        Board(kind=kind, square=edge)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("count", [2, 7.5, True])
+def test_a_number_of_squares_that_cannot_be_is_refused(count: object) -> None:
+    with pytest.raises(ConfigError, match=rf"Board\.rows = {count!r}: expected a whole number of 3 or more"):
+        Board(rows=count)  # type: ignore[arg-type]
 
 
 def test_an_unknown_board_is_told_with_the_nearest_name() -> None:

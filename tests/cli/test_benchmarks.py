@@ -19,8 +19,9 @@ sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 import compare
 import gates
 import report
+from run_settings import RunSettings
 
-CALM = report.RunSettings(policy="wall", camera="projected", randomization="none")
+CALM = RunSettings(policy="wall", camera="projected", randomization="none")
 
 
 def episode(scenario: str, seed: int, outcome: str = "success") -> dict[str, Any]:
@@ -55,7 +56,7 @@ def test_a_line_after_one_that_was_cut_off_is_whole(tmp_path: Path) -> None:
 def test_a_file_of_other_settings_is_not_mixed_in(tmp_path: Path) -> None:
     path = begun(tmp_path / "a.jsonl")
     with pytest.raises(ConfigError, match="choose another --out"):
-        report.read(path, report.RunSettings(policy="office", camera="rendered", randomization="hard"))
+        report.read(path, RunSettings(policy="office", camera="rendered", randomization="hard"))
 
 
 def test_the_table_has_a_row_a_family_with_its_interval(tmp_path: Path) -> None:
@@ -205,7 +206,7 @@ def test_drives_of_other_settings_are_not_mixed_in(tmp_path: Path) -> None:
 def test_a_drive_among_others_is_the_one_alone_and_is_not_driven_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    calm = gates.RunSettings(policy="gate", camera="projected", randomization="none")
+    calm = RunSettings(policy="gate", camera="projected", randomization="none")
     both = gates.batch([3, 4], calm)
     out = tmp_path / "a.jsonl"
     gates.main(seeds="4:5", out=out, **BY_DEFAULT)

@@ -21,8 +21,7 @@ from tral_env.calibration.image_sources import read_images
 from tral_env.calibration.record import difference_px
 from tral_env.calibration.solve import Limits
 from tral_env.config import WIDE_LENS, CameraConfig
-from tral_env.errors import RenderError
-from tral_env.simulation.board_scene import MARGIN, BoardScene, pixels_per_metre
+from tral_env.simulation.board_scene import MARGIN, pixels_per_metre
 from tral_fsm.cli import app
 
 SHOTS = 18
@@ -207,14 +206,8 @@ def test_what_is_shown_in_a_narrow_terminal_is_whole_and_an_error_begins_a_line(
     assert "\nError: 0 of 4 images" in shown
 
 
+@pytest.mark.usefixtures("opengl")
 def test_the_simulated_camera_calibrates_itself_and_says_how_far_off_it_is(tmp_path: Path) -> None:
-    stage = BoardScene(Board(), WIDE_LENS)
-    try:
-        stage.capture(seeded_poses(Board(), WIDE_LENS, 1, 0)[0])
-    except RenderError as error:
-        pytest.skip(f"no OpenGL: {error}")
-    finally:
-        stage.close()
     arguments = ("--simulated", "--shots", 16, "--seed", 2, "--keep-images", "--out", tmp_path)
     report = json.loads(tral(*arguments, "--json").stdout)
     assert max(abs(report["error_percent"][name]) for name in ("fx", "fy")) < 0.5

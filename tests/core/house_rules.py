@@ -24,6 +24,7 @@ HEAVY = PHYSICS | {"torch", "stable_baselines3", "matplotlib"}
 LAWS = {f"tral_env.{room}" for room in ("sensors", "actuation", "task", "noise", "config")}
 ON_THE_CAR = {f"tral_env.{room}" for room in ("hardware", "recording", "learned", "ros")}
 CAR_NEEDS = WAIST | ON_THE_CAR | LAWS - {"tral_env.task"} | {"tral_env.perception"}
+OPTIONS_NEED = {f"tral_env.{room}" for room in ("config", "randomization", "course", "perception", "calibration")}
 SHELLS = {f"tral_env.{room}" for room in ("env", "vector_env", "sb3")}
 STEPS = {"tral_env.simulation", "tral_env.world"} | SHELLS
 SIMULATION_NEEDS = (
@@ -103,6 +104,25 @@ def laws_reach_no_physics(imports: Imports) -> list[str]:
         if room_of(module) in LAWS | WAIST
         for name in sorted(_reaches(imports, module) & PHYSICS)
     ]
+
+
+def calibration_needs_the_waist_config_and_perception(imports: Imports) -> list[str]:
+    return _outside(
+        imports, {"tral_env.calibration"}, WAIST | {f"tral_env.{room}" for room in ("config", "perception", "atomic")}
+    )
+
+
+def calibration_reaches_no_physics(imports: Imports) -> list[str]:
+    return [
+        f"{module} reaches {name}"
+        for module in sorted(imports)
+        if room_of(module) == "tral_env.calibration"
+        for name in sorted(_reaches(imports, module) & PHYSICS)
+    ]
+
+
+def options_know_what_they_set_and_nothing_that_steps(imports: Imports) -> list[str]:
+    return _outside(imports, {"tral_env.options"}, WAIST | OPTIONS_NEED)
 
 
 def one_module_of_course_and_one_of_perception_meet_physics(imports: Imports) -> list[str]:
@@ -220,6 +240,9 @@ RULES: tuple[Rule, ...] = (
     the_waist_needs_numpy_and_spaces_alone,
     laws_need_the_waist_config_and_course,
     laws_reach_no_physics,
+    calibration_needs_the_waist_config_and_perception,
+    calibration_reaches_no_physics,
+    options_know_what_they_set_and_nothing_that_steps,
     one_module_of_course_and_one_of_perception_meet_physics,
     course_needs_the_waist_and_config,
     the_car_needs_little,
@@ -235,7 +258,12 @@ RULES: tuple[Rule, ...] = (
     no_circle_of_rooms,
     no_circle_of_modules,
 )
-LOADING = {laws_reach_no_physics, the_car_reaches_nothing_heavy, report_reaches_no_physics}
+LOADING = {
+    laws_reach_no_physics,
+    calibration_reaches_no_physics,
+    the_car_reaches_nothing_heavy,
+    report_reaches_no_physics,
+}
 
 
 def imports_of(root: Path, *, types: bool = True) -> dict[str, set[str]]:
@@ -249,7 +277,7 @@ def imports_of(root: Path, *, types: bool = True) -> dict[str, set[str]]:
         _module(path, root): path for package in ("tral_env", "tral_fsm") for path in (root / package).rglob("*.py")
     }
     return {
-        module: {_known(name, trees) for name in _imported(ast.parse(path.read_text("utf-8")), types)} - {module}
+        module: {_known(name, trees) for name in _imported(path, root, types)} - {module}
         for module, path in trees.items()
     }
 
@@ -259,16 +287,20 @@ def _module(path: Path, root: Path) -> str:
     return ".".join(names[:-1] if names[-1] == "__init__" else names)
 
 
-def _imported(tree: ast.AST, types: bool) -> Iterator[str]:
-    todo = [tree]
+def _imported(path: Path, root: Path, types: bool) -> Iterator[str]:
+    """Full names of all that a file imports."""
+    package = path.relative_to(root).parent.parts
+    todo: list[ast.AST] = [ast.parse(path.read_text("utf-8"))]
     while todo:
         node = todo.pop()
         for_types = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
         todo += node.orelse if for_types and not types else ast.iter_child_nodes(node)
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            # one dot is the file's own folder, each more the folder above
+            above = package[: len(package) + 1 - node.level] if node.level else ()
+            yield from (".".join([*above, *filter(None, [node.module]), alias.name]) for alias in node.names)
 
 
 def _known(name: str, modules: Set[str] | Mapping[str, object]) -> str:

@@ -19,6 +19,14 @@ BROKEN: dict[Rule, Imports] = {
         "tral_env.course.plan": {"tral_env.course.scene"},
         "tral_env.course.scene": {"mujoco"},
     },
+    rules.calibration_needs_the_waist_config_and_perception: {
+        "tral_env.calibration.views": {"tral_env.simulation.board_scene"}
+    },
+    rules.calibration_reaches_no_physics: {
+        "tral_env.calibration.views": {"tral_env.perception.camera"},
+        "tral_env.perception.camera": {"mujoco"},
+    },
+    rules.options_know_what_they_set_and_nothing_that_steps: {"tral_env.options": {"tral_env.world"}},
     rules.one_module_of_course_and_one_of_perception_meet_physics: {
         "tral_env.course.scene": {"mujoco"},
         "tral_env.course.markers": {"mujoco.batch"},
@@ -87,6 +95,21 @@ def test_imports_within_functions_count(tmp_path: Path) -> None:
         "tral_env.course": set(),
         "tral_env.course.plan": {"tral_env.course.route"},
         "tral_env.course.route": {"tral_env.course.plan", "mujoco.batch"},
+    }
+
+
+def test_relative_imports_count_by_their_full_names(tmp_path: Path) -> None:
+    room = tmp_path / "tral_env" / "course"
+    room.mkdir(parents=True)
+    (tmp_path / "tral_env" / "world.py").write_text("")
+    (room / "__init__.py").write_text("from .plan import Plan\n")
+    (room / "plan.py").write_text("from . import route\nfrom ..world import World\nfrom .. import world\n")
+    (room / "route.py").write_text("")
+    assert rules.imports_of(tmp_path) == {
+        "tral_env.world": set(),
+        "tral_env.course": {"tral_env.course.plan"},
+        "tral_env.course.plan": {"tral_env.course.route", "tral_env.world"},
+        "tral_env.course.route": set(),
     }
 
 

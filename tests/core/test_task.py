@@ -8,7 +8,6 @@ from tral_env.config import CarConfig, TaskConfig
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Segment
 from tral_env.course.plan import Plan
-from tral_fsm.evaluation.metrics import clearance_error
 
 
 def plan(**changes: object) -> Plan:
@@ -159,13 +158,6 @@ def test_clearance_is_perpendicular_also_when_the_car_is_turned() -> None:
 def test_there_is_no_clearance_off_the_plain_stretches() -> None:
     assert np.isnan(clearance(0.5, 0.0)).all()
     assert np.isnan(clearance(2.0, 0.0, np.pi)).all()
-
-
-def test_the_clearance_error_is_that_of_the_followed_wall() -> None:
-    wanted = np.array([[1.0, 0.5], [-1.0, 0.5], [np.nan, np.nan]])
-    error = clearance_error(np.full(3, 0.6), np.full(3, 1.2), wanted)
-    assert error[:2].tolist() == pytest.approx([0.1, 0.7])
-    assert np.isnan(error[2])
 
 
 def test_the_time_limit_is_that_of_a_slow_walk_and_ten_seconds() -> None:

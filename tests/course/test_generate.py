@@ -89,6 +89,13 @@ def test_a_family_that_draws_no_drivable_course_names_the_most_frequent_cause():
     assert "/segments/0/gates/0" in str(told.value)
 
 
+def test_segments_that_cannot_be_joined_are_told_instead_of_tried_for_ever(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("tral_env.course.generate.overlap_problems", lambda course, frames: ["too near"])
+    monkeypatch.setattr("tral_env.course.generate.JOIN_ATTEMPTS", 3)
+    with pytest.raises(CourseError, match=r"no drivable course of 'office' .* could not be joined in 3 ways"):
+        generate("office", np.random.default_rng(0))
+
+
 def test_a_family_whose_limits_are_too_small_names_them():
     def straight(rng: np.random.Generator, hard: bool) -> Draft:
         return {"segments": [{"length": 12, "width": 2, "obstacles": [{"at": 6, "offset": 0.6}]}]}

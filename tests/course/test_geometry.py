@@ -167,6 +167,20 @@ def test_a_room_in_another_corridor_is_refused():
     assert "/segments/0/doors/0: too near to /segments/1" in complaint(first, {"length": 5})
 
 
+def rooms(*doors: tuple[str, float]) -> dict[str, object]:
+    """A corridor with open doors, each given by its side and place."""
+    return {"length": 10, "doors": [{"side": side, "at": at, "open": True} for side, at in doors]}
+
+
+def test_rooms_of_one_side_that_overlap_are_refused_with_both_names():
+    told = complaint(rooms(("left", 4), ("right", 4.6), ("left", 5.2)))
+    assert "/segments/0/doors/0: too near to /segments/0/doors/2. Allowed: 0.3 m for two walls" in told
+
+
+def test_rooms_with_two_walls_between_them_and_rooms_on_both_sides_are_built():
+    assert len(plan_of(rooms(("left", 4), ("right", 4.6), ("left", 5.8))).box_kind) > 0
+
+
 def test_a_closed_course_must_close():
     ring = [{"length": length, "then": "left"} for length in (8, 5, 7, 5)]
     assert "/closed: the last segment ends at (1.000, 0.000) heading 0 deg" in complaint(*ring, closed=True)

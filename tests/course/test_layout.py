@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import jsonschema
@@ -175,3 +176,11 @@ def test_a_file_that_is_no_text_is_a_course_error(tmp_path: Path):
     (tmp_path / "a.json").write_bytes(b"\xff\xfe")
     with pytest.raises(CourseError, match=r"a\.json: not UTF-8 text: invalid start byte at byte 0"):
         Course.load(tmp_path / "a.json")
+
+
+@pytest.mark.parametrize(
+    ("name", "why"), [("none.json", "No such file"), ("", "Is a directory"), ("a\0b", "null byte")]
+)
+def test_a_file_that_cannot_be_opened_is_a_course_error_with_its_path(tmp_path: Path, name: str, why: str):
+    with pytest.raises(CourseError, match=f"{re.escape(str(tmp_path / name))}: cannot be read: .*{why}"):
+        Course.load(tmp_path / name)

@@ -10,10 +10,10 @@ import pytest
 from tral_env.config import CameraConfig
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, example_path
-from tral_env.course.markers import MARKER_IDS, marker_image
+from tral_env.course.markers import marker_image
 from tral_env.course.plan import Plan
-from tral_env.course.scene import Pool, apply_materials, build_model
-from tral_env.interface import STRONG_GATES
+from tral_env.course.scene import Pool, build_model, write_plan
+from tral_env.interface import GATE_IDS, MARKER_IDS, STRONG_GATES
 from tral_env.perception.detection_model import DETECTION_MODEL
 
 LENS = CameraConfig()
@@ -32,18 +32,14 @@ def photograph(plan: Plan, pose: tuple[float, float, float]) -> np.ndarray:
     """What the front camera sees from a pose, grey values."""
     pool = Pool.of(plan)
     model = build_model(pool)
-    apply_materials(model, plan, pool)
+    write_plan(model, plan, pool)
     data = mujoco.MjData(model)
     x, y, yaw = pose
     data.qpos[:7] = [x, y, 0, np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]
     mujoco.mj_forward(model, data)
-    try:
-        renderer = mujoco.Renderer(model, LENS.height, LENS.width)
-    except Exception as error:
-        pytest.skip(f"no OpenGL here, so nothing can be rendered: {error}")
     option = mujoco.MjvOption()
     option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = False
-    with renderer:
+    with mujoco.Renderer(model, LENS.height, LENS.width) as renderer:
         renderer.update_scene(data, "car/front", option)
         return cv2.cvtColor(renderer.render(), cv2.COLOR_RGB2GRAY)
 
@@ -57,7 +53,7 @@ def gate_ahead(distance: float, yaw_deg: float = 0.0, gate: int = 5) -> Plan:
 
 def test_strong_gates_have_codes_that_are_neither_weak_nor_seen_where_they_are_not():
     weakness = DETECTION_MODEL.weakness
-    readable = {gate for gate in range(20) if max(weakness[2 * gate : 2 * gate + 2]) <= 0.2}
+    readable = {gate for gate in GATE_IDS if max(weakness[2 * gate : 2 * gate + 2]) <= 0.2}
     assert set(STRONG_GATES) == readable - {marker // 2 for marker in SEEN_FALSELY}
 
 
@@ -69,6 +65,7 @@ def test_an_image_is_its_marker_with_a_quiet_zone(marker: int):
     assert list(detect(np.pad(image, 20, constant_values=255))) == [marker]
 
 
+@pytest.mark.usefixtures("opengl")
 @pytest.mark.parametrize("yaw_deg", [-10, 0, 10])
 def test_a_gates_markers_are_read_left_and_right_and_upright(yaw_deg: float):
     seen = detect(photograph(gate_ahead(2.0, yaw_deg), (1.0, 0.0, 0.0)))
@@ -81,6 +78,7 @@ def test_a_gates_markers_are_read_left_and_right_and_upright(yaw_deg: float):
         assert upper_right[1] < lower_right[1]
 
 
+@pytest.mark.usefixtures("opengl")
 def test_corners_lie_where_the_lens_puts_them():
     seen = detect(photograph(gate_ahead(2.0), (1.0, 0.0, 0.0)))
     depth = 2.0 - 0.017
@@ -90,15 +88,18 @@ def test_corners_lie_where_the_lens_puts_them():
         np.testing.assert_allclose(seen[marker], np.column_stack([u, v]), atol=1.5)
 
 
+@pytest.mark.usefixtures("opengl")
 @pytest.mark.parametrize("distance", [1.0, 3.0, 5.0])
 def test_markers_are_read_from_1_to_5_m(distance: float):
     assert sorted(detect(photograph(gate_ahead(distance), (1.0, 0.0, 0.0)))) == [10, 11]
 
 
+@pytest.mark.usefixtures("opengl")
 def test_a_gate_cannot_be_read_from_behind():
     assert not detect(photograph(gate_ahead(2.0), (5.2, 0.0, np.pi)))
 
 
+@pytest.mark.usefixtures("opengl")
 def test_a_sign_is_read_4_m_before_the_wall_it_hangs_on():
     plan = build_plan(Course.load(example_path("signs")))
     assert list(detect(photograph(plan, (3.0, 0.0, 0.0)))) == [40]

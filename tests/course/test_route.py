@@ -9,11 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tral_env.config import CarConfig
+from tral_env.course.drivable import CLEARANCE, clearance, curvatures, headings
 from tral_env.course.generate import SCENARIOS, generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, example_names, example_path
 from tral_env.course.plan import Plan
-from tral_env.course.route import CLEARANCE, CORNER_RADIUS, clearance, curvatures, headings
+from tral_env.course.route import CORNER_RADIUS
 
 CAR = CarConfig()
 FULL_LOCK = np.tan(CAR.full_lock) / CAR.wheelbase

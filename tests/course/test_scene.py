@@ -15,7 +15,7 @@ from tral_env.course.generate import SCENARIOS, generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, example_path
 from tral_env.course.plan import BOX_KINDS, Plan
-from tral_env.course.scene import Pool, apply_materials, build_model, place, pool_geoms
+from tral_env.course.scene import Pool, build_model, place, pool_geoms, write_plan
 from tral_env.errors import ConfigError
 
 RAYS = 33
@@ -65,7 +65,7 @@ def poses(plan: Plan, count: int) -> np.ndarray:
 
 def parked_at(model: mujoco.MjModel, plan: Plan, pool: Pool, where: Sequence[float]) -> mujoco.MjData:
     """A car that stands along x in a corridor whose walls are good for physics too."""
-    apply_materials(model, plan, pool)
+    write_plan(model, plan, pool)
     mujoco.mj_setConst(model, mujoco.MjData(model))
     data = mujoco.MjData(model)
     data.qpos[:2] = where
@@ -171,7 +171,7 @@ def test_the_collision_sensor_tells_the_way_into_the_wall(model: mujoco.MjModel,
 
 def test_dressing_gives_each_kind_its_material(model: mujoco.MjModel, pool: Pool):
     plan = build_plan(Course.load(example_path("default")))
-    apply_materials(model, plan, pool)
+    write_plan(model, plan, pool)
     shown = pool_geoms(model, pool)[np.r_[: len(plan.box_kind), 60:63]]
     worn = [model.material(model.geom_matid[i]).name for i in shown]
     assert worn[:-3] == [BOX_KINDS[kind] for kind in plan.box_kind]
@@ -181,9 +181,9 @@ def test_dressing_gives_each_kind_its_material(model: mujoco.MjModel, pool: Pool
 def test_redressing_leaves_nothing_behind(pool: Pool):
     fresh, worn = build_model(pool), build_model(pool)
     ring, default = (build_plan(Course.load(example_path(name))) for name in ("ring", "default"))
-    apply_materials(worn, default, pool)
-    apply_materials(worn, ring, pool)
-    apply_materials(fresh, ring, pool)
+    write_plan(worn, default, pool)
+    write_plan(worn, ring, pool)
+    write_plan(fresh, ring, pool)
     shown = pool_geoms(worn, pool)[np.r_[: len(ring.box_kind), 64]]
     for name in ("geom_pos", "geom_quat", "geom_size", "geom_rbound"):
         np.testing.assert_array_equal(getattr(worn, name), getattr(fresh, name))

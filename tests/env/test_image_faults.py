@@ -14,7 +14,7 @@ from tral_env.config import CameraConfig, CarConfig
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Gate, Segment
 from tral_env.course.scene import Pool, build_model
-from tral_env.errors import ConfigError, RenderError
+from tral_env.errors import ConfigError
 from tral_env.interface import CORE_LAYOUT
 from tral_env.options import CorridorConfig
 from tral_env.perception.aruco import Detector
@@ -29,7 +29,7 @@ ROW, LEVELLED = np.zeros(1, np.int64), np.zeros(3)
 
 
 @pytest.fixture(scope="module")
-def before_the_gate() -> Iterator[tuple[Webcam, RenderedVision, np.ndarray]]:
+def before_the_gate(opengl: None) -> Iterator[tuple[Webcam, RenderedVision, np.ndarray]]:
     """A webcam and an eye with the same patch, and the state of a car 2 m before the gate."""
     plan = build_plan(GATE_AHEAD)
     pool, lens = Pool.of(plan), CameraConfig()
@@ -37,10 +37,6 @@ def before_the_gate() -> Iterator[tuple[Webcam, RenderedVision, np.ndarray]]:
     qpos = build_model(pool).qpos0.copy()
     qpos[0] = 2.0
     webcam.place(0, plan, 0.0, 0)
-    try:
-        webcam.image(0, qpos, LEVELLED)
-    except RenderError:
-        pytest.skip("no OpenGL on this machine")
     yield webcam, vision, qpos
     webcam.close()
     vision.close()
@@ -51,8 +47,6 @@ def pixels(seed: int = 3, **kwargs: object) -> np.ndarray:
     env = gym.make("TralCorridorPixels-v0", **given)
     try:
         return np.array(env.reset(seed=seed, options=LEVEL_1)[0]["image"], int)
-    except RenderError:
-        pytest.skip("no OpenGL on this machine")
     finally:
         env.close()
 
@@ -88,6 +82,7 @@ def test_a_gate_is_seen_unless_the_patch_lies_on_one_of_its_markers(
     assert set(seen["beside"]) == {2}
 
 
+@pytest.mark.usefixtures("opengl")
 def test_the_readings_come_from_the_images_with_the_faults() -> None:
     faults = ImageCorruption(patch=0.5)
     env = gym.make("TralCorridor-v0", course=GATE_AHEAD, camera="rendered", randomization="none", image_faults=faults)
@@ -104,8 +99,6 @@ def test_the_readings_come_from_the_images_with_the_faults() -> None:
             seen = float(observation[GATE_ID])
             assert seen == (2 if len(found) == 2 else -1)
             told.add(seen)
-    except RenderError:
-        pytest.skip("no OpenGL on this machine")
     finally:
         env.close()
         if webcam is not None:
@@ -113,6 +106,7 @@ def test_the_readings_come_from_the_images_with_the_faults() -> None:
     assert told == {2, -1}
 
 
+@pytest.mark.usefixtures("opengl")
 def test_the_pixels_show_the_faults_that_are_asked_for_and_no_others() -> None:
     clear = ImageCorruption(exposure=0, blur_px=0, glare=0, noise=0)
     clean, patched = pixels(image_faults=clear), pixels(image_faults=PATCH)
@@ -123,12 +117,14 @@ def test_the_pixels_show_the_faults_that_are_asked_for_and_no_others() -> None:
     assert covered[0, 0] in PATCH_GREYS
 
 
+@pytest.mark.usefixtures("opengl")
 def test_the_pixels_show_the_faults_wherever_the_readings_come_from() -> None:
     image = pixels(camera="projected", image_faults=PATCH)
     assert np.array_equal(image, pixels(camera="rendered", image_faults=PATCH))
     assert not np.array_equal(image, pixels(camera="projected"))
 
 
+@pytest.mark.usefixtures("opengl")
 def test_the_same_seed_gives_the_same_image() -> None:
     faults = ImageCorruption(streak_px=2.0, patch=0.2)
     image = pixels(image_faults=faults)
@@ -136,19 +132,18 @@ def test_the_same_seed_gives_the_same_image() -> None:
     assert not np.array_equal(image, pixels(4, image_faults=faults))
 
 
-def test_without_it_an_image_is_as_it_was_with_the_default_law() -> None:
+@pytest.mark.usefixtures("opengl")
+def test_without_it_an_image_is_as_it_was_with_the_default_faults() -> None:
     assert np.array_equal(pixels(), pixels(image_faults=ImageCorruption()))
 
 
+@pytest.mark.usefixtures("opengl")
 def test_a_row_among_others_looks_through_the_same_faults_as_alone() -> None:
     given = {"course": GATE_AHEAD, "camera": "rendered", "image_faults": PATCH}
     single = gym.make("TralCorridor-v0", **given)
     rows = gym.make_vec("TralCorridor-v0", num_envs=2, **given)
-    try:
-        alone = [single.reset(seed=6)[0]]
-        among = [rows.reset(seed=5)[0][1]]
-    except RenderError:
-        pytest.skip("no OpenGL on this machine")
+    alone = [single.reset(seed=6)[0]]
+    among = [rows.reset(seed=5)[0][1]]
     command = np.array([0.0, 0.4], np.float32)
     for _ in range(40):
         alone.append(single.step(command)[0])

@@ -15,7 +15,7 @@ from gymnasium.wrappers.vector import RecordVideo
 
 import tral_env.env
 from tral_env.course.layout import Course, Gate, Segment
-from tral_env.errors import ConfigError, RenderError
+from tral_env.errors import ConfigError
 from tral_env.perception.aruco import Detector
 from tral_env.perception.degrade import ImageCorruption
 from tral_env.simulation.views import VIEWS
@@ -38,22 +38,7 @@ except RenderError as error:
 GATE_AHEAD = Course(name="gate", segments=(Segment(length=10, gates=(Gate(id=2, at=5, offset=0.3, yaw_deg=8),)),))
 
 
-def opengl() -> bool:
-    env = tral_env.env.TralCorridorEnv(scenario="straight")
-    env.reset(seed=0)
-    try:
-        env.render_view("top", 8, 8)
-    except RenderError:
-        return False
-    finally:
-        env.close()
-    return True
-
-
-needs_opengl = pytest.mark.skipif(not opengl(), reason="no OpenGL on this machine")
-
-
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 @pytest.mark.parametrize("view", VIEWS)
 def test_every_view_is_a_picture(view: str) -> None:
     env = gym.make("TralCorridor-v0", scenario="gates", render_mode="rgb_array", view=view, width=160, height=120)
@@ -65,7 +50,7 @@ def test_every_view_is_a_picture(view: str) -> None:
     env.close()
 
 
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 def test_the_chase_view_shows_the_red_car_in_the_lower_middle() -> None:
     env = tral_env.env.TralCorridorEnv(scenario="straight", randomization="none")
     env.reset(seed=0)
@@ -77,7 +62,7 @@ def test_the_chase_view_shows_the_red_car_in_the_lower_middle() -> None:
     env.close()
 
 
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 def test_pictures_follow_the_car_to_another_course() -> None:
     env = tral_env.env.TralCorridorEnv(scenario="corners")
     env.reset(seed=0)
@@ -87,7 +72,7 @@ def test_pictures_follow_the_car_to_another_course() -> None:
     env.close()
 
 
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 def test_a_rendered_gate_is_seen_where_the_projected_one_is() -> None:
     readings = []
     for camera in ("projected", "rendered"):
@@ -104,14 +89,14 @@ def test_a_rendered_gate_is_seen_where_the_projected_one_is() -> None:
     assert rendered["gate_heading"] == pytest.approx(float(projected["gate_heading"]), abs=0.05)
 
 
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 def test_gymnasiums_checker_finds_nothing_in_the_pixels() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(gym.make("TralCorridorPixels-v0", scenario="straight").unwrapped, skip_render_check=True)
 
 
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 def test_an_image_stays_until_the_next_exposure() -> None:
     env = gym.make("TralCorridorPixels-v0", scenario="straight", image_size=(64, 48))
     observation, _ = env.reset(seed=0)
@@ -125,7 +110,7 @@ def test_an_image_stays_until_the_next_exposure() -> None:
     env.close()
 
 
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 def test_an_image_arrives_with_what_the_readings_tell_of_it() -> None:
     env = gym.make("TralCorridorPixels-v0", course=GATE_AHEAD, randomization="none", image_size=(64, 48))
     observation, _ = env.reset(seed=1, options={"car": {"camera_latency_s": 0.1}})
@@ -139,7 +124,7 @@ def test_an_image_arrives_with_what_the_readings_tell_of_it() -> None:
     env.close()
 
 
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 def test_the_pixels_are_those_of_the_car_s_own_camera() -> None:
     env = gym.make("TralCorridorPixels-v0", course=GATE_AHEAD, randomization="none")
     images = {}
@@ -162,7 +147,7 @@ ODD = {"camera_yaw_deg": 6.0, "camera_roll_deg": 5.0, "image_degradation": 3.0}
 FAULTS = ImageCorruption(streak_px=2.0, patch=0.1)
 
 
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 def test_the_onboard_view_is_the_image_that_the_detector_searches(monkeypatch: pytest.MonkeyPatch) -> None:
     searched, detect = [], Detector.detect
 
@@ -189,7 +174,7 @@ def test_the_onboard_view_is_the_image_that_the_detector_searches(monkeypatch: p
         env.close()
 
 
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 @pytest.mark.parametrize("lens", ["default", "wide"])
 def test_a_projected_camera_shows_what_it_would_take(lens: str) -> None:
     still = {"camera_latency_s": 0.0, "camera_yaw_deg": 6.0, "camera_roll_deg": 5.0, "camera_pitch_deg": -3.0}
@@ -206,7 +191,7 @@ def test_a_projected_camera_shows_what_it_would_take(lens: str) -> None:
     env.close()
 
 
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 def test_a_vector_environment_gives_a_picture_of_each_row() -> None:
     options = {"scenario": "gates", "render_mode": "rgb_array", "width": 160, "height": 120}
     envs = gym.make_vec("TralCorridor-v0", num_envs=2, **options)
@@ -251,7 +236,7 @@ def clips(monkeypatch: pytest.MonkeyPatch) -> list[list[np.ndarray]]:
     return written
 
 
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 def test_gymnasium_records_a_vector_environment(tmp_path: Path, clips: list[list[np.ndarray]]) -> None:
     envs = gym.make_vec("TralCorridor-v0", num_envs=2, scenario="gates", render_mode="rgb_array", width=64, height=48)
     envs = RecordVideo(envs, str(tmp_path / "videos"), episode_trigger=lambda episode: True, video_length=5)
@@ -264,7 +249,7 @@ def test_gymnasium_records_a_vector_environment(tmp_path: Path, clips: list[list
     assert not np.array_equal(clips[0][0], clips[0][-1])
 
 
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 def test_stable_baselines_records_up_to_sixteen_cars(tmp_path: Path, clips: list[list[np.ndarray]]) -> None:
     pytest.importorskip("stable_baselines3")
     from stable_baselines3.common.vec_env import VecVideoRecorder
@@ -302,7 +287,7 @@ print("the parent goes on")
 """
 
 
-@needs_opengl
+@pytest.mark.usefixtures("opengl")
 def test_opengl_in_a_forked_process_is_refused_instead_of_hanging() -> None:
     command = [sys.executable, "-W", "ignore", "-c", FORKED]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)

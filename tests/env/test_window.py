@@ -12,7 +12,6 @@ from tral_env.options import CorridorConfig
 from tral_env.simulation import culling
 from tral_env.simulation.culling import REACH_M, LocalGeoms, max_boxes_in_reach
 from tral_env.world import World
-from tral_fsm import load_policy
 
 
 def line_of_boxes(count: int) -> Placement:
@@ -88,21 +87,3 @@ def test_courses_of_the_families_need_no_more_local_boxes():
         draws = [(seed, hard) for seed in range(3) for hard in (False, True)]
         plans = [generate_plan(scenario, np.random.default_rng(seed), hard=hard)[1] for seed, hard in draws]
         assert max(max_boxes_in_reach(plan) for plan in plans) <= culling.LOCAL_BOXES
-
-
-@pytest.mark.parametrize("scenario", ["office", "doors"])
-def test_no_reading_shows_which_boxes_are_left_out(scenario: str, monkeypatch: pytest.MonkeyPatch):
-    rows, ticks = 6, 1500
-
-    def drive() -> list[np.ndarray]:
-        world, policy = World(rows, CorridorConfig(scenario=scenario)), load_policy("office")
-        world.reset(world.request(np.arange(rows)), [np.random.default_rng(seed) for seed in range(rows)])
-        policy.reset(rows)
-        seen = [world.observation()]
-        for _ in range(ticks):
-            seen.append(world.step(policy.act(seen[-1])).observation)
-        return seen
-
-    near = drive()
-    monkeypatch.setattr(culling, "LOCAL_BOXES", 1000)
-    assert_array_equal(np.stack(near), np.stack(drive()))

@@ -24,5 +24,6 @@ def test_a_car_alone_drives_as_it_did(group: Group) -> None:
     assert alone(group, 1) == KEPT["drives"][group.name(1)]
 
 
+@pytest.mark.usefixtures("opengl")
 def test_a_drive_with_the_rendered_camera_is_as_it_was() -> None:
     assert alone(RENDERED, 3) == KEPT["drives"][RENDERED.name(3)]

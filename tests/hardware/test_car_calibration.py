@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from tral_env.errors import CalibrationError, ConfigError
 from tral_env.hardware import calibration_file
-from tral_env.hardware.calibration import action_of, limit_slew, pulses
 from tral_env.hardware.calibration_file import json_schema, load_calibration, packaged_calibrations, parse_calibration
+from tral_env.hardware.pulses import action_of, limit_slew, pulses
 
 TT01 = load_calibration("tt01")
 PACKAGED = Path(calibration_file.__file__).parent / "calibrations"

@@ -11,9 +11,9 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
 from tral_env.errors import CalibrationError, ConfigError, HardwareError
-from tral_env.hardware.calibration import pulses
 from tral_env.hardware.calibration_file import load_calibration
 from tral_env.hardware.env import TralCarEnv
+from tral_env.hardware.pulses import pulses
 from tral_env.hardware.sensors import HallCounter, SensorGroup
 from tral_env.hardware.sonar import SonarArray
 from tral_env.interface import CORE_LAYOUT, action_space, check_readings

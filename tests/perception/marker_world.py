@@ -7,12 +7,9 @@ from dataclasses import dataclass
 import cv2
 import mujoco
 import numpy as np
-import pytest
 
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.course.plan import BOX_KINDS, Plan
-from tral_env.errors import RenderError
-from tral_env.perception.camera import OnboardCamera, SceneRenderer
 
 SIZE = CameraConfig().marker_size
 QUIET = 4 / 3
@@ -107,13 +104,3 @@ def plan_of(
         marker_yaw=face[:, 3],
         marker_id=np.array([marker[0] for marker in markers], np.int64),
     )
-
-
-def camera_or_skip(config: CameraConfig | None = None, renderer: SceneRenderer | None = None) -> OnboardCamera:
-    camera = OnboardCamera(config, renderer=renderer)
-    world = build([])
-    try:
-        camera.renderer.render(world.model, world.data, "car/front", 16, 16)
-    except RenderError as error:
-        pytest.skip(f"no OpenGL: {error}")
-    return camera

@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
-from marker_world import build, camera_or_skip
+from marker_world import build
 
 from tral_env.config import WIDE_LENS, CameraConfig
 from tral_env.errors import ConfigError
 from tral_env.perception.aruco import Detector, MarkerCorners, marker_poses
+from tral_env.perception.camera import OnboardCamera
 
 FACING = np.pi
 """A normal that points back along x."""
@@ -12,10 +13,11 @@ FACING = np.pi
 
 def look(world, lens=None, mounting=(0.0, 0.0, 0.0)):
     lens = lens or CameraConfig()
-    camera = camera_or_skip(lens)
+    camera = OnboardCamera(lens)
     return marker_poses(Detector().detect(camera.capture(world.model, world.data, mounting)), lens)
 
 
+@pytest.mark.usefixtures("opengl")
 @pytest.mark.parametrize("distance", [1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
 def test_a_marker_is_placed_within_three_percent(distance):
     poses = look(build([(7, distance, 0.1 * distance, 0.2, FACING)]))
@@ -24,24 +26,28 @@ def test_a_marker_is_placed_within_three_percent(distance):
     assert error < 0.03 * distance
 
 
+@pytest.mark.usefixtures("opengl")
 def test_the_wide_lens_places_a_marker_within_three_percent():
     poses = look(build([(7, 1.7, -0.9, 0.25, FACING)]), WIDE_LENS)
     assert poses.ids.tolist() == [7]
     assert np.hypot(poses.x[0] - 1.7, poses.y[0] + 0.9) < 0.03 * 1.9
 
 
+@pytest.mark.usefixtures("opengl")
 @pytest.mark.parametrize("side", [0.4, -0.4])
 def test_left_is_positive(side):
     poses = look(build([(3, 2.0, side, 0.2, FACING)]))
     assert poses.y[0] == pytest.approx(side, abs=0.03)
 
 
+@pytest.mark.usefixtures("opengl")
 @pytest.mark.parametrize("turn", [-0.6, -0.3, 0.3, 0.6])
 def test_heading_is_the_direction_into_the_marker(turn):
     poses = look(build([(3, 1.5, 0.1, 0.2, FACING + turn)]))
     assert poses.heading[0] == pytest.approx(turn, abs=0.03)
 
 
+@pytest.mark.usefixtures("opengl")
 def test_heading_is_counted_from_the_car():
     world = build([(3, 1.5, 0.0, 0.2, FACING)])
     world.put_car(0.0, 0.0, 0.2)
@@ -50,23 +56,28 @@ def test_heading_is_counted_from_the_car():
     assert poses.y[0] < 0
 
 
+@pytest.mark.usefixtures("opengl")
 def test_the_estimator_does_not_know_the_mounting_error():
     poses = look(build([(3, 2.2, 0.0, 0.2, FACING)]), mounting=(0.0, 0.0, 0.05))
     assert poses.y[0] == pytest.approx(-0.05 * 2.0, abs=0.02)
 
 
+@pytest.mark.usefixtures("opengl")
 def test_a_good_view_has_a_small_reprojection_error():
     assert look(build([(3, 1.5, 0.1, 0.2, FACING + 0.4)])).error_px[0] < 0.3
 
 
+@pytest.mark.usefixtures("opengl")
 def test_a_mirrored_marker_is_not_found():
     assert look(build([(7, 1.5, 0.0, 0.2, FACING)], mirrored=True)).ids.size == 0
 
 
+@pytest.mark.usefixtures("opengl")
 def test_a_marker_seen_from_behind_is_not_found():
     assert look(build([(7, 1.5, 0.0, 0.2, 0.0)])).ids.size == 0
 
 
+@pytest.mark.usefixtures("opengl")
 def test_a_hidden_marker_is_not_found():
     assert look(build([(7, 3.0, 0.0, 0.2, FACING)], [(2.0, 0.0, 0.2, 0.0, 0.05, 0.02, 0.2)])).ids.size == 0
 

@@ -4,12 +4,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from marker_world import build, camera_or_skip
+from marker_world import build
 
 from tral_env.config import WIDE_LENS, CameraConfig, CarConfig
 from tral_env.errors import ConfigError, RenderError
 from tral_env.perception.camera import OnboardCamera, SceneRenderer
-from tral_env.perception.projected import mounting_turn, project_points
+from tral_env.perception.lens import mounting_turn, project_points
 
 OFF_CENTRE = CameraConfig(fx=500.0, fy=520.0, cx=300.0, cy=250.0)
 PATCH = 0.05
@@ -32,60 +32,67 @@ def expected_middle(y, z, lens, mounting):
     return project_points(rays @ mounting_turn(np.array([mounting]))[0], lens).reshape(-1, 2).mean(axis=0)
 
 
+@pytest.mark.usefixtures("opengl")
 @pytest.mark.parametrize("lens", [CameraConfig(), WIDE_LENS, OFF_CENTRE], ids=["default", "wide", "off centre"])
 @pytest.mark.parametrize("mounting", [(0.03, 0.0, 0.0), (0.02, -0.03, 0.04)], ids=["rolled", "turned"])
 @pytest.mark.parametrize(("y", "z"), [(0.6, 0.3), (-0.6, -0.1), (0.03, 0.02)])
 def test_a_rendered_point_lies_where_the_lens_model_says_within_a_tenth_of_a_pixel(lens, mounting, y, z):
     world = white_patch(y, z)
-    with camera_or_skip(renderer=SceneRenderer(offsamples=4)).renderer as renderer:
+    with OnboardCamera(renderer=SceneRenderer(offsamples=4)).renderer as renderer:
         image = OnboardCamera(lens, renderer=renderer).capture(world.model, world.data, mounting)[..., 0].astype(float)
     v, u = np.mgrid[: lens.height, : lens.width]
     middle = np.array([(image * u).sum(), (image * v).sum()]) / image.sum()
     assert middle == pytest.approx(expected_middle(y, z, lens, mounting), abs=0.1)
 
 
+@pytest.mark.usefixtures("opengl")
 def test_an_image_has_the_size_of_the_lens():
-    camera = camera_or_skip(WIDE_LENS)
+    camera = OnboardCamera(WIDE_LENS)
     world = build([])
     image = camera.capture(world.model, world.data)
     assert image.shape == (480, 640, 3)
     assert image.dtype == np.uint8
 
 
+@pytest.mark.usefixtures("opengl")
 def test_any_camera_is_rendered_at_any_size_one_after_the_other():
-    camera, world = camera_or_skip(), white_patch(0.0, 0.0)
+    camera, world = OnboardCamera(), white_patch(0.0, 0.0)
     for width, height in ((64, 48), (1280, 720), (320, 240)):
         image = camera.renderer.render(world.model, world.data, "car/front", width, height)
         assert image.shape == (height, width, 3)
         assert image[height // 2, width // 2, 0] == 255
 
 
+@pytest.mark.usefixtures("opengl")
 def test_several_renderers_do_not_disturb_each_other():
     world = white_patch(0.0, 0.0)
-    one, other = camera_or_skip(), camera_or_skip()
+    one, other = OnboardCamera(), OnboardCamera()
     before = one.capture(world.model, world.data)
     other.capture(world.model, world.data)
     del other
     assert (one.capture(world.model, world.data) == before).all()
 
 
+@pytest.mark.usefixtures("opengl")
 def test_one_renderer_shows_courses_with_other_textures():
-    camera = camera_or_skip()
+    camera = OnboardCamera()
     worlds = [build([(marker, 1.2, 0.0, 0.2, np.pi)]) for marker in (0, 1)]
     first, second, again = (camera.capture(world.model, world.data) for world in (*worlds, worlds[0]))
     assert (first == again).all()
     assert (first != second).any()
 
 
+@pytest.mark.usefixtures("opengl")
 def test_a_closed_renderer_opens_again():
-    camera, world = camera_or_skip(), white_patch(0.0, 0.0)
+    camera, world = OnboardCamera(), white_patch(0.0, 0.0)
     before = camera.capture(world.model, world.data)
     camera.close()
     assert (camera.capture(world.model, world.data) == before).all()
 
 
+@pytest.mark.usefixtures("opengl")
 def test_an_unknown_camera_is_named_with_the_nearest_one():
-    camera, world = camera_or_skip(), build([])
+    camera, world = OnboardCamera(), build([])
     with pytest.raises(ConfigError, match=r"no camera 'car/fornt'.*did you mean 'car/front'"):
         camera.renderer.render(world.model, world.data, "car/fornt", 64, 48)
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from tral_env.config import CameraConfig, CarConfig
-from tral_env.course.markers import MARKER_IDS
-from tral_env.interface import STRONG_GATES
+from tral_env.interface import MARKER_IDS, STRONG_GATES
 from tral_env.perception.false_sightings import LIKELY_ID, FalseSightings
 from tral_env.perception.gate import Detection
 from tral_env.randomization import LEVELS

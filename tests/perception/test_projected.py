@@ -1,20 +1,22 @@
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from marker_world import build, camera_or_skip, plan_of
+from marker_world import build, plan_of
 
 from tral_env.config import WIDE_LENS, CameraConfig, CarConfig
 from tral_env.perception.aruco import Detector, marker_poses
+from tral_env.perception.camera import OnboardCamera
 from tral_env.perception.detection_model import DETECTION_MODEL, DetectionModel
 from tral_env.perception.gate import nearest_gate_and_marker
+from tral_env.perception.lens import project_points
 from tral_env.perception.projected import (
     NOISE_PLACES,
     NORMALS,
     UNIFORMS,
     Scenery,
     project,
-    project_points,
 )
 
 LENS, CAR = CameraConfig(), CarConfig()
@@ -101,7 +103,7 @@ def test_a_box_hides_a_marker_only_from_in_between(box, seen):
     assert see([(3, 3.0, 0.0, 0.2, FACING)], [box]).valid[0, 0] == seen
 
 
-def test_of_all_markers_of_a_size_the_law_s_share_is_found():
+def test_of_all_markers_of_a_size_the_model_s_share_is_found():
     model = DetectionModel(
         always_found=1.0, weakness=(), half_found_px=(LENS.fx * LENS.marker_size / 5.0,) * len(DETECTION_MODEL.levels)
     )
@@ -142,7 +144,7 @@ def test_without_noise_blurred_markers_seem_farther():
     assert 0.01 < strong / clean - 1 < 0.05
 
 
-def test_between_the_levels_the_law_s_figures_are_interpolated():
+def test_between_the_levels_the_model_s_figures_are_interpolated():
     model = DetectionModel(levels=(0.0, 2.0), half_found_px=(8.0, 12.0))
     assert model.at(model.half_found_px, np.array([0.0, 0.5, 2.0, 9.0])).tolist() == [8.0, 9.0, 12.0, 12.0]
 
@@ -154,9 +156,9 @@ def test_weak_codes_need_larger_images_the_more_so_the_more_blurred():
 
 
 @pytest.mark.parametrize("level", [0.0, 3.0])
-def test_markers_far_below_the_limit_are_not_found_and_large_ones_are(level):
-    small, large = DETECTION_MODEL.found(np.array([4.0, 60.0]), np.array([2, 2]), np.full(2, level))
-    assert small < 0.15
+def test_markers_too_small_for_opencv_are_never_found_and_large_ones_are(level):
+    nothing, small, large = DETECTION_MODEL.found(np.array([0.0, 4.79, 60.0]), np.full(3, 2), np.full(3, level))
+    assert nothing == small == 0.0
     assert large == pytest.approx(DETECTION_MODEL.always_found, abs=1e-6)
 
 
@@ -236,7 +238,7 @@ def test_a_row_has_the_same_bits_when_a_larger_course_comes_in_beside_it():
 
 def views(count):
     """Random views of a turned gate and an obstacle, rendered and projected: id -> x, y, heading of each."""
-    camera, detector = camera_or_skip(), Detector()
+    camera, detector = OnboardCamera(), Detector()
     rng = np.random.default_rng(7)
     for _ in range(count):
         x, axis, width = rng.uniform(1.5, 6), rng.uniform(-0.3, 0.3), rng.uniform(0.8, 1.3)
@@ -260,6 +262,7 @@ def views(count):
         yield {int(i): (a, b, c) for i, a, b, c in found}, truth
 
 
+@pytest.mark.usefixtures("opengl")
 def test_projected_and_rendered_camera_agree():
     pairs = list(views(30))
     expected = sum(len(truth) for _, truth in pairs)
@@ -275,13 +278,14 @@ def test_projected_and_rendered_camera_agree():
     assert np.median(np.abs(rendered - projected)[:, 2]) < 0.06
 
 
+@pytest.mark.usefixtures("opengl")
 @pytest.mark.parametrize("axis", [-0.25, 0.25])
 @pytest.mark.parametrize("middle", [-0.3, 0.3])
 def test_a_rendered_gate_has_the_right_side_and_turn(axis, middle):
     side = np.array([-np.sin(axis), np.cos(axis)]) / 2
     markers = [(8 + i, 3.0 + s * side[0], middle + s * side[1], 0.2, axis + FACING) for i, s in enumerate((1, -1))]
     world = build(markers)
-    poses = marker_poses(Detector().detect(camera_or_skip().capture(world.model, world.data)), LENS)
+    poses = marker_poses(Detector().detect(OnboardCamera().capture(world.model, world.data)), LENS)
     seen = nearest_gate_and_marker(
         *(a[None] for a in (poses.ids, poses.x, poses.y, poses.heading, np.ones(len(poses.ids), bool)))
     )
@@ -289,3 +293,8 @@ def test_a_rendered_gate_has_the_right_side_and_turn(axis, middle):
     assert seen.gate_x[0] == pytest.approx(3.0, rel=0.03)
     assert seen.gate_y[0] == pytest.approx(middle, abs=0.04)
     assert seen.gate_heading[0] == pytest.approx(axis, abs=0.06)
+
+
+def test_the_smallest_side_is_a_quarter_of_the_shortest_outline_that_opencv_takes():
+    rate = cv2.aruco.DetectorParameters().minMarkerPerimeterRate
+    assert pytest.approx(rate * LENS.width / 4) == DETECTION_MODEL.min_side_px

@@ -7,12 +7,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from marker_world import camera_or_skip, plan_of
+from marker_world import plan_of
 
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.course.plan import BOX_KINDS, Plan
 from tral_env.course.scene import Pool
 from tral_env.perception.aruco import Detector, marker_poses
+from tral_env.perception.camera import OnboardCamera
 from tral_env.perception.degrade import degrade
 from tral_env.perception.projected import NOISE_PLACES, NORMALS, UNIFORMS, Scenery, project
 from tral_env.se2 import wrap
@@ -81,7 +82,7 @@ def errors(truth: dict[str, np.ndarray], seen: np.ndarray) -> dict[str, np.ndarr
 @cache
 def rendered() -> dict[str, dict[str, np.ndarray]]:
     """Errors by level, (n,) each, NaN where nothing is found."""
-    camera, detector, rng = camera_or_skip(), Detector(), np.random.default_rng(5)
+    camera, detector, rng = OnboardCamera(), Detector(), np.random.default_rng(5)
     stage, truth = RenderScene(Pool(len(WALLS), 1)), views()
     seen = {name: np.full((len(truth["x"]), 3), np.nan) for name in LEVELS}
     rest = stage.data.qpos.copy()

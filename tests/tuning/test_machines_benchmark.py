@@ -24,8 +24,8 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def settings(folder: Path) -> machines.RunSettings:
-    return machines.RunSettings(folder=str(folder), camera="projected", randomization="none")
+def settings(folder: Path) -> machines.MachinesSettings:
+    return machines.MachinesSettings(folder=str(folder), camera="projected", randomization="none")
 
 
 def straight(seeds: int) -> dict[str, list[tuple[str, int]]]:
@@ -60,7 +60,7 @@ def test_what_the_file_holds_is_not_driven_again(folder: Path) -> None:
     assert sorted((each["machine"], each["seed"]) for each in drives) == [
         ("office", 0), ("office", 1), ("wall", 0), ("wall", 1),
     ]  # fmt: skip
-    other = machines.RunSettings(folder=str(folder), camera="projected", randomization="hard")
+    other = machines.MachinesSettings(folder=str(folder), camera="projected", randomization="hard")
     with pytest.raises(ConfigError, match="choose another --out"):
         machines.drive(straight(2), other, 1, out)
     (folder / "loop.json").write_text(write(blind(0.4, 1.0), "json"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, Literal, get_args
 
@@ -47,13 +47,14 @@ class Board:
         if self.kind not in get_args(Kind):
             raise ConfigError(f"unknown board {self.kind!r}: {nearest(self.kind, get_args(Kind))}")
         for name in ("columns", "rows"):
-            if getattr(self, name) < 3:
-                raise ConfigError(f"Board.{name} = {getattr(self, name)}: expected 3 or more squares")
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, float) and not _LENGTHS[0] <= value <= _LENGTHS[1]:
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < 3:
+                raise ConfigError(f"Board.{name} = {value!r}: expected a whole number of 3 or more squares")
+        for name in ("square", "marker"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not _LENGTHS[0] <= value <= _LENGTHS[1]:
                 raise ConfigError(
-                    f"Board.{field.name} = {value!r}: expected a length of {_LENGTHS[0]:g} to {_LENGTHS[1]:g}, in m"
+                    f"Board.{name} = {value!r}: expected a length of {_LENGTHS[0]:g} to {_LENGTHS[1]:g}, in m"
                 )
         if self.kind == "charuco":
             self._check_markers()
@@ -203,4 +204,10 @@ def printed_board(
     default = DEFAULT_SIZES[kind]
     square = (default[2] if square_mm is None else square_mm) / 1000
     marker = square * 28 / 36 if marker_mm is None else marker_mm / 1000
-    return Board(kind=kind, columns=columns or default[0], rows=rows or default[1], square=square, marker=marker)
+    return Board(
+        kind=kind,
+        columns=default[0] if columns is None else columns,
+        rows=default[1] if rows is None else rows,
+        square=square,
+        marker=marker,
+    )

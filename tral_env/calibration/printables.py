@@ -8,7 +8,7 @@ from tral_env.calibration.boards import Board, marker_ink
 from tral_env.calibration.sheet import PAPERS, Sheet, Text, paper_size, ruler
 from tral_env.errors import ConfigError
 from tral_env.geometry import MARKER_MODULES, MARKER_QUIET_MODULES, MARKER_SIZE_M
-from tral_env.interface import GATE_MARKER_IDS
+from tral_env.interface import GATE_IDS
 from tral_env.perception.aruco import DICTIONARY
 from tral_env.perception.gate import DICTIONARY_SIZE
 
@@ -41,8 +41,8 @@ def board_sheet(board: Board, paper: str = "A4") -> Sheet:
         least = min((page[0] - 2 * EDGE_MM) / board.columns, (page[1] - EDGE_MM - FOOT_MM) / board.rows)
         raise ConfigError(
             f"a board of {board.columns} x {board.rows} squares of {1000 * board.square:g} mm is {width:g} x "
-            f"{height:g} mm and does not fit on {paper}: squares of {np.floor(10 * least) / 10:g} mm would, or try "
-            f"--paper with one of {', '.join(PAPERS)}"
+            f"{height:g} mm and does not fit on {paper}: squares of {np.floor(10 * least) / 10:g} mm would. "
+            f"Papers: {', '.join(PAPERS)}"
         )
     left, top = (page[0] - width) / 2, EDGE_MM + (page[1] - height - EDGE_MM - FOOT_MM) / 2
     kind = f"{board.kind}, {board.columns} x {board.rows} squares of {1000 * board.square:g} mm"
@@ -69,14 +69,14 @@ def marker_sheet(marker: int, size_mm: float = SIZE_MM, paper: str = "A4", note:
     if not 0 <= marker < DICTIONARY_SIZE:
         raise ConfigError(f"marker {marker}: DICT_4X4_50 has 0 to {DICTIONARY_SIZE - 1}")
     if not (np.isfinite(size_mm) and size_mm > 0):
-        raise ConfigError(f"--size-mm {size_mm:g}: expected a length above 0")
+        raise ConfigError(f"size_mm = {size_mm:g}: expected a length above 0")
     page = paper_size(paper)
     cell = size_mm / MARKER_MODULES
     most = page[0] / (1 + 2 * MIN_QUIET / MARKER_MODULES)  # its height leaves more than enough on every paper
     if size_mm > most:
         raise ConfigError(
             f"a marker of {size_mm:g} mm needs {MIN_QUIET * cell:g} mm of white on either side and does not fit on "
-            f"{paper}: {np.floor(most):g} mm would, or try --paper with one of {', '.join(PAPERS)}"
+            f"{paper}: {np.floor(most):g} mm would. Papers: {', '.join(PAPERS)}"
         )
     left, top = (page[0] - size_mm) / 2, MARKER_QUIET_MODULES * cell + 8.0
     ink = size_mm * marker_ink(DICTIONARY, marker, MARKER_MODULES) + np.array([left, top, 0.0, 0.0])
@@ -99,9 +99,8 @@ def gate_sheets(gate: int, size_mm: float = SIZE_MM, paper: str = "A4") -> list[
     Raises:
         ConfigError: there is no such gate, or a marker does not fit.
     """
-    gates = len(GATE_MARKER_IDS) // 2
-    if not 0 <= gate < gates:
-        raise ConfigError(f"gate {gate}: there are 0 to {gates - 1}")
+    if gate not in GATE_IDS:
+        raise ConfigError(f"gate {gate}: there are {GATE_IDS[0]} to {GATE_IDS[-1]}")
     sides = ("left", "right")
     return [
         marker_sheet(2 * gate + i, size_mm, paper, f"gate {gate}, {side} in driving direction")

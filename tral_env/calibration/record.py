@@ -8,17 +8,17 @@ from typing import Any
 import cv2
 import numpy as np
 
-from tral_env.calibration.solve import Calibration
+from tral_env.calibration.solve import PARAMETERS, Calibration
 from tral_env.config import CameraConfig
 from tral_env.perception.rays import lens_arrays, pixel_rays
 
-_SHOWN = ("fx", "fy", "cx", "cy")
+_SHOWN = PARAMETERS[:4]
 
 
 def parameters(camera: CameraConfig) -> dict[str, float]:
     """The nine numbers of a lens by name."""
     values = (camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion)
-    return dict(zip(("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"), values, strict=True))
+    return dict(zip(PARAMETERS, values, strict=True))
 
 
 def calibration_record(result: Calibration, truth: CameraConfig | None = None) -> dict[str, Any]:

@@ -130,7 +130,7 @@ def page_suffix(out: Path) -> str:
     """
     suffix = out.suffix.lower()
     if suffix not in (".pdf", ".svg"):
-        raise ConfigError(f"--out {out}: unknown suffix '{out.suffix}'. Allowed: .pdf, .svg")
+        raise ConfigError(f"{out}: unknown suffix '{out.suffix}'. Allowed: .pdf, .svg")
     return suffix
 
 

@@ -14,7 +14,7 @@ from tral_env.arrays import Array
 from tral_env.calibration.boards import Board
 from tral_env.calibration.views import Collection, Rejected, View, coverage
 from tral_env.config import CameraConfig
-from tral_env.errors import CalibrationError
+from tral_env.errors import CalibrationError, ConfigError
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 """A lens has these numbers, in OpenCV's order."""
@@ -136,8 +136,11 @@ def calibrate(
         limits: what counts as good.
 
     Raises:
+        ConfigError: `radial` is not 1, 2 or 3.
         CalibrationError: there are fewer than 4 views, or no lens fits them.
     """
+    if radial not in (1, 2, 3):
+        raise ConfigError(f"radial = {radial!r}: expected 1, 2 or 3 terms of radial distortion")
     used, outliers = list(views), list[Rejected]()
     _require_enough(used, rejected)
     fit = _fit(board, used, size, radial)
@@ -303,11 +306,11 @@ def _advice_on_errors(result: Calibration, limits: Limits) -> list[str]:
             f"views that were not fitted are off by {result.held_out_px:.2f} px, those that were by "
             f"{result.rms_px:.2f}: too few different views; take more"
         )
-    for names, whole, limit in (
-        (("fx", "fy"), result.camera.fx, limits.focal_std),
-        (("cx", "cy"), result.camera.width, limits.centre_std),
-    ):
-        vague = [name for name in names if result.deviation[name] > limit * whole]
+    camera = result.camera
+    focal = {"fx": limits.focal_std * camera.fx, "fy": limits.focal_std * camera.fy}
+    centre = dict.fromkeys(("cx", "cy"), limits.centre_std * camera.width)
+    for most in (focal, centre):
+        vague = [name for name in most if result.deviation[name] > most[name]]
         if vague:
             advice.append(
                 f"{' and '.join(vague)} uncertain by {max(result.deviation[name] for name in vague):.1f} px: "

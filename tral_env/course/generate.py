@@ -43,6 +43,8 @@ class Family:
 
 ATTEMPTS = 200
 """The generator gives up when this many drafts have failed; a few in a hundred fail."""
+JOIN_ATTEMPTS = 1000
+"""A draft fails when this many ways to join its segments have failed."""
 START_AT = 1.0
 """The car starts this far from the first wall, m."""
 GOAL_BEFORE_END = 1.0
@@ -75,6 +77,7 @@ def generate(scenario: str, rng: np.random.Generator, *, hard: bool = False) -> 
 
     Raises:
         ConfigError: no such scenario.
+        CourseError: no draft could be driven, see `draw`.
     """
     return generate_plan(scenario, rng, hard=hard)[0]
 
@@ -84,6 +87,7 @@ def generate_plan(scenario: str, rng: np.random.Generator, *, hard: bool = False
 
     Raises:
         ConfigError: no such scenario.
+        CourseError: no draft could be driven, see `draw`.
     """
     if scenario not in FAMILIES:
         raise ConfigError(f"unknown scenario '{scenario}': {nearest(scenario, FAMILIES)}")
@@ -98,9 +102,9 @@ def draw(name: str, family: Family, rng: np.random.Generator, *, hard: bool = Fa
     """
     causes: list[str] = []
     for _ in range(ATTEMPTS):
-        draft = family.sketch(rng, hard)
-        course = Course.model_validate({"name": name, "start": _start(rng, draft), **draft})
         try:
+            draft = family.sketch(rng, hard)
+            course = Course.model_validate({"name": name, "start": _start(rng, draft), **draft})
             plan = build_plan(course)
         except CourseError as error:
             causes.append(str(error))
@@ -342,8 +346,12 @@ _FURNITURE = ("cupboards", "obstacles", "gate", "nothing")
 
 
 def _join_without_overlap(rng: np.random.Generator, segments: list[Draft]) -> list[Frame]:
-    """Join segments by corners and crossings until no part comes too near to another, and give their frames."""
-    while True:
+    """Join segments by corners and crossings until no part comes too near to another, and give their frames.
+
+    Raises:
+        CourseError: no way of `JOIN_ATTEMPTS` leaves each part its room.
+    """
+    for _ in range(JOIN_ATTEMPTS):
         for segment, after in pairwise(segments):
             segment.pop("branches", None)
             if rng.random() < 0.35:
@@ -354,6 +362,9 @@ def _join_without_overlap(rng: np.random.Generator, segments: list[Draft]) -> li
         frames = place_segments(bare)
         if not any(overlap_problems(bare, frames)):
             return frames
+    raise CourseError(
+        f"{len(segments)} segments could not be joined in {JOIN_ATTEMPTS} ways without one coming too near to another"
+    )
 
 
 def _furnish(rng: np.random.Generator, segment: Draft, what: str, begin: float, end: float, gates: int) -> int:

@@ -6,13 +6,14 @@ the line through it.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from tral_env.course import route as routes
+from tral_env.course.drivable import check_drivable
 from tral_env.course.frames import TURNS, Frame, Rect, place_segments, stubs
 from tral_env.course.furniture import (
     FRAME_WIDTH,
@@ -68,10 +69,10 @@ def build_plan(course: Course) -> Plan:
         tape=np.array([tape_line(frame, tape) for frame in frames for tape in frame.segment.tapes], float).reshape(
             -1, 4
         ),
-        straights=routes.straights(course, frames),
+        straights=routes.straights(frames),
         laps=course.laps,
     )
-    routes.check_drivable(plan, course.name)
+    check_drivable(plan, course.name)
     return plan
 
 
@@ -128,7 +129,7 @@ def _segment_problems(where: str, frame: Frame) -> Iterator[str]:
             yield f"{where}/doors/{k}/at: got {door.at:g}. Allowed: {low:g} to {high:g}, between corners"
     for side in ("left", "right"):
         row = sorted(((k, door) for k, door in enumerate(segment.doors) if door.side == side), key=_place)
-        for (_, door), (k, after) in pairwise(row):
+        for (_, door), (k, after) in itertools.pairwise(row):
             low = door.at + (door.width + after.width) / 2 + 2 * FRAME_WIDTH
             if after.at < low - 1e-9:
                 yield f"{where}/doors/{k}/at: got {after.at:g}, beside a door at {door.at:g}. Allowed: {low:g} or more"
@@ -159,8 +160,12 @@ def overlap_problems(course: Course, frames: list[Frame]) -> Iterator[str]:
 
 
 def _parts(course: Course, frames: list[Frame]) -> Iterator[tuple[str, Rect, int, int]]:
-    """Corridors, branches and rooms: place in the course file, floor, and the nodes where they begin and end."""
+    """Corridors, branches and rooms: place in the course file, floor, and the nodes where they begin and end.
+
+    Parts that share a node are neighbours. A room has a node of its own, so that two rooms are none.
+    """
     count = len(frames)
+    room_nodes = itertools.count(-1, -1)  # those of segments count up from 0
     for i, frame in enumerate(frames):
         where, on = f"/segments/{i}", (i + 1) % count if course.closed else i + 1
         yield where, frame.corridor, i, on
@@ -171,7 +176,8 @@ def _parts(course: Course, frames: list[Frame]) -> Iterator[tuple[str, Rect, int
             if door.open:
                 wall = TURNS[door.side] * (frame.segment.width / 2 + WALL_THICKNESS)
                 room = frame.rect(door.at - ROOM / 2, door.at + ROOM / 2, wall, wall + TURNS[door.side] * ROOM)
-                yield f"{where}/doors/{k}", room, -1 - i, -1 - i
+                node = next(room_nodes)
+                yield f"{where}/doors/{k}", room, node, node
 
 
 def _is_own_room(part: str, other: str) -> bool:

@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from tral_env import json_text
 from tral_env.errors import CourseError, nearest, problem_report
+from tral_env.interface import GATE_IDS
 
 Side = Literal["left", "right"]
 Direction = Literal["left", "right", "straight"]
@@ -78,7 +79,7 @@ class Obstacle(Part):
 class Gate(Part):
     """Two marker boards side by side. Gate k has the markers 2k (left) and 2k + 1 (right)."""
 
-    id: Annotated[int, Field(ge=0, le=19)]
+    id: Annotated[int, Field(ge=GATE_IDS[0], le=GATE_IDS[-1])]
     """Its number k, unique in the course."""
     at: NotNegative
     """Its middle, m along the segment."""
@@ -178,14 +179,15 @@ class Course(Part):
             path: a JSON file after `course.schema.json`.
 
         Raises:
-            CourseError: the file is no text or no JSON, or has problems; the message lists all, each with its place,
-                what was got and what is allowed.
-            OSError: the file cannot be opened.
+            CourseError: the file cannot be opened, is no text or no JSON, or has problems; the message lists all, each
+                with its place, what was got and what is allowed.
         """
         try:
             text = json_text.read(path)
         except UnicodeDecodeError as error:
             raise CourseError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None
+        except (OSError, ValueError) as error:  # a name with a null is a ValueError
+            raise CourseError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from error
         return cls.parse(text, source=str(path))
 
     @classmethod

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 from tral_env.geometry import MARKER_MODULES, MARKER_QUIET_MODULES
 
-MARKER_IDS = tuple(range(43))
-"""Markers that a course can hold: 0 to 39 on gates, 40 to 42 at crossings."""
 PIXELS_PER_MODULE = 8
 """A cell of the texture is this wide: from 0.6 to 7 m the detector reads 4, 8, 16 and 32 alike."""
 

@@ -16,10 +16,11 @@ from tral_env.arrays import Array
 from tral_env.assets import asset_path
 from tral_env.config import LineConfig
 from tral_env.course.generate import FAMILIES
-from tral_env.course.markers import MARKER_IDS, marker_image, material_name
+from tral_env.course.markers import marker_image, material_name
 from tral_env.course.plan import BOX_KINDS, Plan
 from tral_env.errors import ConfigError, nearest
 from tral_env.geometry import MARKER_MODULES, MARKER_QUIET_MODULES
+from tral_env.interface import MARKER_IDS
 
 PREFIX = "car/"
 """The name of everything that belongs to the car begins so."""
@@ -206,8 +207,8 @@ def place(plan: Plan, pool: Pool) -> Placement:
     return Placement(pos, quat, size)
 
 
-def apply_materials(model: mujoco.MjModel, plan: Plan, pool: Pool) -> None:
-    """Write a plan into a model made by `build_model(pool)`, with its looks.
+def write_plan(model: mujoco.MjModel, plan: Plan, pool: Pool) -> None:
+    """Write a plan into a model made by `build_model(pool)`: places, sizes and materials of its geoms.
 
     That is enough for rendering; physics need `mujoco.mj_setConst` afterwards, or rays and contacts miss the walls.
     """

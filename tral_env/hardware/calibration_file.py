@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from tral_env import json_text
 from tral_env.errors import CalibrationError, nearest, problem_list
-from tral_env.hardware.calibration import CarCalibration, SteeringCalibration, ThrottleCalibration
+from tral_env.hardware.pulses import CarCalibration, SteeringCalibration, ThrottleCalibration
 
 _FOLDER = resources.files("tral_env.hardware") / "calibrations"
 _SUFFIX = ".json"

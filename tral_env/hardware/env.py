@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +16,9 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from tral_env.errors import ConfigError, HardwareError, nearest
-from tral_env.hardware.calibration import CarCalibration, checked, limit_slew, pulses
 from tral_env.hardware.calibration_file import load_calibration
 from tral_env.hardware.i2c import Smbus
+from tral_env.hardware.pulses import CarCalibration, checked, limit_slew, pulses
 from tral_env.hardware.pwm import Pca9685, PulseOutput, Recorder
 from tral_env.hardware.sensors import Sensors, provided_by
 from tral_env.hardware.sonar import SonarArray
@@ -32,22 +34,76 @@ SENSORS = ("srf08",)
 class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     """The real car, behind the spaces of ``TralCorridor-v0``.
 
-    ``gym.make("TralCar-v0", output="pca9685", sensors="srf08")`` drives; by default the car stands and its pulses are
-    recorded.
-
-    Action: steering (+1 = full left) and throttle (+1 = full forward), brought into [-1, 1], turned into pulses by the
-    calibration. Observation: the fields of `tral_env.interface.CORE_LAYOUT`; a field without a sensor is "nothing
-    seen", and `tral_env.interface.check_readings` refuses a policy that needs it. Steering and throttle are the
-    command as applied, after the slew limit. Reward 0.0: the car cannot see its progress. Never terminated;
-    truncated after `max_duration_s`, with the car in neutral.
-
-    A step sends the pulses at once, then sleeps until its period of 1/80 s is over, then reads the sensors. A step that
+    ## Description
+    The car is a 1:10 Ackermann car with a servo, a motor controller and the sensors that it is given. By default it
+    stands: no motor moves, and its pulses are recorded. Frame: x forward, y left, z up, angles counter-clockwise. A
+    step sends the pulses at once, then sleeps until its period of 1/80 s is over, then reads the sensors. A step that
     comes late counts in ``info["late_ticks"]``, and the schedule moves back with it: late steps are never caught up in
-    a burst. When a step fails, it commands neutral before the error leaves it. ``info`` has ``tick``, ``late_ticks``,
-    ``steering_us`` and ``throttle_us``.
-    """
+    a burst. A step or a reset that fails commands neutral before the error leaves it.
 
-    metadata: dict[str, Any] = {"render_modes": [], "render_fps": CONTROL_RATE_HZ}  # noqa: RUF012
+    ## Action Space
+    `Box(-1, 1, (2,), float32)`:
+
+    | # | action | min | max | unit | meaning |
+    | --- | --- | --- | --- | --- | --- |
+    | 0 | `steering` | -1 | 1 | share of full lock | +1 = full left |
+    | 1 | `throttle` | -1 | 1 | share of full throttle | +1 = full forward, 0 = neutral, -1 = full reverse or brake |
+
+    A command beyond the bounds counts as the bound. The slew limits of the calibration hold it back, though never a
+    throttle of 0. Then the calibration turns it into pulses.
+
+    ## Observation Space
+    `Box((d,), float32)` in SI units: the fields of `tral_env.interface.CORE_LAYOUT`, then those of `groups`, as
+    ``TralCorridor-v0`` has them. A field without a sensor is "nothing seen"; `provided_readings` names the others, and
+    `tral_env.interface.check_readings` refuses a policy that needs more. Steering and throttle are the command as
+    applied, after the slew limit.
+
+    ## Rewards
+    The reward is 0: the car cannot see its progress.
+
+    ## Starting State
+    The car stands where you put it. `reset` commands neutral, starts the sensors and reads them once. The seed changes
+    nothing, and there are no reset options.
+
+    ## Episode End
+    ### Termination
+    Never: the car cannot see that it has arrived, or what it has touched.
+
+    ### Truncation
+    The episode took `max_duration_s`. The car is in neutral then.
+
+    ## Info
+    | key | unit | what it is |
+    | --- | --- | --- |
+    | `tick` | | number of steps since reset |
+    | `late_ticks` | | number of steps that came too late |
+    | `steering_us` | us | pulse of the servo that was sent last |
+    | `throttle_us` | us | pulse of the motor controller that was sent last |
+
+    ## Arguments
+    ```python
+    import gymnasium as gym
+
+    env = gym.make("tral_env:TralCar-v0", output="pca9685", sensors="srf08")
+    ```
+
+    | argument | default | meaning |
+    | --- | --- | --- |
+    | `calibration` | `'tt01'` | Pulses of the car: the name of a packaged calibration, the path of a file, or a `CarCalibration`. |
+    | `output` | `'recorder'` | `"recorder"` keeps the pulses, `"pca9685"` drives by the PWM board, or a `PulseOutput` of your own. |
+    | `sensors` | `None` | `"srf08"`: three ultrasonics. An object of your own, see `tral_env.hardware.sensors.Sensors`. `None`: no reading. |
+    | `bus` | `1` | I2C bus of what is opened by name: a number, a path, or an object like `smbus2.SMBus`. |
+    | `groups` | `()` | Optional groups of readings behind the core ones; the sensors must name all of them in `provided_readings`. |
+    | `max_duration_s` | `60.0` | Length of an episode, s, above 0. |
+    | `clock` | `time.monotonic` | Gives a time that never goes back, s. |
+    | `sleep` | `time.sleep` | Waits some seconds. |
+    | `render_mode` | `None` | The real car draws no pictures: nothing else is allowed. |
+
+    ## Version History
+    * v0: the first version.
+    """  # noqa: E501
+
+    metadata: dict[str, Any] = {"render_modes": [], "render_fps": int(CONTROL_RATE_HZ)}  # noqa: RUF012
 
     def __init__(
         self,
@@ -62,19 +118,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         sleep: Callable[[float], None] = time.sleep,
         render_mode: None = None,
     ) -> None:
-        """Open the output, which sends neutral.
-
-        Args:
-            calibration: name, path, or the calibration itself.
-            output: "recorder", "pca9685", or an object.
-            sensors: "srf08", an object, or None.
-            bus: I2C bus of what is opened here.
-            groups: optional groups of fields, see `tral_env.interface.OPTIONAL_GROUPS`. The sensors must name all
-                fields of a group in `provided_readings`.
-            max_duration_s: length of an episode, s.
-            clock: time that never goes back, s.
-            sleep: waits some seconds.
-            render_mode: there is none.
+        """Open the output, which sends neutral; the arguments stand in the docstring of the class.
 
         Raises:
             CalibrationError: the calibration cannot be used.
@@ -93,6 +137,8 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         self.calibration = load_calibration(calibration)
         self._max_duration_s, self._clock, self._sleep = max_duration_s, clock, sleep
         self._running, self._closed = False, False
+        self._episode = _Episode()
+        self._pulses_us = self.calibration.neutral_us
         # The board first: until it is set up it answers to the address of the first ultrasonic too.
         self.output = _output(output, self.calibration, bus, clock, sleep)
         try:
@@ -121,11 +167,8 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         if options:
             raise ConfigError(f"unknown reset option(s) {', '.join(options)}: the real car has none")
         self._running = False
-        self._start = self._clock()
-        self._deadline: float | None = None
-        self._tick = self._late = 0
-        self._command = np.zeros(2)
-        with _Guard(self):
+        self._episode = _Episode(start_s=self._clock())
+        with self._neutral_if_it_fails():
             self._neutral()
             if self.sensors is not None:
                 self.sensors.start()
@@ -146,11 +189,11 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         """
         if not self._running:
             raise ResetNeeded("TralCar-v0 stands in neutral: call reset() first")
-        with _Guard(self):
+        with self._neutral_if_it_fails():
             self._apply(action)
             self._pace()
             observation = self._observe()
-            truncated = self._clock() - self._start >= self._max_duration_s
+            truncated = self._clock() - self._episode.start_s >= self._max_duration_s
             if truncated:
                 self._running = False
                 self._neutral()
@@ -175,8 +218,9 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     def _apply(self, action: NDArray[np.floating]) -> None:
         if np.shape(action) != (2,):
             raise ConfigError(f"action has shape {np.shape(action)}, expected (2,): steering, throttle")
-        self._command = limit_slew(checked(action), self._command, CONTROL_PERIOD_S, self.calibration)
-        self._send(*pulses(self._command, self.calibration).tolist())
+        command = limit_slew(checked(action), self._episode.command, CONTROL_PERIOD_S, self.calibration)
+        self._episode.command = command
+        self._send(*pulses(command, self.calibration).tolist())
 
     def _neutral(self) -> None:
         self._send(*self.calibration.neutral_us)
@@ -187,58 +231,61 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     def _pace(self) -> None:
         """Sleep until the period is over; periods follow each other without drift until one is late."""
-        now = self._clock()
-        if self._deadline is not None and now > self._deadline:
-            self._late += 1
-            self._deadline = None
-        deadline = now + CONTROL_PERIOD_S if self._deadline is None else self._deadline
-        if now < deadline:
-            self._sleep(deadline - now)
-        self._deadline = deadline + CONTROL_PERIOD_S
-        self._tick += 1
+        episode, now = self._episode, self._clock()
+        if episode.deadline_s is not None and now > episode.deadline_s:
+            episode.late_ticks += 1
+            episode.deadline_s = None
+        deadline_s = now + CONTROL_PERIOD_S if episode.deadline_s is None else episode.deadline_s
+        if now < deadline_s:
+            self._sleep(deadline_s - now)
+        episode.deadline_s = deadline_s + CONTROL_PERIOD_S
+        episode.tick += 1
 
     def _observe(self) -> Observation:
         readings: Mapping[str, float] = {} if self.sensors is None else self.sensors.read(self._clock())
         for name, value in readings.items():
             if not np.isfinite(value):
                 raise HardwareError(f"the sensors say {name} = {value!r}: expected a finite number")
-        steering, throttle = self._command.tolist()
+        steering, throttle = self._episode.command.tolist()
         observation: Observation = self._layout.pack({**readings, "steering": steering, "throttle": throttle}, 1)[0]
         return observation
 
     def _info(self) -> dict[str, Any]:
         steering_us, throttle_us = self._pulses_us
         return {
-            "tick": self._tick,
-            "late_ticks": self._late,
+            "tick": self._episode.tick,
+            "late_ticks": self._episode.late_ticks,
             "steering_us": steering_us,
             "throttle_us": throttle_us,
         }
 
-    def _fail(self, error: BaseException) -> None:
-        """End the episode in neutral; if that fails too, the error says so."""
-        self._running = False
+    @contextmanager
+    def _neutral_if_it_fails(self) -> Iterator[None]:
+        """End the episode in neutral when the block fails; an OSError of a bus becomes a HardwareError."""
         try:
-            self._neutral()
-        except Exception as second:
-            error.add_note(f"Neutral could not be commanded either ({second}): cut the power of the motor.")
+            yield
+        except BaseException as error:
+            self._running = False
+            try:
+                self._neutral()
+            except Exception as second:
+                error.add_note(f"Neutral could not be commanded either ({second}): cut the power of the motor.")
+            if isinstance(error, OSError) and not isinstance(error, HardwareError):
+                raise HardwareError(f"a device of the car failed, neutral was commanded: {error}") from error
+            raise
 
 
-class _Guard:
-    """Commands neutral when its block fails, and turns an OSError of a bus into a HardwareError."""
+@dataclass(kw_only=True)
+class _Episode:
+    """What an episode counts up."""
 
-    def __init__(self, env: TralCarEnv) -> None:
-        self._env = env
-
-    def __enter__(self) -> None:
-        """Nothing to prepare."""
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if error is None:
-            return
-        self._env._fail(error)
-        if isinstance(error, OSError) and not isinstance(error, HardwareError):
-            raise HardwareError(f"a device of the car failed, neutral was commanded: {error}") from error
+    start_s: float = 0.0
+    deadline_s: float | None = None
+    """The period that runs ends at this time; None: the next step begins the schedule."""
+    tick: int = 0
+    late_ticks: int = 0
+    command: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
+    """(2,) steering and throttle as applied."""
 
 
 def _output(

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import Protocol, Self
 
 from tral_env.errors import HardwareError
-from tral_env.hardware.calibration import CarCalibration
 from tral_env.hardware.i2c import Bus, Smbus
 from tral_env.hardware.physical import Physical
+from tral_env.hardware.pulses import CarCalibration
 
 
 class PulseOutput(Protocol):

@@ -20,6 +20,8 @@ DICTIONARY = cv2.aruco.DICT_4X4_50
 CORNER_INSET_PX = 0.18
 """Sub-pixel refinement finds the corners of a square this much too far inside, px, which made distances 2 % too long at
 5 m. Measured: benchmarks/marker_accuracy.py."""
+TILT_PX = 1.0
+"""A pose that leans by an angle a counts as worse by sin(a) times this, px: a marker stands upright."""
 
 
 @dataclass(frozen=True)
@@ -103,10 +105,6 @@ def marker_poses(detections: MarkerCorners, camera: CameraConfig, car: CarConfig
     rows = [_pose(corners, camera) for corners in detections.corners]
     x, y, heading, error = np.array(rows, np.float64).reshape(-1, 4).T
     return MarkerPoses(detections.ids, x + car.camera_x, y, heading, error)
-
-
-TILT_PX = 1.0
-"""A pose that leans by an angle a counts as worse by sin(a) times this, px: a marker stands upright."""
 
 
 def _pose(corners: Array, camera: CameraConfig) -> tuple[float, float, float, float]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tral_env.config import CameraConfig
 from tral_env.errors import ConfigError, RenderError, nearest
 from tral_env.perception import opengl
-from tral_env.perception.projected import mounting_turn
+from tral_env.perception.lens import mounting_turn
 from tral_env.perception.rays import pixel_rays
 
 Image = NDArray[np.uint8]
@@ -237,7 +237,7 @@ def _gl_context(width: int, height: int) -> Any:
         context = _context_class()(width, height)
         context.make_current()
     except Exception as error:  # every backend has errors of its own
-        backend = opengl.wish() or "not set"
+        backend = opengl.chosen() or "not set"
         raise RenderError(f"no OpenGL context (MUJOCO_GL={backend}): {error}. {opengl.REMEDY}") from error
     return context
 

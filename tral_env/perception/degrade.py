@@ -18,6 +18,11 @@ Image = NDArray[np.uint8]
 
 _MAX_AT_LEVEL_1 = {"exposure": 1.0, "blur_px": 100.0, "glare": 255.0, "noise": 255.0, "streak_px": 1000.0, "patch": 1.0}
 """A level of 1 may bring at most this much of each fault."""
+PATCH_GREYS = (20, 235)
+"""A patch has one of these grey levels: as dark as a shadow, or as bright as a lamp. Source: choice."""
+_SHIFTS = 64
+"""The grain of an image is a window of one large grain, at one of this many places each way: normal numbers for every
+pixel of every image would cost more than all the rest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,10 +56,6 @@ class ImageCorruption:
         """
         names = ("blur_px", "noise", "streak_px")
         return replace(self, **{name: min(getattr(self, name) * share, _MAX_AT_LEVEL_1[name]) for name in names})
-
-
-WebcamLaw = ImageCorruption
-"""The earlier name of `ImageCorruption`, kept for programs that use it."""
 
 
 def degrade(image: Image, level: float, rng: np.random.Generator, corruption: ImageCorruption | None = None) -> Image:
@@ -99,21 +100,12 @@ def _streaked(image: Image, length: float) -> Image:
     return np.asarray(cv2.filter2D(image, -1, weights[None] / length), np.uint8)
 
 
-PATCH_GREYS = (20, 235)
-"""A patch has one of these grey levels: as dark as a shadow, or as bright as a lamp. Source: choice."""
-
-
 def _cover(image: Image, side: int, rng: np.random.Generator) -> None:
     """Cover a square of this side, px, in place; its middle lies anywhere in the image."""
     middle = rng.integers(image.shape[:2])
     top, left = np.maximum(middle - side // 2, 0)
     bottom, right = np.maximum(middle - side // 2 + side, 0)
     image[top:bottom, left:right] = rng.choice(PATCH_GREYS)
-
-
-_SHIFTS = 64
-"""The grain of an image is a window of one large grain, at one of this many places each way: normal numbers for every
-pixel of every image would cost more than all the rest."""
 
 
 @lru_cache(maxsize=4)

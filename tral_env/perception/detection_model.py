@@ -29,6 +29,9 @@ class DetectionModel:
     """The detector loses a marker with a corner nearer to the image's edge than this."""
     always_found: float = 0.993
     """The detector finds this share of large markers."""
+    min_side_px: float = 4.8
+    """The detector finds no marker whose shortest side has fewer pixels. Source: OpenCV drops outlines shorter than
+    `minMarkerPerimeterRate`, 0.03, of the image's longer side: in an image of 640 px a square has 4.8 px a side."""
     half_found_px: Figures = (7.6, 8.0, 9.1, 10.9, 17.5)
     """The detector finds half of the markers whose shortest side has this many pixels."""
     found_slope: Figures = (0.6, 0.62, 0.55, 0.45, 0.52)
@@ -69,6 +72,8 @@ class DetectionModel:
     def found(self, size: Array, ids: NDArray[np.int64], degradation: Array) -> Array:
         """Probability that markers are found, (c,): ``always_found / (1 + exp(-slope (size - half)))``.
 
+        It is 0 below `min_side_px`.
+
         Args:
             size: (c,) shortest sides, px.
             ids: (c,) in [0, 50).
@@ -76,7 +81,8 @@ class DetectionModel:
         """
         weak = self._weakness[ids] * self.at(self.code_share, degradation)
         half = self.at(self.half_found_px, degradation) * (1.0 + weak)
-        return self.always_found / (1.0 + np.exp(-self.at(self.found_slope, degradation) * (size - half)))
+        share = self.always_found / (1.0 + np.exp(-self.at(self.found_slope, degradation) * (size - half)))
+        return np.where(size < self.min_side_px, 0.0, share)
 
     @cached_property
     def _weakness(self) -> Array:

@@ -8,15 +8,14 @@ import numpy as np
 
 from tral_env.arrays import Index
 from tral_env.config import CameraConfig, CarConfig
-from tral_env.interface import GATE_MARKER_IDS, NOTHING_SEEN_ID, TURN_MARKER_IDS
+from tral_env.interface import MARKER_IDS, NOTHING_SEEN_ID
 from tral_env.perception.gate import Detection
 
 LIKELY_ID = 17
 """A dark frame around a bright pane is read as this id. Source: benchmarks/false_sightings.py."""
 _LIKELY_SHARE = 0.8
-"""Share of false markers with that id. Source: benchmarks/false_sightings.py."""
-_IDS = (*GATE_MARKER_IDS, *TURN_MARKER_IDS.values())
-"""The others have any id that a course may have. Source: choice, since ids of no course harm no policy."""
+"""Share of false markers with that id. Source: benchmarks/false_sightings.py. The others have any id that a course may
+have. Source: choice, since ids of no course harm no policy."""
 _RANGE_M = (0.5, 5.0)
 """Distances from the camera, m. Source: choice, where markers are seen."""
 _MAX_ANGLE = 0.6
@@ -82,7 +81,7 @@ class FalseSightings:
 
     def _marker(self, rng: np.random.Generator) -> tuple[int, float, float, float]:
         """Id, x, y [m] and heading [rad] of a false marker."""
-        number = LIKELY_ID if rng.random() < _LIKELY_SHARE else _IDS[rng.integers(len(_IDS))]
+        number = LIKELY_ID if rng.random() < _LIKELY_SHARE else MARKER_IDS[rng.integers(len(MARKER_IDS))]
         range_m, bearing = rng.uniform(*_RANGE_M), rng.uniform(-self._max_bearing, self._max_bearing)
         heading = bearing + rng.uniform(-_MAX_ANGLE, _MAX_ANGLE)
         return number, self._camera_x + range_m * math.cos(bearing), range_m * math.sin(bearing), heading

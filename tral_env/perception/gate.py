@@ -76,10 +76,6 @@ def nearest_gate_and_marker(ids: NDArray[np.int64], x: Array, y: Array, heading:
     return Detection(*_nearest_gate(*table), *_nearest(*table))
 
 
-sight = nearest_gate_and_marker
-"""The earlier name of `nearest_gate_and_marker`, kept for programs that use it."""
-
-
 def _nearest_gate(x: Array, y: Array, heading: Array) -> tuple[Array, Array, Array, Array]:
     """Id, middle and axis of the nearest gate, (n,) each; tables (n, 50) by marker id, NaN: not seen.
 

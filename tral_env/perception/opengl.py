@@ -11,19 +11,22 @@ from tral_env.errors import RenderError
 VARIABLE = "MUJOCO_GL"
 """The user chooses by this environment variable."""
 
+_APT_EGL = "apt install libegl1 libgl1-mesa-dri"
+_APT_OSMESA = "apt install libosmesa6"
+
 BACKENDS = {"Linux": ("egl", "osmesa", "glfw"), "Darwin": ("cgl", "glfw"), "Windows": ("wgl", "glfw")}
 """MUJOCO_GL may have these values, the best first."""
 
 NEEDS = {
-    "egl": "apt install libegl1 libgl1-mesa-dri (Debian, Ubuntu)",
-    "osmesa": "apt install libosmesa6 (Debian, Ubuntu), where it still exists",
+    "egl": f"{_APT_EGL} (Debian, Ubuntu)",
+    "osmesa": f"{_APT_OSMESA} (Debian, Ubuntu), where it still exists",
     "glfw": "needs a screen: run it on a desktop",
 }
 """A backend that does not work may lack this."""
 
 REMEDY = (
-    f"Set {VARIABLE}=egl (Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri) or {VARIABLE}=osmesa (apt install "
-    'libosmesa6) before Python starts, or do without OpenGL: camera="projected", render_mode=None'
+    f"Set {VARIABLE}=egl (Debian, Ubuntu: {_APT_EGL}) or {VARIABLE}=osmesa ({_APT_OSMESA}) "
+    'before Python starts, or do without OpenGL: camera="projected", render_mode=None'
 )
 """A program without an OpenGL context tells its user so."""
 
@@ -33,23 +36,23 @@ def backends() -> tuple[str, ...]:
     return BACKENDS.get(platform.system(), BACKENDS["Linux"])
 
 
-def wish() -> str:
+def chosen() -> str:
     """The value of MUJOCO_GL; empty: it is not set."""
     return os.environ.get(VARIABLE, "")
 
 
 def backend_in_use() -> str:
     """The backend that the environments will use now."""
-    if wanted := wish().lower():
-        return wanted
+    if backend := chosen().lower():
+        return backend
     if platform.system() == "Linux":
         return "glfw" if _screen() else "egl"
     return backends()[0]
 
 
 def chooses_egl() -> bool:
-    """Whether this program has to choose EGL: without a wish and a screen MuJoCo chooses GLFW, which fails on Linux."""
-    return not wish() and backend_in_use() == "egl"
+    """Whether this program has to choose EGL: without choice and screen MuJoCo takes GLFW, which fails on Linux."""
+    return not chosen() and backend_in_use() == "egl"
 
 
 def _screen() -> bool:
@@ -67,6 +70,6 @@ def require_loadable() -> None:
     # PyOpenGL fails with any of these where a library is missing.
     except (ImportError, AttributeError, OSError, RuntimeError) as error:
         raise RenderError(
-            f"MuJoCo does not load with MUJOCO_GL='{wish()}' ({error}): unset MUJOCO_GL or set it to one of "
+            f"MuJoCo does not load with MUJOCO_GL='{chosen()}' ({error}): unset MUJOCO_GL or set it to one of "
             f"{', '.join(backends())}; `tral doctor` says which works"
         ) from error

@@ -1,14 +1,13 @@
 """The camera without images: marker corners projected through the lens, seen or not as in rendered images.
 
 Batched over rows, in plain numpy, element by element, so that a row has the same bits in any batch. What is seen, and
-how wrong it is, was fitted to the detector in rendered images by `benchmarks/marker_accuracy.py`; see
+how wrong it is, was fitted to the detector in rendered images by `benchmarks/detector_fit.py`; see
 docs/perception.md.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from tral_env.arrays import Array, Flags, Index
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.course.plan import Plan
 from tral_env.perception.detection_model import DETECTION_MODEL, DetectionModel
+from tral_env.perception.lens import NEAR, mounting_turn, project_points
 from tral_env.se2 import rotate_back, to_outer_n, wrap
 
 NOISE_PLACES = 8
@@ -25,6 +25,14 @@ NORMALS = 4
 """Each of these places takes so many normal numbers: distance, bearing, heading, flip."""
 UNIFORMS = 1
 """Each of these places takes so many uniform numbers: found or not."""
+SIDE = np.array([-1.0, 1.0, 1.0, -1.0, 0.0])
+"""A marker's corners and centre lie so many half edges to the right, seen from the front."""
+UP = np.array([1.0, 1.0, -1.0, -1.0, 0.0])
+"""A marker's corners and centre lie so many half edges up."""
+MARGIN = 0.01
+"""The first test of what hides a marker makes it wider by this on each side, m."""
+CLEARANCE = 0.03
+"""The line of sight ends this far before the marker, m, so that the post that carries it does not hide it."""
 
 
 class Scenery:
@@ -195,29 +203,6 @@ def _candidates(scenery: Scenery, rows: Index, pose: Array, car: CarConfig, moun
     return _Candidates(row, place, eye, points, rays, np.arctan2(into[:, 1], into[:, 0]))
 
 
-NEAR = 0.05
-"""The camera sees nothing nearer than this, m."""
-SIDE = np.array([-1.0, 1.0, 1.0, -1.0, 0.0])
-"""A marker's corners and centre lie so many half edges to the right, seen from the front."""
-UP = np.array([1.0, 1.0, -1.0, -1.0, 0.0])
-"""A marker's corners and centre lie so many half edges up."""
-
-
-def mounting_turn(mounting: Array) -> Array:
-    """Matrices (k, 3, 3) from the frame of a camera to the car's: ``Rz(yaw) Ry(pitch) Rx(roll)``.
-
-    Args:
-        mounting: (k, 3) roll about x forward, pitch about y left (+ looks down), yaw about z up, in this order, rad.
-    """
-    (cr, cp, cy), (sr, sp, sy) = np.cos(mounting).T, np.sin(mounting).T
-    entries = (
-        *(cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
-        *(sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
-        *(-sp, cp * sr, cp * cr),
-    )
-    return np.stack(entries, axis=1).reshape(-1, 3, 3)
-
-
 def _into_camera(vector: Array, cos: Array, sin: Array, turn: Array) -> Array:
     """Turn vectors (..., 3) of the course frame into the camera's frame: ``turn^T Rz(-yaw) v``.
 
@@ -229,55 +214,6 @@ def _into_camera(vector: Array, cos: Array, sin: Array, turn: Array) -> Array:
     for axis in range(3):
         out[..., axis] = turn[..., 0, axis] * x + turn[..., 1, axis] * y + turn[..., 2, axis] * z
     return out
-
-
-def project_points(rays: Array, camera: CameraConfig) -> Array:
-    """Project points before the camera, by OpenCV's model of a lens.
-
-    With x and y the tangents to the right and down, r^2 = x^2 + y^2 and g = 1 + k1 r^2 + k2 r^4 + k3 r^6:
-    ``x' = x g + 2 p1 x y + p2 (r^2 + 2 x^2)``, ``y' = y g + p1 (r^2 + 2 y^2) + 2 p2 x y``,
-    ``u = cx + fx x'``, ``v = cy + fy y'``.
-
-    Args:
-        rays: (..., 3) forward, left, up from the camera, m.
-        camera: the lens.
-
-    Returns:
-        (..., 2) u, v in px; NaN for points behind the camera or farther aside than the lens can see.
-    """
-    ahead = np.where(rays[..., 0] > NEAR, rays[..., 0], np.nan)
-    x, y = -rays[..., 1] / ahead, -rays[..., 2] / ahead
-    if any(camera.distortion):
-        k1, k2, p1, p2, k3 = camera.distortion
-        r2 = x * x + y * y
-        # Beyond the lens's edge the polynomial turns back and would put points into the image that are not there.
-        x = np.where(r2 < _lens_edge(camera), x, np.nan)
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        x, y = (
-            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
-            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
-        )
-    return np.stack([camera.cx + camera.fx * x, camera.cy + camera.fy * y], axis=-1)
-
-
-@lru_cache(maxsize=16)
-def _lens_edge(camera: CameraConfig) -> float:
-    """Square of the largest tangent r of a ray that the image can show, with a tenth to spare.
-
-    The distorted tangent ``r (1 + k1 r^2 + k2 r^4 + k3 r^6)`` grows with r until it turns back; the edge is where it
-    reaches the farthest image corner, or where it turns.
-    """
-    k1, k2, _, _, k3 = camera.distortion
-    far = max(
-        np.hypot((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy)
-        for u in (-0.5, camera.width - 0.5)
-        for v in (-0.5, camera.height - 0.5)
-    )
-    radius = np.linspace(0.0, 4.0, 4001)
-    distorted = radius * (1 + k1 * radius**2 + k2 * radius**4 + k3 * radius**6)
-    turning = np.flatnonzero(np.diff(distorted) <= 0)
-    stop = turning[0] if len(turning) else len(radius) - 1
-    return float(radius[min(np.searchsorted(distorted[: stop + 1], 1.1 * far), stop)] ** 2)
 
 
 def _shortest_side(pixels: Array) -> Array:
@@ -341,12 +277,6 @@ def _seen_heading(near: _Candidates, index: Index, blur: _Blur, camera: CameraCo
     spread = soft * model.at(model.heading_noise_px, blur.level) / (face_on * np.sqrt(sine * sine + nearer * nearer))
     angle = np.where(flipped, -angle, angle) + noise[:, 2] * np.minimum(spread, 1.0)
     return np.asarray(wrap(sight + angle))
-
-
-MARGIN = 0.01
-"""The first test of what hides a marker makes it wider by this on each side, m."""
-CLEARANCE = 0.03
-"""The line of sight ends this far before the marker, m, so that the post that carries it does not hide it."""
 
 
 def _hidden(scenery: Scenery, rows: Index, near: _Candidates, index: Index) -> Flags:

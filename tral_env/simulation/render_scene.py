@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.course.plan import Plan
-from tral_env.course.scene import Pool, apply_materials, build_model
+from tral_env.course.scene import Pool, build_model, write_plan
 
 
 class RenderScene:
@@ -31,7 +31,7 @@ class RenderScene:
             The model and its state, kinematics up to date.
         """
         if plan is not self._plan:
-            apply_materials(self.model, plan, self._pool)
+            write_plan(self.model, plan, self._pool)
             self._plan = plan
         self.data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self.data)
