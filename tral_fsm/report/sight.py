@@ -18,7 +18,7 @@ _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _WHITE: Colour = (255, 255, 255)
 _GREEN: Colour = (90, 220, 90)
 _YELLOW: Colour = (255, 200, 60)
-_RED: Colour = (240, 60, 50)
+_RED: Colour = (255, 95, 80)
 
 
 def place_text(place: Place) -> str:
@@ -73,8 +73,8 @@ class _Labels:
 
     def __init__(self, image: Image) -> None:
         self._image = image
-        self.size = max(image.shape[1] / 1280, 0.4)
-        """1 in an image 1280 px wide."""
+        self.size = max(image.shape[1] / 1000, 0.45)
+        """1 in an image 1000 px wide."""
         self._taken: list[tuple[int, int, int, int]] = []
 
     def write(self, lines: list[str], at: tuple[float, float], colour: Colour, *, up: bool = False) -> None:
@@ -85,7 +85,7 @@ class _Labels:
         left = int(np.clip(at[0] - width / 2, 0, max(self._image.shape[1] - width, 0)))
         top = self._free(left, int(at[1]) - (height if up else 0), width, height, up=up)
         part = self._image[top : top + height, left : left + width]
-        part[:] = (part * 0.35).astype(np.uint8)
+        part[:] = (part * 0.25).astype(np.uint8)
         weight = max(round(1.4 * self.size), 1)
         for row, line in enumerate(lines):
             place = left + edge, top + high * (row + 1) - edge // 2
