@@ -9,9 +9,10 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from tral_env.errors import ConfigError
+from tral_env.json_text import whole
 
 Array = NDArray[np.float64]
 _MIN_TRAVEL_US = 50
@@ -30,6 +31,12 @@ class Knots(NamedTuple):
 
 class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _whole(cls, value: object) -> object:
+        """Take 1500.0 for the whole number 1500."""
+        return whole(value)
 
 
 class ChannelCalibration(_Section):
