@@ -104,6 +104,12 @@ def test_a_video_is_told_when_its_markers_change(tmp_path: Path) -> None:
     assert [[marker["id"] for marker in record["markers"]] for record in records] == [[8, 9], [40]]
 
 
+def test_images_with_a_colon_in_their_names_are_all_told(tmp_path: Path) -> None:
+    for name in ("a:1.png", "a:2.png"):
+        cv2.imwrite(str(tmp_path / name), photograph(GATE))
+    assert len(tral(tmp_path, "--json").stdout.splitlines()) == 2
+
+
 def test_ctrl_c_ends_a_camera(monkeypatch: pytest.MonkeyPatch) -> None:
     def watched(*_: object) -> Iterator[tuple[str, np.ndarray]]:
         yield "/dev/video0:0", photograph(GATE)

@@ -27,6 +27,7 @@ def other_board(board: Board, grey: Image) -> str:
     Returns:
         A clause for the end of a message; empty: the image shows no board that differs little from the named one.
     """
+    grey, _ = search_copy(grey)
     if board.kind == "chessboard":
         return _other_chessboard(board, grey)
     for other in _alike(board):
@@ -38,8 +39,7 @@ def other_board(board: Board, grey: Image) -> str:
 def _other_chessboard(board: Board, grey: Image) -> str:
     inner = f"{board.columns} x {board.rows}"
     more = replace(board, columns=board.columns + 1, rows=board.rows + 1)
-    small, _ = search_copy(grey)
-    if len(more.find(small)[0]):
+    if len(more.find(grey)[0]):
         return f"{inner} inner corners are {more.columns} x {more.rows} squares: {_options(board, more)}"
     if fitting_dictionaries(grey, MIN_MARKERS):
         return "the image shows markers: is it --board charuco?"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -60,7 +61,8 @@ def command(
     with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C is the usual end of a camera
         for name, image in read_images(find_sources(sources), every):
             sight = _looked_at(name, image, camera)
-            now = name.rpartition(":")[0], tuple(sorted(marker.id for marker in sight.markers))
+            video, _, frame = name.rpartition(":")
+            now = video if frame.isdigit() else "", tuple(sorted(marker.id for marker in sight.markers))
             if now == before and now[0]:
                 continue
             before, told, seen_any = now, told + 1, seen_any or bool(sight.markers)
@@ -89,11 +91,15 @@ def _text(name: str, sight: Sight) -> str:
         lines.append(f"  marker {marker.id}: {marker.meaning}{_where(marker.place)}")
     for gate in sight.gates:
         if gate.place:
-            degrees = f"{gate.place.heading * 57.29578:+.0f}".replace("-0", "0").replace("+0", "0")
-            lines.append(f"  gate {gate.number}{_where(gate.place)}; direction through it: {degrees} deg")
+            degrees = round(math.degrees(gate.place.heading))
+            lines.append(f"  gate {gate.number}{_where(gate.place)}; direction through it: {_signed(degrees)} deg")
         elif not gate.swapped:
             lines.append(f"  gate {gate.number}: both markers are seen")
     return "\n".join([*lines, *(f"  ! {problem}" for problem in sight.problems)])
+
+
+def _signed(number: int) -> str:
+    return f"{number:+d}" if number else "0"
 
 
 def _where(place: Place | None) -> str:
