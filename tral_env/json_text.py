@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -48,7 +49,27 @@ def reason(error: json.JSONDecodeError) -> str:
     before = text[:at].rstrip()
     if before.endswith(",") and before[-2:-1].isdigit() and text[at : at + 1].isdigit():
         return ": a decimal comma? JSON writes 0.8"
-    return ""
+    return next((hint for pattern, hint in _HINTS if re.compile(pattern).match(text, at)), _comma(before, error))
+
+
+_HINTS = (
+    (r"//|/\*|#", ": JSON has no comments; delete it"),
+    (r"'", ': JSON writes "double quotes"'),
+    (r"[+-]?\.\d|\+\d", ": JSON writes 0.8, not .8 or +0.8"),
+)
+"""What stands where a text is no JSON, and what may be the reason."""
+
+
+def _comma(before: str, error: json.JSONDecodeError) -> str:
+    """Guess a comma that is missing or too many at an error, by the text before it."""
+    if before.endswith(",") and error.doc[error.pos : error.pos + 1] in ("]", "}"):
+        return ": a comma too many before it?"
+    return ": is a comma missing before it?" if error.msg == "Expecting ',' delimiter" else ""
+
+
+def whole(value: Any) -> Any:
+    """Turn 3.0 into 3, as some programs write whole numbers; all else stays as it is."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _members(pairs: list[tuple[str, Any]]) -> _Object:

@@ -8,10 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tral_env.calibration.board_poses import seeded_poses
-from tral_env.calibration.boards import DICTIONARY, Board, marker_ink
+from tral_env.calibration.boards import DICTIONARY, Board, marker_ink, printed_board
 from tral_env.config import WIDE_LENS, CameraConfig
 from tral_env.errors import ConfigError
 from tral_env.perception.aruco import Detector
+from tral_env.perception.dictionaries import dictionary, marker_modules
 from tral_env.perception.rays import lens_arrays
 
 CHARUCO = Board()
@@ -36,8 +37,28 @@ def test_a_chessboard_upside_down_has_the_same_corners():
 
 
 def test_the_charuco_board_is_the_one_opencv_draws():
-    layout = cv2.aruco.CharucoBoard((7, 5), 0.036, 0.028, cv2.aruco.getPredefinedDictionary(DICTIONARY))
+    layout = cv2.aruco.CharucoBoard((7, 5), 0.036, 0.028, dictionary(DICTIONARY))
     assert (CHARUCO.image(2000.0) == layout.generateImage((504, 360))).all()
+
+
+@pytest.mark.parametrize("legacy", [False, True])
+@pytest.mark.parametrize("name", ["DICT_4X4_50", "DICT_6X6_250", "DICT_APRILTAG_36h11"])
+@pytest.mark.parametrize("size", [(8, 6), (7, 5), (6, 9), (5, 8)])
+def test_boards_of_any_dictionary_and_pattern_are_those_that_opencv_draws(size, name, legacy):
+    # All edges lie between two pixels.
+    cells = marker_modules(name)
+    square, marker = 0.001 * (cells + 2), 0.001 * cells
+    board = Board(columns=size[0], rows=size[1], square=square, marker=marker, dictionary=name, legacy=legacy)
+    layout = cv2.aruco.CharucoBoard(size, square, marker, dictionary(name))
+    layout.setLegacyPattern(legacy)
+    pixels = tuple(int(4 * (cells + 2) * count) for count in size)
+    assert (board.image(4000.0) == layout.generateImage(pixels)).all()
+
+
+def test_a_bought_board_is_found_by_its_options():
+    board = printed_board("charuco", 8, 6, 35.0, 24.0, "4x4_50", legacy=True)
+    assert board.dictionary == "DICT_4X4_50"
+    assert sorted(board.find(board.image(2000.0, margin=0.02))[0]) == list(range(35))
 
 
 def test_black_of_a_chessboard_is_half_of_it():
@@ -46,9 +67,9 @@ def test_black_of_a_chessboard_is_half_of_it():
 
 @given(st.integers(0, 49))
 def test_ink_of_a_marker_is_its_code(marker):
-    code = cv2.aruco.generateImageMarker(cv2.aruco.getPredefinedDictionary(DICTIONARY), marker, 7)
+    code = cv2.aruco.generateImageMarker(dictionary(DICTIONARY), marker, 7)
     drawn = np.full((7, 7), 255)
-    for x, y, w, h in np.rint(marker_ink(DICTIONARY, marker, 7) * 7).astype(int):
+    for x, y, w, h in np.rint(marker_ink(DICTIONARY, marker) * 7).astype(int):
         assert (drawn[y : y + h, x : x + w] == 255).all()
         drawn[y : y + h, x : x + w] = 0
     assert (drawn == code).all()
@@ -73,7 +94,8 @@ def test_the_gates_detector_sees_no_marker_on_a_board():
         ({"square": 1e-300, "marker": 1e-301}, "Board.square = 1e-300: expected a length of 0.0001 to 100, in m"),
         ({"square": 1e6}, "Board.square = 1000000.0: expected a length of 0.0001 to 100, in m"),
         ({"marker": 0.036}, "expected less than the square's 0.036 m"),
-        ({"columns": 12, "rows": 9}, "needs 54 markers, and there are 50"),
+        ({"columns": 12, "rows": 9}, "needs 54 markers, and there are 50 in DICT_5X5_50: .* or a larger dictionary"),
+        ({"dictionary": "5x5_5"}, "unknown dictionary '5x5_5': did you mean 'DICT_5X5_50'"),
     ],
 )
 def test_an_impossible_board_is_refused(values, message):

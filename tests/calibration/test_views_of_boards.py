@@ -1,12 +1,18 @@
 """Which images are of use for a calibration, and why the others are not."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 from board_world import photograph
+from hypothesis import given
+from hypothesis import strategies as st
 
+from tral_env.calibration.board_hints import other_board
 from tral_env.calibration.board_poses import BoardPose
-from tral_env.calibration.boards import Board
+from tral_env.calibration.boards import Board, search_copy
+from tral_env.calibration.solve import calibrate_collection
 from tral_env.calibration.views import Collection, Rejected, View, coverage, edge_width
 from tral_env.config import WIDE_LENS
 from tral_env.errors import CalibrationError
@@ -85,11 +91,88 @@ def test_rejections_are_counted_by_reason(shot):
     assert collection.reasons() == {"no board": 1, "duplicate pose": 2}
 
 
-def test_images_of_another_size_are_refused(shot):
+def moved(shot, count):
+    return [np.roll(shot, 20 * i, axis=1) for i in range(count)]
+
+
+@pytest.mark.parametrize("place", [0, 1, 3])
+def test_an_image_of_another_size_is_left_out_wherever_it_comes(shot, place):
+    images = moved(shot, 3)
+    images.insert(place, cv2.resize(shot, (800, 600)))
     collection = Collection(BOARD)
-    collection.add("first", shot)
-    with pytest.raises(CalibrationError, match="second is 320 x 240 px, the images before it 640 x 480"):
-        collection.add("second", cv2.resize(shot, (320, 240)))
+    for i, image in enumerate(images):
+        collection.add(str(i), image)
+    assert collection.size == (640, 480)
+    assert len(collection.views) == 3
+    assert collection.rejected == [Rejected(str(place), "other size", "800 x 600 px, most are 640 x 480")]
+
+
+def test_an_image_taken_upright_is_left_out_with_a_guess(shot):
+    collection = Collection(BOARD)
+    for image in (shot, np.rot90(shot)):
+        collection.add("shot", np.ascontiguousarray(image))
+    assert collection.rejected[0].detail == "480 x 640 px, most are 640 x 480; was the camera turned?"
+
+
+def test_images_that_all_differ_in_size_are_no_calibration(shot):
+    collection = Collection(BOARD)
+    for size in ((640, 480), (800, 600), (960, 720), (720, 540)):
+        collection.add("shot", cv2.resize(shot, size))
+    with pytest.raises(CalibrationError, match=r"1 of 4 .*3 x other size.*one size of image"):
+        calibrate_collection(collection)
+
+
+def test_a_board_on_twelve_megapixels_is_found_as_exactly_as_on_a_small_image():
+    board = Board(kind="chessboard", columns=10, rows=7, square=0.025)
+    image = np.full((3000, 4000), 128, np.uint8)
+    drawn = board.image(8000.0, margin=0.02)
+    image[300 : 300 + drawn.shape[0], 500 : 500 + drawn.shape[1]] = drawn
+    ids, pixels = board.find(image)
+    expected = (board.corners[:, :2] + 0.02) * 8000.0 - 0.5 + (500, 300)
+    assert pixels[np.argsort(ids)] == pytest.approx(expected, abs=0.02)
+
+
+@given(st.integers(1, 5000), st.integers(1, 5000))
+def test_a_search_copy_is_small_and_covers_the_image(width, height):
+    small, scale = search_copy(np.zeros((height, width), np.uint8))
+    assert max(small.shape) <= max(1280, 1)
+    assert small.shape[::-1] * scale == pytest.approx((width, height))
+
+
+BOUGHT = Board(columns=8, rows=6, square=0.035, marker=0.024, dictionary="4X4_50", legacy=True)
+
+
+@pytest.mark.parametrize(
+    ("named", "hint"),
+    [
+        ({"legacy": False}, "--legacy"),
+        ({"dictionary": "DICT_5X5_50"}, "--dictionary 4X4_50"),
+        ({"dictionary": "DICT_6X6_250", "legacy": False}, "--dictionary 4X4_50 --legacy"),
+        ({"columns": 7, "rows": 5}, "--columns 8 --rows 6"),
+        ({"columns": 6, "rows": 8}, "--columns 8 --rows 6"),
+        ({"columns": 5, "rows": 4}, "are --columns and --rows those of the board?"),
+        ({"kind": "chessboard"}, "is it --board charuco?"),
+    ],
+)
+def test_a_board_with_other_options_is_told(named, hint):
+    image = BOUGHT.image(2000.0, margin=0.02)
+    assert len(BOUGHT.find(image)[0]) == 35
+    seen = Collection(replace(BOUGHT, **named)).add("shot", image)
+    assert isinstance(seen, Rejected)
+    assert seen.reason == "no board"
+    assert seen.detail.endswith(hint)
+
+
+def test_inner_corners_counted_as_squares_are_told():
+    image = Board(kind="chessboard", columns=7, rows=10, square=0.025).image(2000.0, margin=0.02)
+    seen = Collection(Board(kind="chessboard", columns=6, rows=9, square=0.025)).add("shot", image)
+    assert isinstance(seen, Rejected)
+    assert seen.detail.endswith("; 6 x 9 inner corners are 7 x 10 squares: --columns 7 --rows 10")
+
+
+def test_an_empty_image_shows_no_other_board(shot):
+    for board in (BOARD, BOUGHT, Board(kind="chessboard")):
+        assert other_board(board, np.full_like(shot, 128)) == ""
 
 
 def test_coverage_counts_corners_in_their_cells():

@@ -15,7 +15,7 @@ from board_world import photograph
 from typer.testing import CliRunner, Result
 
 from tral_env.calibration.board_poses import seeded_poses
-from tral_env.calibration.boards import Board
+from tral_env.calibration.boards import Board, printed_board
 from tral_env.calibration.camera_info import read_camera_info, write_camera_info
 from tral_env.calibration.image_sources import read_images
 from tral_env.calibration.record import difference_px
@@ -178,6 +178,9 @@ def test_enough_views_end_the_looking(shots: Path, tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         ([], "nothing to look at: name images, a folder, a video or a camera, or use --simulated"),
+        (["--square-mm", "0.036", "."], "square_mm = 0.036: is that metres? In millimetres it is 36"),
+        (["--marker-mm", "0.028", "."], "marker_mm = 0.028: is that metres? In millimetres it is 28"),
+        (["--dictionary", "4X4_5", "."], "unknown dictionary '4X4_5': did you mean 'DICT_4X4_50'?"),
         (["--square-mm", "0", "."], "Board.square = 0.0: expected a length of 0.0001 to 100"),
         (["--marker-mm", "0", "."], "Board.marker = 0.0: expected a length of 0.0001 to 100"),
         (["--simulated", "a.png"], "--simulated makes its own images: leave out a.png"),
@@ -197,7 +200,37 @@ def test_images_of_another_board_are_refused_with_the_reasons(shots: Path, tmp_p
     result = tral(shots / "0[0-3].png", "--board", "chessboard", "--out", tmp_path)
     assert result.exit_code == 2
     assert "0 of 4 images show the board well enough (4 x no board)" in result.stderr
-    assert "Is the board the one that was named?" in result.stderr
+    assert "Is the board the one that was named? The image shows markers: is it --board charuco?" in " ".join(
+        result.stderr.split()
+    )
+
+
+def test_a_bought_board_is_printed_and_found_with_the_same_options(tmp_path: Path) -> None:
+    options = ["--columns", "8", "--rows", "6", "--square-mm", "35", "--marker-mm", "24"]
+    options += ["--dictionary", "4X4_50", "--legacy"]
+    assert (
+        CliRunner()
+        .invoke(app, ["print", "board", *options, "--paper", "A3", "--out", str(tmp_path / "b.svg")])
+        .exit_code
+        == 0
+    )
+    assert "markers of 24 mm, DICT_4X4_50, legacy" in (tmp_path / "b.svg").read_text()
+    board = printed_board("charuco", 8, 6, 35.0, 24.0, "4X4_50", legacy=True)
+    for i, pose in enumerate(seeded_poses(board, WIDE_LENS, 6, 0)):
+        cv2.imwrite(str(tmp_path / f"{i}.png"), photograph(board, WIDE_LENS, pose))
+    report = json.loads(tral(tmp_path / "*.png", *options, "--out", tmp_path / "out", "--json").stdout)
+    assert len(report["views"]) >= 4
+    assert (report["board"]["dictionary"], report["board"]["legacy"]) == ("DICT_4X4_50", True)
+    assert report["parameters"]["fx"] == pytest.approx(335.9, rel=0.02)
+
+
+def test_one_image_of_another_size_is_left_out_with_a_word(shots: Path, tmp_path: Path) -> None:
+    image = cv2.imread(str(shots / "05.png"))
+    assert image is not None
+    cv2.imwrite(str(tmp_path / "large.png"), cv2.resize(image, (800, 600)))
+    result = tral(tmp_path / "large.png", shots / "0[0-5].png", "--out", tmp_path / "out")
+    assert "Rejected, other size: 1" in result.stdout
+    assert "large.png: 800 x 600 px, most are 640 x 480" in " ".join(result.stdout.split())
 
 
 def test_what_is_shown_in_a_narrow_terminal_is_whole_and_an_error_begins_a_line(shots: Path, tmp_path: Path) -> None:
@@ -223,7 +256,7 @@ def test_difference_of_lenses_is_in_pixels() -> None:
 def test_help_loads_nothing_heavy() -> None:
     code = (
         "import sys; from typer.testing import CliRunner; from tral_fsm.cli import app;"
-        "CliRunner().invoke(app, ['calibrate', '--help']); CliRunner().invoke(app, ['print', '--help']);"
+        "[CliRunner().invoke(app, [name, '--help']) for name in ('calibrate', 'print', 'detect')];"
         "print({'mujoco', 'cv2', 'matplotlib'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -168,6 +168,9 @@ def test_a_marker_has_half_a_cell_of_white_or_is_refused(size: float, paper: str
     [
         (["marker", 7, "--size-mm", 200], "needs 16.6667 mm of white on either side and does not fit on A4: 180 mm"),
         (["marker", 50], "marker 50: DICT_4X4_50 has 0 to 49"),
+        (["marker", 5, "--size-mm", 0.18], "size_mm = 0.18: is that metres? In millimetres it is 180"),
+        (["gate", 5, "--size-mm", 0.18], "size_mm = 0.18: is that metres?"),
+        (["board", "--square-mm", 0.036], "square_mm = 0.036: is that metres? In millimetres it is 36"),
         (["marker", 5, "--size-mm", -1], "size_mm = -1: expected a length above 0"),
         (["gate", 20], "gate 20: there are 0 to 19"),
         (["board", "--square-mm", 50], "is 350 x 250 mm and does not fit on A4: squares of 36.8 mm would"),

@@ -79,6 +79,48 @@ def test_a_decimal_comma_is_guessed():
     assert told.endswith(": a decimal comma? JSON writes 0.8")
 
 
+@pytest.mark.parametrize(
+    ("wrong", "guess"),
+    [
+        ('// mine\n{"name": "a", "segments": [{"length": 9}]}', ": JSON has no comments; delete it"),
+        ('{"name": "a", /* mine */ "segments": [{"length": 9}]}', ": JSON has no comments; delete it"),
+        ('{"name": "a", "segments": [{"length": .5}]}', ": JSON writes 0.8, not .8 or +0.8"),
+        ('{"name": "a", "segments": [{"length": +5}]}', ": JSON writes 0.8, not .8 or +0.8"),
+        ("{'name': 'a'}", ': JSON writes "double quotes"'),
+        ('{"name": "a" "segments": [{"length": 9}]}', ": is a comma missing before it?"),
+    ],
+)
+def test_what_is_no_json_is_told_with_a_guess(wrong: str, guess: str):
+    (told,) = problems(wrong)
+    assert told.endswith(guess)
+
+
+@pytest.mark.parametrize("wrong", ['{"name": "a", "segments": [{"length": 9},]}', '{"name": "a",}'])
+def test_a_comma_too_many_is_told(wrong: str):
+    (told,) = problems(wrong)
+    assert "trailing comma" in told or told.endswith(": a comma too many before it?")  # Python 3.13 says it itself
+
+
+@pytest.mark.parametrize(
+    ("length", "told"),
+    [
+        ("3,5", '/segments/0/length: got "3,5". Allowed: a number, without quotes: 3.5'),
+        ("35", '/segments/0/length: got "35". Allowed: a number, without quotes: 35'),
+        ("long", '/segments/0/length: got "long". Allowed: a number'),
+        (35000, "/segments/0/length: got 35000. Allowed: less than or equal to 200; lengths are in m"),
+    ],
+)
+def test_a_number_in_quotes_or_in_another_unit_is_told(length: object, told: str):
+    assert problems(json.dumps({"name": "a", "segments": [{"length": length}]}))[1:] == [told]
+
+
+@given(st.integers(1, 100), st.integers(0, 19))
+def test_a_whole_number_may_be_written_with_a_point(laps: int, gate: int):
+    written = {"segments": [{"length": 9, "then": "left", "gates": [{"id": float(gate), "at": 3}]}]}
+    read = Course.model_validate({"name": "a", "closed": True, "laps": float(laps), **written})
+    assert (read.laps, read.segments[0].gates[0].id) == (laps, gate)
+
+
 def test_members_with_their_default_value_are_not_written():
     assert json.loads(course().to_json()) == {"name": "plain", "segments": [{"length": 10.0}]}
 
@@ -142,7 +184,7 @@ def test_numbers_must_be_finite(number: str):
             "/segments/0/gates/1/id: got 3, which more than one gate has. Allowed: unique ids",
         ),
         ({"start": 3}, "/start: got 3. Allowed: an object"),
-        ({"laps": "2"}, '/laps: got "2". Allowed: a whole number'),
+        ({"laps": "2"}, '/laps: got "2". Allowed: a whole number, without quotes: 2'),
         ({"name": ""}, '/name: got "". Allowed: at least 1 character'),
         ({"segments": [{"length": 5, "doors": 1}]}, "/segments/0/doors: got 1. Allowed: a list"),
         ({"start": {"offset": 0.9}}, "/start/offset: got 0.9. Allowed: within 0.85 of the middle line"),

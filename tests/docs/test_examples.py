@@ -47,6 +47,7 @@ LITERAL = (
     "tral doctor",
     "tral courses",
     "tral calibrate --simulated --out runs/calibrate",
+    "tral detect docs/img/detect_view.png --lens default --out runs/seen.png",
     "tral print board --out board.pdf",
     "tral print gate 3 --out gate.pdf",
     "tral print marker 40 41 42 --out turns.svg",
@@ -112,7 +113,8 @@ def test_shell_examples_run(example: Example, command: str, tmp_path: Path) -> N
     program, *arguments = shlex.split(command + " " + CHEAPER.get(command, ""))
     for argument in arguments:
         pytest.importorskip(SKIPS_WITHOUT.get(argument, "sys"), exc_type=ImportError)
-    (tmp_path / "benchmarks").symlink_to(ROOT / "benchmarks")
+    for folder in ("benchmarks", "docs"):
+        (tmp_path / folder).symlink_to(ROOT / folder)
     done = subprocess.run(
         [BIN / Path(program).name, *arguments],
         cwd=ROOT if program in IN_CHECKOUT else tmp_path,

@@ -36,6 +36,17 @@ TRIMMED = parse_calibration(
 both = st.sampled_from([TT01, TRIMMED])
 
 
+@given(st.integers(1400, 1600))
+def test_a_whole_pulse_may_be_written_with_a_point(neutral):
+    read = parse_calibration(changed(steering={"neutral_us": float(neutral)}, period_us=17430.0), "car.json")
+    assert (read.steering.neutral_us, read.period_us) == (neutral, 17430)
+
+
+def test_half_a_microsecond_is_refused():
+    with pytest.raises(CalibrationError, match=r"steering.neutral_us: got 1530.5: Input should be a valid integer"):
+        parse_calibration(changed(steering={"neutral_us": 1530.5}), "car.json")
+
+
 @pytest.mark.parametrize(
     ("action", "expected"),
     [

@@ -13,16 +13,17 @@ from numpy.typing import NDArray
 
 from tral_env.arrays import Array
 from tral_env.errors import ConfigError, nearest
+from tral_env.perception.dictionaries import dictionary, dictionary_name, marker_count, marker_modules
 
 Image = NDArray[np.uint8]
 Kind = Literal["charuco", "chessboard"]
 
-DICTIONARY = cv2.aruco.DICT_5X5_50
+DICTIONARY = "DICT_5X5_50"
 """The markers of a board come from this dictionary: not that of the gates, so that no board is taken for a gate."""
-MODULES = 7
-"""A marker of a board has so many cells along its edge: five of code between two of border."""
 DEFAULT_SIZES: dict[Kind, tuple[int, int, float]] = {"charuco": (7, 5, 36.0), "chessboard": (10, 7, 25.0)}
 """Each board has so many columns and rows, and squares of this edge, mm, by default: it fills a page of A4."""
+SEARCH_PX = 1280
+"""Larger images are searched for a chessboard in a copy so wide or high: 12 megapixels take 0.6 s instead of 11 s."""
 _LENGTHS = (1e-4, 100.0)
 """An edge is at least and at most this long, m: OpenCV counts in single precision."""
 
@@ -42,6 +43,11 @@ class Board:
     """Edge of a square, m."""
     marker: float = 0.028
     """Edge of a marker's black square, m; only on a "charuco" board."""
+    dictionary: str = DICTIONARY
+    """Its markers come from this dictionary of OpenCV; only on a "charuco" board."""
+    legacy: bool = False
+    """Whether the upper left square is white on a "charuco" board with an even number of rows, as OpenCV before 4.6
+    drew it; many boards that are sold are such."""
 
     def __post_init__(self) -> None:
         if self.kind not in get_args(Kind):
@@ -62,10 +68,12 @@ class Board:
     def _check_markers(self) -> None:
         if not self.marker < self.square:
             raise ConfigError(f"Board.marker = {self.marker:g}: expected less than the square's {self.square:g} m")
-        if self.columns * self.rows // 2 > 50:
+        object.__setattr__(self, "dictionary", dictionary_name(self.dictionary))
+        needed, there = self.columns * self.rows // 2, marker_count(self.dictionary)
+        if needed > there:
             raise ConfigError(
-                f"a charuco board of {self.columns} x {self.rows} squares needs {self.columns * self.rows // 2} "
-                "markers, and there are 50: at most 101 squares"
+                f"a charuco board of {self.columns} x {self.rows} squares needs {needed} markers, and there are "
+                f"{there} in {self.dictionary}: at most {2 * there + 1} squares, or a larger dictionary"
             )
 
     @property
@@ -83,7 +91,7 @@ class Board:
     def black(self) -> Array:
         """What is black, as rectangles x, y, width, height that do not overlap, (r, 4) m."""
         y, x = np.mgrid[: self.rows, : self.columns]
-        dark = (x + y) % 2 == 0
+        dark = (x + y) % 2 == (self.kind == "charuco" and self.legacy and self.rows % 2 == 0)
         squares = [
             (i * self.square, j * self.square, self.square, self.square) for i, j in zip(x[dark], y[dark], strict=True)
         ]
@@ -93,7 +101,7 @@ class Board:
         inked = [np.array(squares)]
         for marker, (i, j) in enumerate(zip(x[~dark], y[~dark], strict=True)):
             place = np.array([i * self.square + inset, j * self.square + inset, 0.0, 0.0])
-            inked.append(place + marker_ink(DICTIONARY, marker, MODULES) * self.marker)
+            inked.append(place + marker_ink(self.dictionary, marker) * self.marker)
         return np.concatenate(inked)
 
     def image(self, pixels_per_metre: float, margin: float = 0.0) -> Image:
@@ -130,10 +138,12 @@ class Board:
 
     def _find_chessboard(self, image: Image) -> tuple[Any, Any]:
         flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
-        whole, found = cv2.findChessboardCornersSB(image, (self.columns - 1, self.rows - 1), flags=flags)
+        small, scale = search_copy(image)
+        whole, found = cv2.findChessboardCornersSB(small, (self.columns - 1, self.rows - 1), flags=flags)
         if not whole:
             return None, None
-        found = self._refined(image, np.asarray(found, np.float32).reshape(-1, 2))
+        found = np.asarray((np.reshape(found, (-1, 2)) + 0.5) * scale - 0.5, np.float32)
+        found = self._refined(image, found)
         ids = np.arange(len(self.corners))
         return found, ids if self._starts_black(image, found) else ids[::-1]
 
@@ -156,15 +166,26 @@ class Board:
         return bool(image[black[1], black[0]] < image[white[1], white[0]])
 
 
-def marker_ink(dictionary: int, marker: int, modules: int) -> Array:
+def search_copy(image: Image) -> tuple[Image, Array]:
+    """An image in which to search first, at most `SEARCH_PX` wide and high, and its pixels' width and height, (2,)."""
+    height, width = image.shape
+    share = SEARCH_PX / max(height, width)
+    if share >= 1.0:
+        return image, np.ones(2)
+    size = max(round(width * share), 1), max(round(height * share), 1)
+    small = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    return small, np.array([width / size[0], height / size[1]])
+
+
+def marker_ink(name: str, marker: int) -> Array:
     """What is black of a marker: x, y, width, height of bars that do not overlap, (r, 4) in units of its edge.
 
     Args:
-        dictionary: number of a dictionary of OpenCV.
+        name: a dictionary of OpenCV.
         marker: id of the marker.
-        modules: cells along its edge, border included.
     """
-    code = cv2.aruco.generateImageMarker(cv2.aruco.getPredefinedDictionary(dictionary), marker, modules)
+    modules = marker_modules(name)
+    code = cv2.aruco.generateImageMarker(dictionary(name), marker, modules)
     bars = []
     for row, dark in enumerate(np.pad(code == 0, ((0, 0), (1, 1)))):
         change = np.flatnonzero(np.diff(dark.astype(np.int8)))
@@ -174,9 +195,9 @@ def marker_ink(dictionary: int, marker: int, modules: int) -> Array:
 
 @lru_cache(maxsize=4)
 def _charuco_detector(board: Board) -> Any:
-    layout = cv2.aruco.CharucoBoard(
-        (board.columns, board.rows), board.square, board.marker, cv2.aruco.getPredefinedDictionary(DICTIONARY)
-    )
+    size = board.columns, board.rows
+    layout = cv2.aruco.CharucoBoard(size, board.square, board.marker, dictionary(board.dictionary))
+    layout.setLegacyPattern(board.legacy)
     return cv2.aruco.CharucoDetector(layout)
 
 
@@ -193,6 +214,8 @@ def printed_board(
     rows: int | None = None,
     square_mm: float | None = None,
     marker_mm: float | None = None,
+    dictionary: str = DICTIONARY,
+    legacy: bool = False,
 ) -> Board:
     """Make a board from millimetres; `DEFAULT_SIZES` gives what is left out, and a marker is 7/9 of a square.
 
@@ -202,12 +225,24 @@ def printed_board(
     if kind not in DEFAULT_SIZES:
         raise ConfigError(f"unknown board {kind!r}: {nearest(kind, DEFAULT_SIZES)}")
     default = DEFAULT_SIZES[kind]
-    square = (default[2] if square_mm is None else square_mm) / 1000
-    marker = square * 28 / 36 if marker_mm is None else marker_mm / 1000
+    square = default[2] / 1000 if square_mm is None else metres(square_mm, "square_mm")
     return Board(
         kind=kind,
         columns=default[0] if columns is None else columns,
         rows=default[1] if rows is None else rows,
         square=square,
-        marker=marker,
+        marker=square * 28 / 36 if marker_mm is None else metres(marker_mm, "marker_mm"),
+        dictionary=dictionary,
+        legacy=legacy,
     )
+
+
+def metres(millimetres: float, name: str) -> float:
+    """Turn a length on paper into metres.
+
+    Raises:
+        ConfigError: the length is less than a millimetre, so that it is rather one in metres.
+    """
+    if 0 < millimetres < 1:
+        raise ConfigError(f"{name} = {millimetres:g}: is that metres? In millimetres it is {1000 * millimetres:g}")
+    return millimetres / 1000

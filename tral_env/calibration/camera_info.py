@@ -1,4 +1,4 @@
-"""Lenses by name and as files: the YAML that ROS calls camera_info, written and read without OpenCV or ROS.
+"""Lenses by name and as files: the YAML that ROS calls camera_info is written; also OpenCV's and ROS topics' are read.
 
 Such a file says nothing of the mounting, the frame rate and the size of markers; these are the defaults of
 `CameraConfig`.
@@ -7,14 +7,18 @@ Such a file says nothing of the mounting, the frame rate and the size of markers
 from __future__ import annotations
 
 import math
+import re
 import reprlib
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from tral_env import json_text
 from tral_env.atomic import write_bytes
+from tral_env.calibration.yaml_text import Items, Lines, documents
 from tral_env.config import WIDE_LENS, CameraConfig, as_config
 from tral_env.errors import CalibrationError, ConfigError, nearest
 
@@ -22,11 +26,31 @@ LENSES = {"default": CameraConfig(), "wide": WIDE_LENS}
 """These lenses have a name."""
 
 _SUFFIXES = (".yaml", ".yml")
-_MODELS = {"plumb_bob": 5, "radtan": 5, "rational_polynomial": 8}
-"""A file may name one of these distortion models, with so many coefficients; beyond the fifth all have to be 0."""
-_REQUIRED = ("image_width", "image_height", "camera_matrix", "distortion_model", "distortion_coefficients")
+_MODELS = ("plumb_bob", "radtan", "rational_polynomial")
+"""A file may name one of these distortion models, or none; all coefficients beyond the fifth have to be 0."""
+_FISHEYE = ("equidistant", "fisheye", "kannala_brandt", "kannala_brandt4", "equi")
+"""Distortion models of lenses that this package cannot simulate have these names."""
+_COUNTS = (0, 4, 5, 8, 12, 14)
+"""OpenCV writes so many coefficients."""
+_NAMES = {
+    "image_width": ("imagewidth", "width"),
+    "image_height": ("imageheight", "height"),
+    "camera_matrix": ("cameramatrix", "k", "intrinsicmatrix", "mtx"),
+    "distortion_coefficients": ("distortioncoefficients", "distcoeffs", "distortioncoeffs", "dist", "d"),
+}
+"""Programs write each of these keys in several ways; capitals and underscores make no difference."""
+_ADD = {
+    "image_width": "image_width: 640",
+    "image_height": "image_height: 480",
+    "camera_matrix": "camera_matrix: {data: [fx, 0, cx, 0, fy, cy, 0, 0, 1]}",
+    "distortion_coefficients": "distortion_coefficients: {data: [k1, k2, p1, p2, k3]}",
+}
+"""These lines can be added to a file that lacks the key."""
+_REMEDY = "calibrate with this package's model: tral calibrate IMAGES --radial 3"
 _MAX_PIXELS = 65535
 """An image has at most so many pixels across or down."""
+_MAX_LENGTH = 100
+"""A list with more items is not looked at."""
 _SHORT = reprlib.Repr()
 """An error tells by this what was got: a few lines of YAML can mean millions of values."""
 _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxstring = 2, 9, 60
@@ -53,90 +77,171 @@ def load_lens(source: str | Path | CameraConfig | Mapping[str, Any] | None) -> C
 
 
 def read_camera_info(path: str | Path) -> CameraConfig:
-    """Read a lens from a camera_info file.
+    """Read a lens from a camera_info file, a FileStorage file of OpenCV or the output of `ros2 topic echo`.
 
     Raises:
         CalibrationError: the file cannot be read, is no YAML, lacks something or has it in the wrong form, or needs
             another model of distortion than plumb_bob.
     """
     try:
-        text = Path(path).read_text("utf-8")
+        text = json_text.read(path)
     except (OSError, UnicodeDecodeError) as error:
         raise CalibrationError(f"cannot read the lens '{path}': {error}") from error
     return parse_camera_info(text, str(path))
 
 
 def parse_camera_info(text: str, where: str) -> CameraConfig:
-    """Read a lens from the text of a camera_info file.
+    """Read a lens from the text of such a file; see `read_camera_info`.
 
     Args:
-        text: the YAML.
+        text: the YAML; if it holds several lenses, as a stream of messages does, they have to be the same.
         where: name of the file in error messages.
 
     Raises:
         CalibrationError: see `read_camera_info`.
     """
-    try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        place = f"{where}:{mark.line + 1}:{mark.column + 1}" if mark else where
-        raise CalibrationError(f"{place}: not YAML: {getattr(error, 'problem', None) or error}") from error
-    except (
-        RecursionError,
-        ValueError,
-        LookupError,
-        AttributeError,
-    ) as error:  # the last two: !!bool foo, !!timestamp x
-        raise CalibrationError(f"{where}: not readable: {error}") from error
-    if not isinstance(content, dict):
-        raise CalibrationError(f"{where}: got {type(content).__name__}, expected a mapping with {', '.join(_REQUIRED)}")
-    missing = [name for name in _REQUIRED if name not in content]
+    lenses = [_lens(content, where) for content in documents(text, where) or [None]]
+    if lenses.count(lenses[0]) < len(lenses):
+        raise CalibrationError(f"{where}: {len(lenses)} lenses between lines of '---' that differ: keep one of them")
+    return lenses[0]
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """A value of a file, and its place there."""
+
+    value: Any
+    where: str
+    """File, line and key."""
+    file: str
+
+    def item(self, index: int) -> str:
+        """Place of an item of this list: file, line and key."""
+        key = self.where.rpartition(": ")[2]
+        line = f":{self.value.lines[index]}" if isinstance(self.value, Items) and index < len(self.value.lines) else ""
+        return f"{self.file}{line}: {key}[{index}]" if line else f"{self.where}[{index}]"
+
+
+def _lens(content: Any, where: str) -> CameraConfig:
+    """Read a lens from a document."""
+    if not isinstance(content, Lines):
+        got = "nothing" if content is None else type(content).__name__.lower()
+        raise CalibrationError(f"{where}: got {got}, expected a mapping with {', '.join(_NAMES)}")
+    found = {name: _find(content, name, where) for name in _NAMES}
+    missing = [name for name, entry in found.items() if entry is None]
     if missing:
-        raise CalibrationError(f"{where}: {', '.join(missing)} missing. There: {', '.join(map(str, content)) or '-'}")
-    matrix = _numbers(content["camera_matrix"], f"{where}: camera_matrix", (9,))
-    if any(matrix[i] for i in (1, 3, 6, 7)) or matrix[8] != 1.0:
-        raise CalibrationError(f"{where}: camera_matrix {matrix}: expected [fx, 0, cx, 0, fy, cy, 0, 0, 1]")
+        there = ", ".join(str(key)[:40] for key in list(content)[:20]) or "-"
+        raise CalibrationError(
+            f"{where}: {', '.join(missing)} missing. There: {there}. Add a line such as '{_ADD[missing[0]]}'"
+        )
+    width, height, matrix, coefficients = (entry for entry in found.values() if entry)
+    _require_whole_image(content, where)
+    fx, fy, cx, cy = _pinhole(matrix)
+    distortion = _distortion(content, coefficients, where)
     try:
         return CameraConfig(
-            width=_whole(content["image_width"], f"{where}: image_width"),
-            height=_whole(content["image_height"], f"{where}: image_height"),
-            fx=matrix[0],
-            fy=matrix[4],
-            cx=matrix[2],
-            cy=matrix[5],
-            distortion=_distortion(content, where),
+            width=_whole(width), height=_whole(height), fx=fx, fy=fy, cx=cx, cy=cy, distortion=distortion
         )
     except ConfigError as error:
         raise CalibrationError(f"{where}: {error}") from error
 
 
-def _distortion(content: Mapping[str, Any], where: str) -> tuple[float, ...]:
+def _find(content: Lines, name: str, where: str) -> _Entry | None:
+    """The entry that has one of the names of a key; None: there is none.
+
+    Raises:
+        CalibrationError: two keys have one meaning.
+    """
+    keys = [key for key in content if re.sub(r"[_\- ]", "", str(key)).lower() in _NAMES[name]]
+    if len(keys) > 1:
+        lines = [f"'{key}' in line {content.lines[key]}" for key in keys]
+        raise CalibrationError(f"{where}: {' and '.join(lines)} both mean {name}: delete one of them")
+    return _Entry(content[keys[0]], f"{where}:{content.lines[keys[0]]}: {keys[0]}", where) if keys else None
+
+
+def _distortion(content: Lines, coefficients: _Entry, where: str) -> tuple[float, ...]:
     """Read the coefficients k1, k2, p1, p2, k3."""
-    model = content["distortion_model"]
-    if not isinstance(model, str) or model not in _MODELS:
-        raise CalibrationError(
-            f"{where}: distortion_model {_SHORT.repr(model)}: {nearest(_SHORT.repr(model), _MODELS)}"
-        )
-    values = _numbers(
-        content["distortion_coefficients"], f"{where}: distortion_coefficients", (0, 4, 5, _MODELS[model])
-    )
-    values += [0.0] * (8 - len(values))
+    _require_known_model(content, where)
+    values = _numbers(coefficients, _COUNTS)
     if any(values[5:]):
         raise CalibrationError(
-            f"{where}: distortion_coefficients {values}: only k1, k2, p1, p2, k3 can be other than 0; calibrate with "
-            "the model plumb_bob"
+            f"{coefficients.where} {_SHORT.repr(values)}: only k1, k2, p1, p2, k3 can be other than 0; {_REMEDY}"
         )
-    return tuple(values[:5])
+    return tuple((values + [0.0] * 5)[:5])
 
 
-def _numbers(matrix: Any, where: str, lengths: tuple[int, ...]) -> list[float]:
-    """Read the numbers of a matrix that has one of these lengths."""
-    data = matrix.get("data") if isinstance(matrix, dict) else None
-    if not isinstance(data, list) or len(data) not in lengths:
-        allowed = " or ".join(str(length) for length in sorted(set(lengths)))
-        raise CalibrationError(f"{where}: got {_SHORT.repr(matrix)}: expected 'data' with {allowed} numbers")
-    return [_number(value, f"{where}.data[{i}]") for i, value in enumerate(data)]
+def _require_known_model(content: Lines, where: str) -> None:
+    """Check the name of the model: ROS says distortion_model, some programs camera_model, OpenCV fisheye_model: 1."""
+    keys = ("distortion_model", "camera_model", "fisheye_model")
+    key = next((key for key in keys if content.get(key) not in (None, "", 0)), None)
+    if key is None:
+        return
+    model, place = content[key], f"{where}:{content.lines[key]}: {key}"
+    name = model.strip().lower().replace("-", "_") if isinstance(model, str) else None
+    if name in _FISHEYE or key == "fisheye_model":
+        raise CalibrationError(
+            f"{place} {_SHORT.repr(model)}: a fisheye lens, which this package cannot simulate. For a lens of at most "
+            f"120 degrees, {_REMEDY}"
+        )
+    if name not in _MODELS and (key, name) != ("camera_model", "pinhole"):
+        raise CalibrationError(f"{place} {_SHORT.repr(model)}: {nearest(_SHORT.repr(model), _MODELS)}")
+
+
+def _require_whole_image(content: Lines, where: str) -> None:
+    """Check that a message of ROS describes the image as a whole: no binning, no region of interest."""
+    binned = [key for key in ("binning_x", "binning_y") if content.get(key) not in (None, 0, 1)]
+    region = content.get("roi")
+    cut = isinstance(region, dict) and any(region.get(key) for key in ("x_offset", "y_offset"))
+    for key in (*binned, *(["roi"] if cut else [])):
+        raise CalibrationError(
+            f"{where}:{content.lines[key]}: {key} = {_SHORT.repr(content[key])}: the lens is that of another image; "
+            "let the camera give whole images, unbinned"
+        )
+
+
+def _pinhole(matrix: _Entry) -> tuple[float, float, float, float]:
+    """Read fx, fy, cx, cy."""
+    values = _numbers(matrix, (9,))
+    if not any(values):
+        raise CalibrationError(f"{matrix.where} is 0: the camera is not calibrated. Run tral calibrate IMAGES")
+    if any(values[i] for i in (1, 3, 6, 7)) or values[8] != 1.0:
+        raise CalibrationError(f"{matrix.where} {_SHORT.repr(values)}: expected [fx, 0, cx, 0, fy, cy, 0, 0, 1]")
+    return values[0], values[4], values[2], values[5]
+
+
+def _numbers(entry: _Entry, lengths: tuple[int, ...]) -> list[float]:
+    """Read the numbers of a matrix that has one of these lengths: a list, one list a row, or 'data' with either."""
+    whole, where = entry.value, entry.where
+    if isinstance(whole, Lines) and "data" in whole:
+        place = f"{entry.file}:{whole.lines['data']}: {where.rpartition(': ')[2]}.data"
+        entry = _Entry(whole["data"], place, entry.file)
+    found = _flat(entry)
+    if found is None or len(found) not in lengths:
+        allowed = " or ".join(", ".join(map(str, lengths)).rsplit(", ", 1))
+        count = "" if found is None else f", {len(found)} numbers"
+        raise CalibrationError(f"{where}: got {_SHORT.repr(whole)}{count}: expected {allowed} numbers")
+    return [_number(value, place) for value, place in found]
+
+
+def _flat(entry: _Entry) -> list[tuple[Any, str]] | None:
+    """Each number with its place; spaces part numbers as commas do; None: this is no list, or a very long one."""
+    value = entry.value
+    if value is None:
+        return []
+    if isinstance(value, str):
+        parts = re.split(r"[,;\s]+", value.strip("[]() \n"))
+        return [(part, f"{entry.where}[{i}]") for i, part in enumerate(parts) if part]
+    if not isinstance(value, Items) or len(value) > _MAX_LENGTH:
+        return None
+    found: list[tuple[Any, str]] = []
+    for index, item in enumerate(value):
+        part = _Entry(item, entry.item(index), entry.file)
+        nested = isinstance(item, Items) or (isinstance(item, str) and len(item.split()) > 1)
+        more = _flat(part) if nested else [(item, part.where)]
+        if more is None or len(found) + len(more) > _MAX_LENGTH:
+            return None
+        found += more
+    return found
 
 
 def _number(value: Any, where: str) -> float:
@@ -146,14 +251,21 @@ def _number(value: Any, where: str) -> float:
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
-        raise CalibrationError(f"{where} = {_SHORT.repr(value)}: expected a finite number")
+        hint = ""
+        if isinstance(value, str) and re.fullmatch(r"-?\d+,\d+", value):
+            hint = "; a point parts the decimals"
+        raise CalibrationError(f"{where} = {_SHORT.repr(value)}: expected a finite number{hint}")
     return number
 
 
-def _whole(value: Any, where: str) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= _MAX_PIXELS:
-        raise CalibrationError(f"{where} = {_SHORT.repr(value)}: expected a whole number of pixels, 1 to {_MAX_PIXELS}")
-    return value
+def _whole(entry: _Entry) -> int:
+    value = entry.value
+    whole = isinstance(value, int | float) and not isinstance(value, bool) and 1 <= value <= _MAX_PIXELS
+    if not whole or value != int(value):
+        raise CalibrationError(
+            f"{entry.where} = {_SHORT.repr(value)}: expected a whole number of pixels, 1 to {_MAX_PIXELS}"
+        )
+    return int(value)
 
 
 def camera_info(camera: CameraConfig, name: str = "camera") -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tral_env.calibration.boards import Board, marker_ink
+from tral_env.calibration.boards import Board, marker_ink, metres
 from tral_env.calibration.sheet import PAPERS, Sheet, Text, paper_size, ruler
 from tral_env.errors import ConfigError
 from tral_env.geometry import MARKER_MODULES, MARKER_QUIET_MODULES, MARKER_SIZE_M
@@ -47,7 +47,7 @@ def board_sheet(board: Board, paper: str = "A4") -> Sheet:
     left, top = (page[0] - width) / 2, EDGE_MM + (page[1] - height - EDGE_MM - FOOT_MM) / 2
     kind = f"{board.kind}, {board.columns} x {board.rows} squares of {1000 * board.square:g} mm"
     if board.kind == "charuco":
-        kind += f", markers of {1000 * board.marker:g} mm, DICT_5X5_50"
+        kind += f", markers of {1000 * board.marker:g} mm, {board.dictionary}{', legacy' * board.legacy}"
     foot = min(left, FOOT_LEFT_MM)
     lines, text = ruler(foot, page[1] - 9.0)
     ink = 1000 * board.black + np.array([left, top, 0.0, 0.0])
@@ -70,6 +70,7 @@ def marker_sheet(marker: int, size_mm: float = SIZE_MM, paper: str = "A4", note:
         raise ConfigError(f"marker {marker}: DICT_4X4_50 has 0 to {DICTIONARY_SIZE - 1}")
     if not (np.isfinite(size_mm) and size_mm > 0):
         raise ConfigError(f"size_mm = {size_mm:g}: expected a length above 0")
+    metres(size_mm, "size_mm")
     page = paper_size(paper)
     cell = size_mm / MARKER_MODULES
     most = page[0] / (1 + 2 * MIN_QUIET / MARKER_MODULES)  # its height leaves more than enough on every paper
@@ -79,7 +80,7 @@ def marker_sheet(marker: int, size_mm: float = SIZE_MM, paper: str = "A4", note:
             f"{paper}: {np.floor(most):g} mm would. Papers: {', '.join(PAPERS)}"
         )
     left, top = (page[0] - size_mm) / 2, MARKER_QUIET_MODULES * cell + 8.0
-    ink = size_mm * marker_ink(DICTIONARY, marker, MARKER_MODULES) + np.array([left, top, 0.0, 0.0])
+    ink = size_mm * marker_ink(DICTIONARY, marker) + np.array([left, top, 0.0, 0.0])
     foot = top + size_mm + MARKER_QUIET_MODULES * cell + 8.0
     lines, text = ruler(20.0, foot)
     told = f"marker {marker}, {size_mm:g} mm, DICT_4X4_50{', ' + note if note else ''}; this way up"

@@ -181,7 +181,11 @@ def _require_enough(views: Sequence[View], rejected: Sequence[Rejected]) -> None
         for one in rejected:
             reasons[one.reason] = reasons.get(one.reason, 0) + 1
         why = ", ".join(f"{count} x {reason}" for reason, count in reasons.items()) or "none was rejected"
-        hint = ". Is the board the one that was named?" if reasons.get("no board") else ""
+        hints = [one.detail.partition("; ")[2] for one in rejected if one.reason == "no board" and "; " in one.detail]
+        known = f" {hints[0][0].upper()}{hints[0][1:]}" if hints else ""
+        hint = f". Is the board the one that was named?{known}" if reasons.get("no board") else ""
+        if reasons.get("other size"):
+            hint += ". A calibration holds for one size of image"
         broken = [one.name for one in rejected if one.reason == "unreadable"]
         if broken:
             hint += f". Unreadable: {', '.join(broken[:3])}{', ...' * (len(broken) > 3)}"

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Array
+from tral_env.calibration.board_hints import other_board
 from tral_env.calibration.boards import Board
-from tral_env.errors import CalibrationError
 
 Image = NDArray[np.uint8]
 
@@ -53,19 +53,44 @@ class Rejected:
     """What was got, and what is allowed."""
 
 
-REASONS = ("unreadable", "no board", "too few corners", "too blurred", "duplicate pose", "outlier error")
+REASONS = ("unreadable", "other size", "no board", "too few corners", "too blurred", "duplicate pose", "outlier error")
 """An image is rejected for one of these, in the order of the checks."""
 
 
 @dataclass
 class Collection:
-    """Images on their way to a calibration: shown one by one, each used or rejected."""
+    """Images on their way to a calibration: shown one by one, each used or rejected.
+
+    A calibration holds for one size of image: the one with the most views, and of equals the one that came first.
+    """
 
     board: Board
-    size: tuple[int, int] | None = None
-    """Width and height of the images, px; None before the first."""
-    views: list[View] = field(default_factory=list)
-    rejected: list[Rejected] = field(default_factory=list)
+    _views: dict[tuple[int, int], list[View]] = field(default_factory=dict)
+    """The views of each size of image, in the order in which the sizes came."""
+    _rejected: list[Rejected] = field(default_factory=list)
+    _without_board: int = 0
+    _hinted: bool = False
+
+    @property
+    def size(self) -> tuple[int, int] | None:
+        """Width and height of the images, px; None before the first."""
+        return max(self._views, key=lambda size: len(self._views[size]), default=None)
+
+    @property
+    def views(self) -> list[View]:
+        """The views that are of use."""
+        return self._views[self.size] if self.size else []
+
+    @property
+    def rejected(self) -> list[Rejected]:
+        """The images that are not used, those of another size last."""
+        others = [(size, view) for size, views in self._views.items() if size != self.size for view in views]
+        return [*self._rejected, *(Rejected(view.name, "other size", self._told(size)) for size, view in others)]
+
+    def _told(self, size: tuple[int, int]) -> str:
+        assert self.size
+        turned = "; was the camera turned?" if size == self.size[::-1] else ""
+        return f"{size[0]} x {size[1]} px, most are {self.size[0]} x {self.size[1]}{turned}"
 
     def add(self, name: str, image: Image | None) -> View | Rejected:
         """Look at an image, and keep it as a view or as a rejected one.
@@ -74,40 +99,45 @@ class Collection:
             name: name of the image in messages.
             image: (h, w) grey or (h, w, 3) of any order of colours, uint8; None: it could not be read.
 
-        Raises:
-            CalibrationError: the image has another size than the images before.
+        Returns:
+            The view or the reason; a view is used if most others have its size in the end.
         """
-        seen = self._look(name, image)
-        if isinstance(seen, View):
-            self.views.append(seen)
+        if image is None:
+            seen: View | Rejected = Rejected(name, "unreadable", "damaged, empty or not to be opened")
         else:
-            self.rejected.append(seen)
+            grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+            alike = self._views.setdefault((grey.shape[1], grey.shape[0]), [])
+            seen = self._judge(name, grey, alike)
+            if isinstance(seen, View):
+                alike.append(seen)
+        if isinstance(seen, Rejected):
+            self._rejected.append(seen)
         return seen
 
-    def _look(self, name: str, image: Image | None) -> View | Rejected:
-        if image is None:
-            return Rejected(name, "unreadable", "damaged, empty or not to be opened")
-        grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
-        size = grey.shape[1], grey.shape[0]
-        if self.size is not None and size != self.size:
-            raise CalibrationError(
-                f"{name} is {size[0]} x {size[1]} px, the images before it {self.size[0]} x {self.size[1]}: a "
-                "calibration holds for one size"
-            )
-        self.size = size
-        return self._judge(name, grey)
+    def _hint(self, grey: Image) -> str:
+        """What may be wrong with the board's options; looked for in the first, second, fourth, eighth ... empty image
+        until something is found.
+        """
+        self._without_board += 1
+        due = self._without_board.bit_count() == 1 and not self._hinted
+        hint = other_board(self.board, grey) if due else ""
+        self._hinted = self._hinted or bool(hint)
+        return f"; {hint}" if hint else ""
 
-    def _judge(self, name: str, grey: Image) -> View | Rejected:
+    def _judge(self, name: str, grey: Image, alike: list[View]) -> View | Rejected:
+        """Make an image a view, if it is of use beside the views of its size."""
         ids, pixels = self.board.find(grey)
         if not len(ids):
-            return Rejected(name, "no board", "no corner was found: not in view, too blurred or too small")
+            return Rejected(
+                name, "no board", f"no corner was found: not in view, too blurred or too small{self._hint(grey)}"
+            )
         if len(ids) < MIN_CORNERS or not _spread(self.board, ids):
             return Rejected(name, "too few corners", f"{len(ids)} of {len(self.board.corners)} corners")
         edge = edge_width(self.board, grey, ids, pixels)
         if edge > (limit := EDGE_PX * max(1.0, grey.shape[1] / 1280)):
             return Rejected(name, "too blurred", f"edges are {edge:.1f} px wide, allowed {limit:.1f}")
         view = View(name, ids, pixels, edge)
-        for other in self.views:
+        for other in alike:
             if _apart(view, other) < SAME_POSE * np.hypot(*grey.shape):
                 return Rejected(name, "duplicate pose", f"as in {other.name}")
         return view

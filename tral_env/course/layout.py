@@ -9,11 +9,12 @@ line, + is left, seen in driving direction.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from tral_env import json_text
 from tral_env.errors import CourseError, nearest, problem_report
@@ -79,7 +80,7 @@ class Obstacle(Part):
 class Gate(Part):
     """Two marker boards side by side. Gate k has the markers 2k (left) and 2k + 1 (right)."""
 
-    id: Annotated[int, Field(ge=GATE_IDS[0], le=GATE_IDS[-1])]
+    id: Annotated[int, Field(ge=GATE_IDS[0], le=GATE_IDS[-1]), BeforeValidator(json_text.whole)]
     """Its number k, unique in the course."""
     at: NotNegative
     """Its middle, m along the segment."""
@@ -168,7 +169,7 @@ class Course(Part):
     """The goal line lies this far before the end wall, m; a closed course has its goal at the start."""
     closed: bool = False
     """Whether the last segment turns into the first one again."""
-    laps: Annotated[int, Field(ge=1, le=100)] = 1
+    laps: Annotated[int, Field(ge=1, le=100), BeforeValidator(json_text.whole)] = 1
     """How often a closed course is driven."""
 
     @classmethod
@@ -327,7 +328,16 @@ def _sentence(error: Any) -> str:
         allowed = [word.strip(" '") for word in error["ctx"]["expected"].replace(" or ", ",").split(",")]
         return f"{place}: got {got!r}: {nearest(got, allowed)}"
     rule = _ALLOWED.get(error["type"]) or str(error["msg"]).removeprefix("Input should be ")
-    return f"{place}: got {json.dumps(got, default=str)[:60]}. Allowed: {rule}"
+    return f"{place}: got {json.dumps(got, default=str)[:60]}. Allowed: {rule}{_unit_or_quotes(name, error)}"
+
+
+def _unit_or_quotes(name: str, error: Any) -> str:
+    """What may be wrong with a number, as the end of a sentence: it is quoted, or in mm or cm; empty: not known."""
+    got = error["input"]
+    if error["type"] in ("float_type", "int_type") and isinstance(got, str) and re.fullmatch(r"-?\d+([.,]\d+)?", got):
+        return f", without quotes: {got.replace(',', '.')}"
+    lengths = error["type"] == "less_than_equal" and name not in ("heading_deg", "laps", "id")
+    return "; lengths are in m" if lengths else ""
 
 
 _ALLOWED = {

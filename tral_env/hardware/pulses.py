@@ -9,10 +9,11 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from tral_env.arrays import Array
 from tral_env.errors import ConfigError
+from tral_env.json_text import whole
 
 _MIN_TRAVEL_US = 50
 """Between command 0 and either end the pulse has to change by at least this much."""
@@ -30,6 +31,12 @@ class Knots(NamedTuple):
 
 class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _whole(cls, value: object) -> object:
+        """Take 1500.0 for the whole number 1500."""
+        return whole(value)
 
 
 class ChannelCalibration(_Section):

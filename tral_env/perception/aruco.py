@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from tral_env.arrays import Array
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.errors import ConfigError
+from tral_env.perception.dictionaries import dictionary, families, marker_count
 from tral_env.perception.rays import lens_arrays, pixel_rays
 
-DICTIONARY = cv2.aruco.DICT_4X4_50
+DICTIONARY = "DICT_4X4_50"
 """The markers of gates and signs come from this dictionary."""
 
 CORNER_INSET_PX = 0.18
@@ -51,19 +52,20 @@ class MarkerPoses:
 
 
 class Detector:
-    """Finds the markers of DICT_4X4_50, corners refined to fractions of a pixel."""
+    """Finds the markers of a dictionary, corners refined to fractions of a pixel."""
 
-    def __init__(self, valid_bit_threshold: float = 0.49) -> None:
+    def __init__(self, valid_bit_threshold: float = 0.49, name: str = DICTIONARY) -> None:
         """Take the detector of OpenCV.
 
         Args:
             valid_bit_threshold: share of a cell's pixels that may have the wrong colour, `validBitIdThreshold` of
                 OpenCV, whose default stays: a stricter one misses real markers, benchmarks/false_sightings.py.
+            name: a dictionary of OpenCV; gates and signs have `DICTIONARY`.
         """
         parameters = cv2.aruco.DetectorParameters()
         parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
         parameters.validBitIdThreshold = valid_bit_threshold
-        self._detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(DICTIONARY), parameters)
+        self._detector = cv2.aruco.ArucoDetector(dictionary(name), parameters)
 
     def detect(self, image: NDArray[np.uint8]) -> MarkerCorners:
         """Find the markers in an image.
@@ -85,6 +87,23 @@ class Detector:
         outward = found - found.mean(axis=1, keepdims=True)
         found += CORNER_INSET_PX * outward / np.linalg.norm(outward, axis=2, keepdims=True)
         return MarkerCorners(np.ravel(ids).astype(np.int64), found)
+
+
+def fitting_dictionaries(image: NDArray[np.uint8], least: int = 1) -> dict[str, int]:
+    """Number of markers of each family of dictionaries in an image, most first.
+
+    A family is told by its smallest dictionary that has all ids seen.
+
+    Args:
+        image: (h, w) grey or (h, w, 3) RGB, uint8.
+        least: families with fewer markers are left out.
+    """
+    counts = {}
+    for family in families():
+        ids = Detector(name=family[-1]).detect(image).ids
+        if len(ids) >= least:
+            counts[next(name for name in family if ids.max() < marker_count(name))] = len(ids)
+    return dict(sorted(counts.items(), key=lambda item: -item[1]))
 
 
 def marker_poses(detections: MarkerCorners, camera: CameraConfig, car: CarConfig | None = None) -> MarkerPoses:

@@ -1,4 +1,4 @@
-"""The `tral` command: drive, courses, fsm, tune, calibrate, print, doctor, bench.
+"""The `tral` command: drive, courses, fsm, tune, calibrate, detect, print, doctor, bench.
 
 Each subcommand has a file; heavy modules are imported when a command needs them.
 """
@@ -13,6 +13,7 @@ from tral_fsm.cli.bench import app as bench_app
 from tral_fsm.cli.calibrate import command as calibrate_command
 from tral_fsm.cli.console import Guarded
 from tral_fsm.cli.courses import command as courses_command
+from tral_fsm.cli.detect import command as detect_command
 from tral_fsm.cli.doctor import command as doctor_command
 from tral_fsm.cli.drive import command as drive_command
 from tral_fsm.cli.fsm import app as fsm_app
@@ -31,6 +32,7 @@ app.command("drive")(drive_command)
 app.command("courses")(courses_command)
 app.command("tune")(tune_command)
 app.command("calibrate")(calibrate_command)
+app.command("detect")(detect_command)
 app.command("doctor")(doctor_command)
 app.add_typer(fsm_app, name="fsm")
 app.add_typer(print_app, name="print")
@@ -51,4 +53,4 @@ def main(
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
     ] = False,
 ) -> None:
-    """Small Ackermann cars in corridors: drive them, look at courses, tune machines, calibrate cameras."""
+    """Small Ackermann cars in corridors: drive them, look at courses, tune machines, calibrate cameras, see markers."""

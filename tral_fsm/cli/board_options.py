@@ -12,3 +12,7 @@ Columns = Annotated[int | None, typer.Option(min=3, help="Squares in a row; defa
 Rows = Annotated[int | None, typer.Option(min=3, help="Squares in a column; default: 5, chessboard: 7.")]
 SquareMm = Annotated[float | None, typer.Option(help="Edge of a square, mm; default: 36, chessboard: 25.")]
 MarkerMm = Annotated[float | None, typer.Option(help="Edge of a charuco marker, mm; default: 7/9 of a square.")]
+Dictionary = Annotated[str, typer.Option(help="Dictionary of a charuco board's markers, such as 4X4_50 or 6X6_250.")]
+Legacy = Annotated[
+    bool, typer.Option("--legacy", help="Charuco board with a white upper left square, as OpenCV before 4.6 drew it.")
+]

@@ -56,6 +56,8 @@ def make_board(
     rows: int | None,
     square_mm: float | None,
     marker_mm: float | None,
+    dictionary: str,
+    legacy: bool,
 ) -> Board:
     """The board that the options describe; an option that is None is that of `tral print board`.
 
@@ -64,7 +66,7 @@ def make_board(
     """
     from tral_env.calibration.boards import printed_board
 
-    return printed_board(kind, columns, rows, square_mm, marker_mm)
+    return printed_board(kind, columns, rows, square_mm, marker_mm, dictionary, legacy)
 
 
 def command(
@@ -85,6 +87,8 @@ def command(
     rows: board_options.Rows = None,
     square_mm: board_options.SquareMm = None,
     marker_mm: board_options.MarkerMm = None,
+    dictionary: board_options.Dictionary = "5X5_50",
+    legacy: board_options.Legacy = False,
     every: Annotated[int, typer.Option(min=1, help="Of a video or a camera, look at one in this many frames.")] = 5,
     max_views: Annotated[int, typer.Option(min=4, help="Stop after this many usable views.")] = 60,
     radial: Annotated[
@@ -114,7 +118,8 @@ def command(
         name=name,
         keep_images=keep_images,
     )
-    report = run(asked, make_board(board, columns, rows, square_mm, marker_mm), out, quiet=as_json)
+    made = make_board(board, columns, rows, square_mm, marker_mm, dictionary, legacy)
+    report = run(asked, made, out, quiet=as_json)
     if as_json:
         typer.echo(json.dumps(report, indent=2))
     if report["verdict"] == "poor":

@@ -39,13 +39,15 @@ def board(
     rows: board_options.Rows = None,
     square_mm: board_options.SquareMm = None,
     marker_mm: board_options.MarkerMm = None,
+    dictionary: board_options.Dictionary = "5X5_50",
+    legacy: board_options.Legacy = False,
     paper: _Paper = "A4",
     out: _Out = None,
 ) -> None:
     """Print a calibration board; `tral calibrate` takes the same options."""
     from tral_env.calibration.printables import board_sheet
 
-    made = make_board(board, columns, rows, square_mm, marker_mm)
+    made = make_board(board, columns, rows, square_mm, marker_mm, dictionary, legacy)
     _save([board_sheet(made, paper)], out or Path(f"{board}.pdf"))
 
 

@@ -1,0 +1,144 @@
+"""`tral detect`: the markers and gates that an image, a video or a camera shows, and what is wrong with them."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tral_env.errors import ConfigError
+from tral_fsm.cli.console import FAILED
+from tral_fsm.cli.files import suffix_of
+from tral_fsm.evaluation.files import prepare_folder
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tral_env.config import CameraConfig
+    from tral_env.perception.sight import Place, Sight
+
+_PICTURES = (".png", ".jpg", ".jpeg")
+
+
+def command(
+    sources: Annotated[
+        list[str], typer.Argument(help="Images, folders, patterns, videos, or a camera such as /dev/video0.")
+    ],
+    lens: Annotated[
+        str | None, typer.Option(help="Lens: default, wide, or a file; with it, distance and bearing are told.")
+    ] = None,
+    every: Annotated[int, typer.Option(min=1, help="Of a video or a camera, look at one in this many frames.")] = 5,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            dir_okay=False,
+            help="A .png or .jpg with all that was seen drawn in; further images get _2, _3, ... in their names.",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print JSON, a line for each image, and nothing else.")
+    ] = False,
+) -> None:
+    """Tell which markers and gates an image shows, where, and what is wrong with them.
+
+    Of a video or a camera, a frame is told if its markers are other ones than those of the frame before. The exit code
+    is 0 if any marker was seen, else 1.
+    """
+    from tral_env.calibration.camera_info import load_lens
+    from tral_env.calibration.image_sources import find_sources, read_images
+
+    if out:
+        suffix_of(out, _PICTURES)
+    camera = None if lens is None else load_lens(lens)
+    told, seen_any = 0, False
+    before: tuple[str, tuple[int, ...]] = "", ()
+    with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C is the usual end of a camera
+        for name, image in read_images(find_sources(sources), every):
+            sight = _looked_at(name, image, camera)
+            video, _, frame = name.rpartition(":")
+            now = video if frame.isdigit() else "", tuple(sorted(marker.id for marker in sight.markers))
+            if now == before and now[0]:
+                continue
+            before, told, seen_any = now, told + 1, seen_any or bool(sight.markers)
+            typer.echo(json.dumps(_record(name, sight)) if as_json else _text(name, sight))
+            if out and image is not None:
+                _draw(image, sight, out if told == 1 else out.with_stem(f"{out.stem}_{told}"), quiet=as_json)
+    if not seen_any:
+        raise typer.Exit(FAILED)
+
+
+def _looked_at(name: str, image: NDArray[np.uint8] | None, lens: CameraConfig | None) -> Sight:
+    from tral_env.perception.sight import Sight, look
+
+    if image is None:
+        return Sight((), (), ("damaged, empty or not to be opened",))
+    try:
+        return look(image[..., ::-1].copy(), lens)
+    except ConfigError as error:
+        raise ConfigError(f"{name}: {error}") from error
+
+
+def _text(name: str, sight: Sight) -> str:
+    """What an image shows, a line for each marker, gate and problem."""
+    lines = [f"{name}:"]
+    for marker in sight.markers:
+        lines.append(f"  marker {marker.id}: {marker.meaning}{_where(marker.place)}")
+    for gate in sight.gates:
+        if gate.place:
+            degrees = round(math.degrees(gate.place.heading))
+            lines.append(f"  gate {gate.number}{_where(gate.place)}; direction through it: {_signed(degrees)} deg")
+        elif not gate.swapped:
+            lines.append(f"  gate {gate.number}: both markers are seen")
+    return "\n".join([*lines, *(f"  ! {problem}" for problem in sight.problems)])
+
+
+def _signed(number: int) -> str:
+    return f"{number:+d}" if number else "0"
+
+
+def _where(place: Place | None) -> str:
+    from tral_fsm.report.sight import place_text
+
+    return f": {place_text(place)}" if place else ""
+
+
+def _record(name: str, sight: Sight) -> dict[str, Any]:
+    return {
+        "image": name,
+        "markers": [
+            {"id": marker.id, "meaning": marker.meaning, "corners_px": marker.corners.tolist()} | _numbers(marker.place)
+            for marker in sight.markers
+        ],
+        "gates": [{"gate": gate.number, "swapped": gate.swapped} | _numbers(gate.place) for gate in sight.gates],
+        "problems": list(sight.problems),
+    }
+
+
+def _numbers(place: Place | None) -> dict[str, float]:
+    if place is None:
+        return {}
+    return {"distance_m": place.distance, "bearing_rad": place.bearing, "heading_rad": place.heading}
+
+
+def _draw(image: NDArray[np.uint8], sight: Sight, file: Path, *, quiet: bool) -> None:
+    import cv2
+    import numpy as np
+
+    from tral_env.atomic import write_bytes
+    from tral_fsm.report.sight import annotated
+
+    prepare_folder(file.parent)
+    drawn = annotated(image[..., ::-1].copy(), sight)
+    content = cv2.imencode(file.suffix.lower(), np.ascontiguousarray(drawn[..., ::-1]))[1].tobytes()
+    try:
+        write_bytes(file, content)
+    except OSError as error:
+        raise ConfigError(f"--out {file}: cannot be written: {error.strerror}") from error
+    if not quiet:
+        typer.echo(f"  Written: {file}")
