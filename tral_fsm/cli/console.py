@@ -10,6 +10,7 @@ from typer.core import TyperGroup
 from tral_env.errors import (
     CourseError,
     HardwareError,
+    LostWorkerError,
     MissingExtraError,
     RenderError,
     SimulationError,
@@ -35,6 +36,6 @@ class Guarded(TyperGroup):
 
 
 def _exit_code(error: TralError) -> int:
-    if isinstance(error, RenderError | MissingExtraError | HardwareError):
+    if isinstance(error, RenderError | MissingExtraError | HardwareError | LostWorkerError):
         return MACHINE_LACKS
     return FAILED if isinstance(error, SimulationError | FormatError | CourseError) else BAD_USAGE

@@ -9,12 +9,10 @@ import typer
 from tral_fsm.cli.terminal import print_figures
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from pathlib import Path
 
     from rich.table import Table
 
-    from tral_fsm.evaluation.statistics import Estimate
     from tral_fsm.tuning import Progress, Stage, Tuned
     from tral_fsm.tuning.holdout import Comparison
 
@@ -28,6 +26,9 @@ STAGES = {
     "steps": "report: steps in clearance",
 }
 """Name of a stage -> text of the bar."""
+
+
+_CAPTION = "RMSE, time, steering: courses where both arrive. The cost of all courses is the sum of the rows below it."
 
 
 class Bar:
@@ -105,21 +106,12 @@ def _held_out(comparison: Comparison) -> Table:
     from rich.table import Table
     from rich.text import Text
 
-    from tral_fsm.tuning.tables import estimate_cell
+    from tral_fsm.tuning.tables import CHECK_HEADER, check_rows
 
-    table = Table(title=Text("On courses that nothing was tuned on, with 95 % intervals"), title_justify="left")
-    for heading in ("", "was", "now", "difference"):
+    title = f"On {comparison.courses} courses that nothing was tuned on, with 95 % intervals"
+    table = Table(title=Text(title), title_justify="left", caption=Text(_CAPTION), caption_justify="left")
+    for heading in CHECK_HEADER:
         table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
-    old, new = comparison.old, comparison.new
-    split = f"{comparison.only_new} gained, {comparison.only_old} lost"
-    table.add_row("success", *(estimate_cell(each.success, 100.0, 0) + " %" for each in (old, new)), split)
-    rows: Mapping[str, tuple[Estimate, Estimate, Estimate, float]] = {
-        "clearance RMSE [cm]": (old.clearance_rmse_m, new.clearance_rmse_m, comparison.clearance_m, 100.0),
-        "settled RMSE [cm]": (old.settled_rmse_m, new.settled_rmse_m, comparison.settled_m, 100.0),
-        "time [s/m]": (old.time_per_m, new.time_per_m, comparison.time_per_m, 1.0),
-        "cost": (old.cost, new.cost, comparison.cost, 1.0),
-    }
-    for name, (was, now, difference, scale) in rows.items():
-        cells = (estimate_cell(was, scale), estimate_cell(now, scale), estimate_cell(difference, scale, 2, "+"))
-        table.add_row(Text(name), *cells)
+    for row in check_rows(comparison):
+        table.add_row(*(Text(cell) for cell in row), end_section=row[0] in ("collisions", "steering [1/m]"))
     return table

@@ -15,7 +15,7 @@ from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.batch import MAX_ROWS, BatchRunner, complete
 from tral_fsm.evaluation.choices import check_families
 from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
-from tral_fsm.evaluation.pool import ProcessPool, spawned, stop_check
+from tral_fsm.evaluation.pool import ProcessPool, spawned, stop_check, worker_losses
 from tral_fsm.tuning.objective import Objective
 
 SeededCourse = tuple[str, int]
@@ -157,11 +157,12 @@ class Evaluator:
             self._start()
         assert self._pool is not None
         parts = [list(requests[k :: self.processes]) for k in range(self.processes)]
-        futures: list[Future[list[EpisodeResult]]] = [self._pool.submit(_drive, list(machines), part) for part in parts]
-        self._watch(futures)
         drives: list[EpisodeResult | None] = [None] * len(requests)
-        for k, future in enumerate(futures):
-            drives[k :: self.processes] = future.result()
+        with worker_losses():
+            futures = [self._pool.submit(_drive, list(machines), part) for part in parts]
+            self._watch(futures)
+            for k, future in enumerate(futures):
+                drives[k :: self.processes] = future.result()
         return complete(drives)
 
     def _start(self) -> None:
