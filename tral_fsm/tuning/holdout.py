@@ -32,11 +32,9 @@ class Change(StrEnum):
 
 
 _VERDICTS = {
-    Change.BETTER: "The cost of the tuned machine is lower than that of the old one on courses that it was not tuned on",
-    Change.WORSE: "The cost of the tuned machine is higher than that of the old one on courses that it was not tuned "
-    "on",
-    Change.NOISE: "The difference of the cost is within noise: on other courses the old machine may well be the better "
-    "one",
+    Change.BETTER: "The cost of the tuned machine is lower on courses that it was not tuned on",
+    Change.WORSE: "The cost of the tuned machine is higher on courses that it was not tuned on",
+    Change.NOISE: "The change of the cost is within noise: on other courses the old machine may well be better",
 }
 _SAID = {Change.BETTER: "Better", Change.WORSE: "Worse", Change.NOISE: "No clear change"}
 
@@ -113,7 +111,7 @@ class Comparison:
 
     @property
     def within_noise(self) -> bool:
-        """Whether luck may explain the difference: the interval of the cost difference holds 0, or courses are too few."""
+        """Whether luck may explain the change of the cost, or there are too few courses."""
         return self.change is Change.NOISE
 
     @property
@@ -158,10 +156,13 @@ def compare(old: Drives, new: Drives, objective: Objective) -> Comparison:
         time_per_m=_paired(both, lambda drive: drive.time_s / drive.route_m),
         steering_per_m=_paired(both, lambda drive: drive.steering_travel / drive.route_m),
         cost=_paired(pairs, lambda drive: float(parts(drive) @ weights)),
-        cost_parts={
-            name: _paired(pairs, lambda drive, k=k: float(parts(drive)[k] * weights[k])) for k, name in enumerate(PARTS)
-        },
+        cost_parts={name: _paired(pairs, _weighted(k, weights[k])) for k, name in enumerate(PARTS)},
     )
+
+
+def _weighted(k: int, weight: float) -> Callable[[EpisodeResult], float]:
+    """Function of a drive: the k-th part of its cost."""
+    return lambda drive: float(parts(drive)[k] * weight)
 
 
 def _mean(values: Array) -> Statistic:
