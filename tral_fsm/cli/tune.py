@@ -17,19 +17,17 @@ from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 from tral_env.perception import opengl
 from tral_fsm.cli import tune_options as options
-from tral_fsm.cli.tune_show import Bar, print_result
+from tral_fsm.cli.tune_show import Bar, kept_text, print_result
 from tral_fsm.evaluation.choices import listed
 from tral_fsm.evaluation.files import prepare_folder, write_json
 from tral_fsm.evaluation.host import versions
+from tral_fsm.tuning.folder import MACHINE, NUMBERS, PAGE, RESULTS, STUDY
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from tral_fsm.definition.machine import MachineDefinition
     from tral_fsm.tuning import Tuned
-
-_WRITTEN = ("machine.json", "tune.json", "report.html", "study.jsonl")
-_KEPT = "What was found is kept; the same command with --resume goes on."
 
 
 def command(
@@ -108,7 +106,7 @@ def run(arguments: options.TuneArguments, machine: MachineDefinition) -> tuple[T
     _check(arguments, machine)
     prepare_folder(arguments.out)
     origin = _origin()
-    with _shown() as bar:
+    with _shown(arguments) as bar:
         tuned = _tune(arguments, machine, origin, bar)
         asked = {
             "policy": arguments.policy,
@@ -116,7 +114,7 @@ def run(arguments: options.TuneArguments, machine: MachineDefinition) -> tuple[T
             "settings": json.loads(json.dumps(asdict(arguments.settings))),
         }
         report = {"command": origin, **asked, "versions": versions(), **tuned.record()}
-        write_json(arguments.out / "tune.json", report)
+        write_json(arguments.out / NUMBERS, report)
         if arguments.save_as is not None:
             save(tuned, arguments.save_as, origin)
         _write_page(arguments, tuned, report, bar)
@@ -124,23 +122,24 @@ def run(arguments: options.TuneArguments, machine: MachineDefinition) -> tuple[T
 
 
 @contextlib.contextmanager
-def _shown() -> Iterator[Bar]:
+def _shown(arguments: options.TuneArguments) -> Iterator[Bar]:
     """A bar; at Ctrl-C it says what is kept."""
     with Bar() as bar:
         try:
             yield bar
         except KeyboardInterrupt:
             bar.stop()
-            typer.echo(_KEPT, err=True)
+            typer.echo(kept_text(bar.progress, arguments.out, arguments.storage), err=True)
             raise
 
 
 def _check(arguments: options.TuneArguments, machine: MachineDefinition) -> None:
     """Refuse options that cannot be used, before an hour of driving and before anything is written."""
     from tral_fsm.formats import by_suffix
-    from tral_fsm.tuning import check_apart, find
+    from tral_fsm.tuning import check_apart, check_budget, find
 
     check_apart(arguments.task, arguments.settings)
+    check_budget(arguments.task, arguments.settings)
     _check_files(arguments)
     find(machine, arguments.params, tie=arguments.tie)
     if arguments.task.camera == "rendered":
@@ -152,11 +151,11 @@ def _check(arguments: options.TuneArguments, machine: MachineDefinition) -> None
 
 def _check_files(arguments: options.TuneArguments) -> None:
     """Refuse a folder where a result cannot be written, or would replace the machine that is tuned."""
-    for name in _WRITTEN:
+    for name in (*RESULTS, STUDY):
         if (arguments.out / name).is_dir():
             raise ConfigError(f"--out {arguments.out}: {name} in it is a folder: choose another folder")
     machine = Path(arguments.policy)
-    if machine.exists() and machine.resolve() == (arguments.out / _WRITTEN[0]).resolve():
+    if machine.exists() and machine.resolve() == (arguments.out / MACHINE).resolve():
         raise ConfigError(f"--policy {machine}: the search would write its result over it: choose another --out")
 
 
@@ -177,6 +176,7 @@ def _tune(arguments: options.TuneArguments, machine: MachineDefinition, origin: 
         origin=origin,
         on_progress=bar.best,
         on_stage=bar.stage,
+        on_note=bar.note,
     )
 
 
@@ -194,7 +194,7 @@ def _write_page(arguments: options.TuneArguments, tuned: Tuned, report: dict[str
         size=arguments.grid,
         on_stage=bar.stage,
     )
-    write_bytes(arguments.out / "report.html", report_html(page).encode("utf-8"))
+    write_bytes(arguments.out / PAGE, report_html(page).encode("utf-8"))
 
 
 def _origin() -> str:

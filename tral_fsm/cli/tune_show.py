@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from tral_fsm.cli.terminal import print_figures
+from tral_fsm.tuning.folder import MACHINE, PAGE, STUDY
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from tral_fsm.tuning.holdout import Comparison
 
 
-STAGES = {
+_STAGES = {
     "as it was": "the machine as it was",
     "search": "search",
     "finals": "finals on fresh courses",
@@ -25,7 +26,7 @@ STAGES = {
     "around": "report: cost around the result",
     "steps": "report: steps in clearance",
 }
-"""Name of a stage -> text of the bar."""
+"""`StageName` -> text of the bar."""
 
 
 _CAPTION = "RMSE, time, steering: courses where both arrive. The cost of all courses is the sum of the rows below it."
@@ -35,19 +36,21 @@ class Bar:
     """Progress on stderr: a line for each stage; the line of the search shows the lowest cost so far."""
 
     def __init__(self) -> None:
+        from rich import progress as rich
         from rich.console import Console
-        from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-        self._bar = Progress(
-            TextColumn("{task.description}", markup=False),
-            BarColumn(),
-            TextColumn("{task.completed:.0f}/{task.total:.0f} {task.fields[unit]}"),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
+        self._bar = rich.Progress(
+            rich.TextColumn("{task.description}", markup=False),
+            rich.BarColumn(),
+            rich.TextColumn("{task.completed:.0f}/{task.total:.0f} {task.fields[unit]}"),
+            rich.TimeElapsedColumn(),
+            rich.TimeRemainingColumn(),
             console=Console(stderr=True),
         )
-        self._tasks: dict[str, TaskID] = {}
+        self._tasks: dict[str, rich.TaskID] = {}
         self._best = ""
+        self.progress: Progress | None = None
+        """Progress of the search; None before a candidate has driven all courses."""
 
     def __enter__(self) -> Bar:
         self._bar.start()
@@ -62,19 +65,46 @@ class Bar:
 
     def best(self, progress: Progress) -> None:
         """Show the cost of the best candidate."""
-        self._best = f": cost {progress.best.cost:.3f} (was {progress.old.cost:.3f})"
+        self.progress = progress
+        cost, was = f"{progress.best.cost:.3f}", f"{progress.old.cost:.3f}"
+        self._best = (
+            f": cost {cost} (was {was})" if progress.better else f": no better one yet (best {cost}, was {was})"
+        )
         self._update("search", progress.drives, progress.budget, "drives")
+
+    def note(self, said: str) -> None:
+        """Print a line above the bar."""
+        self._bar.console.print(said, markup=False, highlight=False, soft_wrap=True)
 
     def stage(self, stage: Stage) -> None:
         """Show the progress of a stage."""
         self._update(stage.name, stage.done, stage.total, stage.unit)
 
     def _update(self, name: str, done: int, total: int, unit: str) -> None:
-        said = STAGES[name] + (self._best if name == "search" else "")
+        said = _STAGES[name] + (self._best if name == "search" else "")
         if name not in self._tasks:
             self._tasks[name] = self._bar.add_task(said, total=total, unit=unit)
-        # The last generation is finished even beyond the budget.
-        self._bar.update(self._tasks[name], completed=min(done, total), description=said)
+        self._bar.update(self._tasks[name], completed=done, description=said)
+
+
+def kept_text(progress: Progress | None, out: Path, storage: str | None) -> str:
+    """What an interrupted search leaves, and how it goes on.
+
+    Args:
+        progress: progress of the search, if a candidate has driven all courses.
+        out: folder of the search.
+        storage: storage of the study, if it is not in the folder.
+    """
+    from tral_fsm.tuning.search.storage import masked
+
+    if progress is None or not progress.better:
+        machine = f"No better machine found yet: {out / MACHINE} is the machine as it was."
+    else:
+        costs = f"cost {progress.best.cost:.3f}, was {progress.old.cost:.3f}"
+        machine = f"{out / MACHINE} is the best machine so far ({costs}), without the check on new courses."
+    if storage is not None:
+        return f"{machine}\n{masked(storage)} keeps the study: the same command goes on."
+    return f"{machine}\n{out / STUDY} keeps the study: the same command with --resume goes on."
 
 
 def print_result(tuned: Tuned, out: Path) -> None:
@@ -84,7 +114,8 @@ def print_result(tuned: Tuned, out: Path) -> None:
     if tuned.comparison is not None:
         print_figures(_held_out(tuned.comparison))
     typer.echo(tuned.verdict)
-    typer.echo(f"Files: {out}")
+    machine = "the tuned machine" if tuned.kept is tuned.new and tuned.values is not None else "the machine as it was"
+    typer.echo(f"{out / MACHINE} is {machine}; {out / PAGE} shows more.")
 
 
 def _parameters(tuned: Tuned) -> Table:

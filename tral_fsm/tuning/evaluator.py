@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, wait
 from dataclasses import asdict, dataclass, fields, replace
+from enum import StrEnum
 from types import TracebackType
 from typing import Any, Self
 
@@ -75,6 +76,18 @@ class Racing:
             return [courses]
         return [courses[:first], courses[first:]]
 
+    def staying(self, candidates: int) -> int:
+        """Number of candidates that go on after a round: at least one, if there is one."""
+        return math.ceil(self.keep * candidates)
+
+    def drives(self, candidates: int, courses: Sequence[SeededCourse], scenarios: int) -> int:
+        """Number of drives of a race."""
+        count = 0
+        for round_ in self.rounds(courses, scenarios):
+            count += candidates * len(round_)
+            candidates = self.staying(candidates)
+        return count
+
 
 @dataclass(frozen=True)
 class Scored:
@@ -87,11 +100,24 @@ class Scored:
     """Whether the machine has driven all courses."""
 
 
+class StageName(StrEnum):
+    """The stages of a search and of its report, in their order."""
+
+    AS_IT_WAS = "as it was"
+    SEARCH = "search"
+    FINALS = "finals"
+    CHECK = "check"
+    AROUND = "around"
+    """Drives around the result."""
+    STEPS = "steps"
+    """Responses to steps in the wanted clearance."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Stage:
     """A stage of a search, and its progress."""
 
-    name: str
+    name: StageName
     done: int
     total: int
     unit: str = "drives"
@@ -116,7 +142,7 @@ class Evaluator:
         """
         self.task, self.processes, self.rows = task, processes, rows
         self._on_stage = on_stage
-        self._stage = Stage(name="", done=0, total=0)
+        self._stage = Stage(name=StageName.AS_IT_WAS, done=0, total=0)
         self._runner: BatchRunner | None = None
         self._pool: ProcessPool | None = None
         self._ended: Any = None
@@ -136,7 +162,7 @@ class Evaluator:
             self._runner.close()
             self._runner = None
 
-    def stage(self, name: str, total: int, done: int = 0) -> None:
+    def stage(self, name: StageName, total: int, done: int = 0) -> None:
         """Begin a stage, for `on_stage`."""
         self._stage = Stage(name=name, done=done, total=total)
         self._count(0)
@@ -212,8 +238,7 @@ class Evaluator:
         costs = [objective.cost(mine) for mine in drives]
         alive = list(range(len(machines)))
         for courses_ in more:
-            count = max(math.ceil(racing.keep * len(alive)), 1)
-            alive = sorted(sorted(alive, key=lambda k: costs[k])[:count])
+            alive = sorted(sorted(alive, key=lambda k: costs[k])[: racing.staying(len(alive))])
             for k, extra in zip(alive, self.on_courses([machines[k] for k in alive], courses_), strict=True):
                 drives[k] = drives[k] + extra
                 costs[k] = objective.cost(drives[k])
