@@ -15,6 +15,7 @@ import pytest
 from courses import FOLLOW_THEN_CRASH, TWO_WALLS, blind
 from typer.testing import CliRunner, Result
 
+from tral_env.course.layout import Course, Segment
 from tral_fsm.cli import app
 from tral_fsm.cli.tune_show import kept_text
 from tral_fsm.definition.machine import MachineDefinition
@@ -81,7 +82,7 @@ def test_the_bar_has_a_line_for_each_stage(tuned: tuple[Path, Result]) -> None:
         r"the machine as it was +\S+ 1/1 drives",
         r"search: (cost [\d.]+ \(|no better one yet \(best [\d.]+, )was [\d.]+\) +\S+ 4/4 drives",
         r"finals on fresh courses +\S+ 10/10 drives",  # the best four and the old machine, two courses
-        r"check on held-out courses +\S+ 4/4 drives",
+        r"check on held-out drives +\S+ 4/4 drives",
         r"report: cost around the result +\S+ 8/8 drives",  # a plane of 2 x 2 and two lines of 2
     ):
         assert re.search(line, tuned[1].stderr), line
@@ -115,6 +116,32 @@ def test_the_report_needs_no_network_and_is_well_formed(tuned: tuple[Path, Resul
     assert "http" not in re.sub(r'base64,[^"]+', "", html)
     assert "&lt;blind&gt; &amp; bold" in html
     assert "<blind>" not in html
+
+
+def test_a_course_of_ones_own_is_driven_with_many_cars_and_without_a_word_on_parameters(tmp_path: Path) -> None:
+    course, out = tmp_path / "mine.json", tmp_path / "out"
+    Course(name="mine", segments=(Segment(length=4.0, width=2.0),)).save(course)
+    machine = tmp_path / "machine.json"
+    machine.write_text(write(blind(0.5, 1.0), "json"))
+    result = tral("tune", "--policy", machine, "--course", course, *CHEAP, "--grid", 0, "--out", out)
+    assert result.exit_code == 0, result.output
+    assert "Tuning state[0].speed (--params chooses others, --list-params lists them)." in result.stderr
+    report = json.loads((out / "tune.json").read_text())
+    assert report["task"]["course"]["segments"] == [{"length": 4.0}]
+    assert report["task"]["scenarios"] == ["mine"]
+    assert report["held_out"]["courses"] == 2
+    # The study knows the content of the course.
+    Course(name="mine", segments=(Segment(length=5.0, width=2.0),)).save(course)
+    result = tral("tune", "--policy", machine, "--course", course, *CHEAP, "--grid", 0, "--out", out, "--resume")
+    assert (result.exit_code, "the study has task" in result.output) == (2, True)
+
+
+def test_a_course_file_that_is_none_is_told_before_anything_is_written(tmp_path: Path) -> None:
+    (tmp_path / "bad.json").write_text("{}")
+    result = tral("tune", "--course", tmp_path / "bad.json", *CHEAP, "--out", tmp_path / "out")
+    assert result.exit_code == 1
+    assert "bad.json" in result.output
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_result_that_cannot_be_written_is_said_before_the_search(tmp_path: Path) -> None:

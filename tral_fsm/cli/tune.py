@@ -17,7 +17,7 @@ from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 from tral_env.perception import opengl
 from tral_fsm.cli import tune_options as options
-from tral_fsm.cli.tune_show import Bar, kept_text, print_result
+from tral_fsm.cli.tune_show import Bar, kept_text, print_result, show_parameters
 from tral_fsm.evaluation.choices import listed
 from tral_fsm.evaluation.files import prepare_folder, write_json
 from tral_fsm.evaluation.host import versions
@@ -33,7 +33,9 @@ if TYPE_CHECKING:
 def command(
     policy: options.Policy = "wall",
     scenario: options.Scenarios = "straight",
-    params: options.Params = "*.p,*.d",
+    course: options.Course = None,
+    params: options.Params = None,
+    list_params: options.ListParams = False,
     tie: options.Tie = False,
     budget: options.Budget = 3000,
     seeds: options.Seeds = "0:8",
@@ -63,11 +65,18 @@ def command(
     from tral_fsm.formats.library import load as load_machine
     from tral_fsm.tuning import Objective
 
+    machine = load_machine(policy)
+    if classical:
+        show_classical(machine, as_json=as_json)
+        return
+    if list_params:
+        show_parameters(machine, as_json=as_json)
+        return
     arguments = options.TuneArguments(
         policy=policy,
-        params=listed(params),
+        params=_chosen(machine, params),
         tie=tie,
-        task=options.task_of(scenario, seeds, randomization, camera),
+        task=options.task_of(scenario, course, seeds, randomization, camera),
         objective=Objective(pooling=objective),
         settings=options.settings_of(budget, sampler, objectives, population, report_seeds, seed),
         processes=processes or os.cpu_count() or 1,
@@ -77,15 +86,22 @@ def command(
         save_as=save_as,
         grid=grid,
     )
-    machine = load_machine(policy)
-    if classical:
-        show_classical(machine, as_json=as_json)
-        return
     tuned, report = run(arguments, machine)
     if as_json:
         typer.echo(json.dumps(report, indent=2))
     else:
         print_result(tuned, out)
+
+
+def _chosen(machine: MachineDefinition, params: str | None) -> list[str]:
+    """Patterns of the parameters; those that the user did not name are said."""
+    from tral_fsm.tuning.listing import default_patterns
+
+    if params is not None:
+        return listed(params)
+    chosen = default_patterns(machine)
+    typer.echo(f"Tuning {', '.join(chosen)} (--params chooses others, --list-params lists them).", err=True)
+    return chosen
 
 
 def run(arguments: options.TuneArguments, machine: MachineDefinition) -> tuple[Tuned, dict[str, Any]]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import json
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -14,22 +15,24 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
+    from tral_fsm.definition.machine import MachineDefinition
     from tral_fsm.tuning import Progress, Stage, Tuned
     from tral_fsm.tuning.holdout import Comparison
+    from tral_fsm.tuning.listing import Listed
 
 
 _STAGES = {
     "as it was": "the machine as it was",
     "search": "search",
     "finals": "finals on fresh courses",
-    "check": "check on held-out courses",
+    "check": "check on held-out drives",
     "around": "report: cost around the result",
     "steps": "report: steps in clearance",
 }
 """`StageName` -> text of the bar."""
 
 
-_CAPTION = "RMSE, time, steering: courses where both arrive. The cost of all courses is the sum of the rows below it."
+_CAPTION = "RMSE, time, steering: where both arrive. The cost of all drives is the sum of the rows below it."
 
 
 class Bar:
@@ -107,6 +110,42 @@ def kept_text(progress: Progress | None, out: Path, storage: str | None) -> str:
     return f"{machine}\n{out / STUDY} keeps the study: the same command with --resume goes on."
 
 
+def show_parameters(machine: MachineDefinition, *, as_json: bool) -> None:
+    """Print the parameters of a machine with their ranges, and which of them a search changes by default.
+
+    Args:
+        machine: the machine.
+        as_json: print a JSON list instead of a table.
+    """
+    from rich.table import Table
+    from rich.text import Text
+
+    from tral_fsm.tuning.listing import listing
+    from tral_fsm.tuning.tables import range_cell, value_cell
+
+    found = listing(machine)
+    if as_json:
+        typer.echo(json.dumps([_listed_record(each) for each in found], indent=2))
+        return
+    caption = "* is searched without --params. --params takes a path, a name, or a pattern such as *.p."
+    table = Table(caption=Text(caption), caption_justify="left")
+    for heading in ("", "path", "name", "type", "value", "unit", "range"):
+        table.add_column(heading, justify="right" if heading == "value" else "left", no_wrap=True)
+    for each in found:
+        ends = f"give one: {each.path}=LOW:HIGH" if each.parameter is None else range_cell(each.parameter)
+        cells = (each.path, each.name, each.where, value_cell(each.value), each.unit, ends)
+        table.add_row("*" if each.is_default else "", *map(Text, cells))
+    print_figures(table)
+
+
+def _listed_record(each: Listed) -> dict[str, Any]:
+    """A parameter as plain values; `range` holds its ends, or its choices; None: it must be given."""
+    known = each.parameter
+    ends = None if known is None else list(known.choices) if known.kind == "choice" else [known.low, known.high]
+    plain = {"path": each.path, "name": each.name, "type": each.where, "value": each.value, "unit": each.unit}
+    return {**plain, "range": ends, "default": each.is_default}
+
+
 def print_result(tuned: Tuned, out: Path) -> None:
     """Print the parameters that were found, and the result of the check."""
     if tuned.values is not None:
@@ -139,7 +178,7 @@ def _held_out(comparison: Comparison) -> Table:
 
     from tral_fsm.tuning.tables import CHECK_HEADER, check_rows
 
-    title = f"On {comparison.courses} courses that nothing was tuned on, with 95 % intervals"
+    title = f"On {comparison.courses} drives that nothing was tuned on, with 95 % intervals"
     table = Table(title=Text(title), title_justify="left", caption=Text(_CAPTION), caption_justify="left")
     for heading in CHECK_HEADER:
         table.add_column(heading, justify="right" if heading else "left", no_wrap=True)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, wait
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from types import TracebackType
 from typing import Any, Self
 
+from tral_env.course.layout import Course
 from tral_env.errors import ConfigError, nearest
 from tral_env.randomization import LEVELS
 from tral_fsm.definition.machine import MachineDefinition
@@ -30,15 +32,21 @@ class Task:
     """Courses, cars and sensors of the drives."""
 
     scenarios: tuple[str, ...]
+    """Families of the courses; with `course` a name for it."""
     seeds: tuple[int, ...]
     """Seeds of each scenario; all machines drive the same, so that luck does not decide."""
     randomization: str = "default"
     camera: str = "projected"
     stuck_s: float | None = 10.0
     """Time in which a car must gain 0.25 m, or its drive ends, s; None: only the time limit of the course ends it."""
+    course: Course | None = None
+    """The course of all drives, which then differ in their cars and noise alone; None: those of the families."""
 
     def __post_init__(self) -> None:
-        check_families(self.scenarios)
+        if self.course is None:
+            check_families(self.scenarios)
+        elif len(self.scenarios) != 1:
+            raise ConfigError(f"scenarios = {self.scenarios}: expected one name for the course")
         if self.randomization not in LEVELS:
             raise ConfigError(f"unknown randomization '{self.randomization}': {nearest(self.randomization, LEVELS)}")
         if not self.scenarios or not self.seeds:
@@ -51,7 +59,9 @@ class Task:
 
     def record(self) -> dict[str, Any]:
         """As plain values."""
-        return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
+        plain = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "course"}
+        record = {name: list(value) if isinstance(value, tuple) else value for name, value in plain.items()}
+        return record if self.course is None else record | {"course": json.loads(self.course.to_json())}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -251,7 +261,12 @@ class Evaluator:
 
 def _runner(task: Task, rows: int) -> BatchRunner:
     return BatchRunner(
-        task.scenarios, randomization=task.randomization, camera=task.camera, rows=rows, stuck_s=task.stuck_s
+        task.scenarios,
+        randomization=task.randomization,
+        camera=task.camera,
+        rows=rows,
+        stuck_s=task.stuck_s,
+        course=task.course,
     )
 
 

@@ -32,9 +32,9 @@ class Change(StrEnum):
 
 
 _VERDICTS = {
-    Change.BETTER: "The cost of the tuned machine is lower on courses that it was not tuned on",
-    Change.WORSE: "The cost of the tuned machine is higher on courses that it was not tuned on",
-    Change.NOISE: "The change of the cost is within noise: on other courses the old machine may well be better",
+    Change.BETTER: "The cost of the tuned machine is lower on drives that it was not tuned on",
+    Change.WORSE: "The cost of the tuned machine is higher on drives that it was not tuned on",
+    Change.NOISE: "The change of the cost is within noise: on other drives the old machine may well be better",
 }
 _SAID = {Change.BETTER: "Better", Change.WORSE: "Worse", Change.NOISE: "No clear change"}
 

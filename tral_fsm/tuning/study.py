@@ -7,7 +7,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -418,13 +418,7 @@ def _finals(study: Study, tuned: Tuned, evaluator: Evaluator) -> None:
 
 def _hold_out(study: Study, tuned: Tuned, processes: int, on_stage: OnStage | None) -> None:
     """Let the old and the new machine drive the courses of the held-out check, up to the time limit."""
-    task = Task(
-        scenarios=study.task.scenarios,
-        seeds=study.settings.report_seeds,
-        randomization=study.task.randomization,
-        camera=study.task.camera,
-        stuck_s=None,
-    )
+    task = replace(study.task, seeds=study.settings.report_seeds, stuck_s=None)
     with Evaluator(task, processes=processes, on_stage=on_stage) as evaluator:
         evaluator.stage(StageName.CHECK, 2 * len(task.courses))
         tuned.old_drives, tuned.new_drives = evaluator.on_courses([tuned.old, tuned.new], task.courses)

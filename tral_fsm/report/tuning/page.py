@@ -114,7 +114,7 @@ def _pictures_of_search(page: PageData) -> list[Picture]:
         shown.append(
             picture(
                 plots.histogram(tuned.old_drives, tuned.new_drives),
-                "Clearance on the held-out courses",
+                "Clearance in the held-out drives",
                 "Every tick on plain straight walls; what is beyond half a metre is counted at the edge.",
             )
         )
