@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 from tral_fsm.cli.files import suffix_of
 from tral_fsm.evaluation.choices import check_families
-from tral_fsm.evaluation.files import prepare_folder
+from tral_fsm.evaluation.files import prepare_folder, write_figure
 
 if TYPE_CHECKING:
     from tral_env.course.layout import Course
@@ -45,7 +46,7 @@ def command(
         from tral_fsm.report.courses import course_sheet
 
         plans = {f"{family}, seed {seed}": build_plan(seeded_course(family, seed)) for family in families}
-        course_sheet(plans).savefig(out, dpi=110)
+        write_figure(out, course_sheet(plans), 110)
     typer.echo(f"Written: {out}")
 
 
@@ -64,7 +65,7 @@ def _export(scenario: str | None, seed: int, out: Path) -> None:
     if scenario is None:
         raise ConfigError(f"--out {out}: a course file holds one course, so --scenario is needed")
     prepare_folder(out.parent)
-    seeded_course(scenario, seed).save(out)
+    write_bytes(out, seeded_course(scenario, seed).to_json().encode("utf-8"))
 
 
 def seeded_course(scenario: str, seed: int) -> Course:
