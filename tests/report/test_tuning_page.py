@@ -88,13 +88,13 @@ def test_the_check_stands_in_its_table() -> None:
         "better",
     ]
     assert rows["- clearance"] == [
-        "0.80 (0.80 to 0.80)",
-        "0.40 (0.40 to 0.40)",
-        "-0.40 (-0.40 to -0.40)",
+        "0.800 (0.800 to 0.800)",
+        "0.400 (0.400 to 0.400)",
+        "-0.400 (-0.400 to -0.400)",
         "better",
     ]
     assert [name for name in rows if name.startswith("- ")] == [f"- {part}" for part in PARTS]
-    assert rows["time [s/m]"][0] == "1.00 (1.00 to 1.00)"
+    assert rows["time [s/m]"][0] == "1.000 (1.000 to 1.000)"
 
 
 def test_parameters_and_finals_stand_in_their_tables() -> None:

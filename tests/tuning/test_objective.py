@@ -118,7 +118,7 @@ def test_the_verdict_says_what_got_better_and_what_got_worse() -> None:
     found = compare(*MIXED, Objective())
     assert found.verdict == (
         "The cost of the tuned machine is lower on drives that it was not tuned on "
-        f"({found.cost.old.value:.2f} -> {found.cost.new.value:.2f}). Better: steering. Worse: clearance RMSE. "
+        f"({found.cost.old.value:.3f} -> {found.cost.new.value:.3f}). Better: steering. Worse: clearance RMSE. "
         "No clear change: success, settled RMSE, time."
     )
 

@@ -117,7 +117,7 @@ class Comparison:
     @property
     def verdict(self) -> str:
         """Verdict on the cost, then what became better, what worse, and what stayed."""
-        sentences = [f"{_VERDICTS[self.change]} ({self.cost.old.value:.2f} -> {self.cost.new.value:.2f})."]
+        sentences = [f"{_VERDICTS[self.change]} ({self.cost.old.value:.3f} -> {self.cost.new.value:.3f})."]
         for change, said in _SAID.items():
             names = [name for name, figure in self.figures.items() if self.change_of(figure) is change]
             if names:

@@ -51,10 +51,10 @@ def check_rows(found: Comparison) -> list[list[str]]:
         ["collisions", str(old), str(new), f"{new - old:+d}", ""],
         _check_row(found, "clearance RMSE [cm]", found.clearance_rmse_m, 100.0),
         _check_row(found, "settled RMSE [cm]", found.settled_rmse_m, 100.0),
-        _check_row(found, "time [s/m]", found.time_per_m),
+        _check_row(found, "time [s/m]", found.time_per_m, 1.0, 3),
         _check_row(found, "steering [1/m]", found.steering_per_m),
-        _check_row(found, "cost", found.cost),
-        *(_check_row(found, f"- {name}", figure) for name, figure in found.cost_parts.items()),
+        _check_row(found, "cost", found.cost, 1.0, 3),
+        *(_check_row(found, f"- {name}", figure, 1.0, 3) for name, figure in found.cost_parts.items()),
     ]
 
 
