@@ -10,7 +10,6 @@ table. Writes results/false_sightings.json.
 from __future__ import annotations
 
 import argparse
-import json
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -25,6 +24,7 @@ from rich.table import Table
 
 from tral_env.perception.aruco import Detector
 from tral_env.perception.degrade import degrade
+from tral_fsm.evaluation.files import write_json
 from tral_fsm.evaluation.host import host
 
 Image = NDArray[np.uint8]
@@ -147,7 +147,7 @@ def main() -> None:
         "images": args.images, "views": args.views, "seed": args.seed, "host": host(),
         "false": false_ids(args.images, args.seed), "found": found_share(args.views, args.seed),
     }  # fmt: skip
-    args.out.write_text(json.dumps(result, indent=1) + "\n")
+    write_json(args.out, result)
     show(result, Console(width=160))
 
 

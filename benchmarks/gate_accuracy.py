@@ -21,6 +21,7 @@ from marker_views import CAR, LENS, LEVELS, Array, Columns, Marker, MarkerRoom, 
 from numpy.typing import NDArray
 from rich.console import Console
 
+from tral_env.atomic import write_bytes
 from tral_env.perception.gate import Detection, nearest_gate_and_marker
 from tral_env.perception.projected import Scenery
 from tral_env.se2 import wrap
@@ -130,7 +131,7 @@ def main() -> None:
         show(console, f"Gates by {title} (median / 95 %)", table)
     result = tables | {"views": arguments.views, "seed": arguments.seed, "host": host()}
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    arguments.out.write_text(json.dumps(result) + "\n", encoding="utf-8")
+    write_bytes(arguments.out, (json.dumps(result) + "\n").encode("utf-8"))
     console.print(f"written: {arguments.out}")
 
 

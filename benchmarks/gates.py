@@ -27,7 +27,7 @@ from tral_fsm.cli.terminal import drives_bar
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.choices import Camera, Randomization
 from tral_fsm.evaluation.episode import EpisodeRequest, Tick, outcome
-from tral_fsm.evaluation.files import prepare_folder
+from tral_fsm.evaluation.files import prepare_folder, write_figure
 from tral_fsm.evaluation.pool import stop_check
 from tral_fsm.evaluation.records import begin_run, collect, digest, made_with, read_lines
 from tral_fsm.evaluation.seeds import parse_seeds, stretches
@@ -242,7 +242,7 @@ def draw(paths: list[Path], to: Path) -> None:
         panel.set(xlim=(-NEAR_M, NEAR_M), ylim=(-0.8, 0.8), xlabel="along the gate's axis, m", ylabel="to the left, m")
         panel.set_aspect("equal")
         panel.grid(alpha=0.3)
-    figure.savefig(to, dpi=90)
+    write_figure(to, figure, 90)
 
 
 if __name__ == "__main__":

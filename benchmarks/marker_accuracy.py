@@ -38,6 +38,7 @@ from marker_views import (
 from numpy.typing import NDArray
 from rich.console import Console
 
+from tral_env.atomic import write_bytes
 from tral_env.config import WIDE_LENS, CameraConfig
 from tral_env.perception.aruco import marker_poses
 from tral_env.perception.degrade import degrade
@@ -163,7 +164,7 @@ def main() -> None:
         show(console, f"{name} lens: time of a frame", [result[name]["timing"]])
     result |= {"model": asdict(DETECTION_MODEL), "views": arguments.views, "seed": arguments.seed, "host": host()}
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    arguments.out.write_text(json.dumps(result) + "\n", encoding="utf-8")
+    write_bytes(arguments.out, (json.dumps(result) + "\n").encode("utf-8"))
     console.print(f"written: {arguments.out}")
 
 

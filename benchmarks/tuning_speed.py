@@ -25,7 +25,7 @@ from tral_fsm.evaluation.choices import check_families
 from tral_fsm.evaluation.episode import EpisodeRequest
 from tral_fsm.evaluation.files import prepare_folder, write_json
 from tral_fsm.evaluation.host import host
-from tral_fsm.evaluation.pool import ProcessPool, spawned
+from tral_fsm.evaluation.pool import ProcessPool, spawned, worker_losses
 
 SEEDS = 8
 """Number of courses that all candidates share, as in a search."""
@@ -148,7 +148,7 @@ def main(
     for heading in ("", "drives a minute", "of 20 s", "5000 of 20 s take", "in Batch.step", "of a core"):
         table.add_column(heading, justify="right" if heading else "left")
     for policy, scenario in pairs(policies):
-        with ProcessPool(processes, _begin, spawned.Barrier(processes)) as pool:
+        with ProcessPool(processes, _begin, spawned.Barrier(processes)) as pool, worker_losses():
             futures = [pool.submit(_measure, policy, scenario, drives, rows) for _ in range(processes)]
             shares = [each.result() for each in futures]
         found = figures(shares)

@@ -44,6 +44,10 @@ class SimulationError(TralError, RuntimeError):
     """The physics of a car became unstable."""
 
 
+class LostWorkerError(TralError, RuntimeError):
+    """A process that drove for another one ended before its work did."""
+
+
 class RenderError(TralError, RuntimeError):
     """An image cannot be rendered on this machine."""
 

@@ -44,6 +44,7 @@ CHEAPER = {
 
 LITERAL = (
     "python benchmarks/plot_perception.py runs/img",
+    "tral tune --list-params --policy office",
     "tral doctor",
     "tral courses",
     "tral calibrate --simulated --out runs/calibrate",

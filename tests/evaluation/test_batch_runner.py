@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from courses import FOLLOW_THEN_CRASH, blind
 
+from tral_env.course.layout import Course, example_path
 from tral_env.errors import ConfigError
 from tral_fsm import load_machine
 from tral_fsm.evaluation.batch import BatchRunner, complete
@@ -56,6 +57,16 @@ def test_each_drive_is_bit_for_bit_the_one_of_the_single_environment(rows: int, 
     drives = BatchRunner(["straight", "doors"], rows=rows).drive(MACHINES, JOBS)
     for result, record in zip(drives, alone, strict=True):
         assert {name: result.record()[name] for name in record} == record
+
+
+def test_drives_of_a_given_course_are_those_of_the_environment_with_it() -> None:
+    course = Course.load(example_path("ring"))
+    got = BatchRunner(["mine"], rows=2, course=course).drive(
+        MACHINES, [EpisodeRequest(2, "mine", 3), EpisodeRequest(2, "mine", 4)]
+    )
+    with contextlib.closing(gym.make("tral_env:TralCorridor-v0", course=course)) as env:
+        alone = [drive(env, MachinePolicy(MACHINES[2]), seed, scenario="mine").record() for seed in (3, 4)]
+    assert [{name: one.record()[name] for name in record} for one, record in zip(got, alone, strict=True)] == alone
 
 
 def test_steering_travel_adds_up_every_change(runner: BatchRunner) -> None:

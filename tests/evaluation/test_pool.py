@@ -1,12 +1,19 @@
-"""Processes that drive can be told to give up."""
+"""Processes that drive give up when they are told to, and end when the process that started them does."""
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tral_fsm.evaluation.pool import ProcessPool, StoppedError, spawned, stop_check
+from tral_env.errors import LostWorkerError
+from tral_fsm.evaluation.pool import ProcessPool, StoppedError, spawned, stop_check, worker_losses
 
 _began: Any = None
 """Event that tells the pool's owner that the work has begun."""
@@ -37,3 +44,39 @@ def test_a_process_that_is_no_worker_is_never_stopped() -> None:
     check = stop_check()
     for _ in range(100):
         check(0)
+
+
+def stay() -> None:
+    """Work that never ends and hears of nothing."""
+    print("begun", flush=True)
+    threading.Event().wait()
+
+
+PARENT = """
+from test_pool import ProcessPool, stay
+with ProcessPool(2) as pool:
+    [future.result() for future in [pool.submit(stay), pool.submit(stay)]]
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGKILL"])
+def test_workers_end_with_their_parent_however_it_ends(name: str) -> None:
+    parent = subprocess.Popen(
+        [sys.executable, "-c", PARENT], stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parent
+    )
+    assert parent.stdout is not None
+    assert [parent.stdout.readline(), parent.stdout.readline()] == ["begun\n", "begun\n"]
+    parent.send_signal(getattr(signal, name))
+    parent.communicate(timeout=30)  # the workers hold the other end of the pipe as long as they live
+    assert parent.returncode == -getattr(signal, name)
+
+
+def kill_itself() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_a_worker_that_the_system_kills_is_told_with_the_remedy() -> None:
+    with pytest.raises(LostWorkerError, match="fewer processes"), ProcessPool(1) as pool, worker_losses():
+        pool.submit(kill_itself).result()

@@ -16,7 +16,7 @@ from tral_fsm.tuning.classical.loops import Response
 from tral_fsm.tuning.found import Tuned
 from tral_fsm.tuning.holdout import compare
 from tral_fsm.tuning.landscape import CostLine, Sensitivity
-from tral_fsm.tuning.objective import Objective
+from tral_fsm.tuning.objective import PARTS, Objective
 from tral_fsm.tuning.page_data import PageData, WallLoops
 from tral_fsm.tuning.parameters import find
 from tral_fsm.tuning.search.space import Trial
@@ -79,13 +79,22 @@ def test_the_check_stands_in_its_table() -> None:
     checked = context(page())["checked"]
     rows = {name: cells for name, *cells in checked["rows"]}
     assert checked["courses"] == 6
-    assert rows["collisions"] == ["0", "0", ""]
+    assert checked["header"] == ("", "was", "now", "now - was", "")
+    assert rows["collisions"] == ["0", "0", "+0", ""]
     assert rows["clearance RMSE [cm]"] == [
         "4.00 (4.00 to 4.00)",
         "2.00 (2.00 to 2.00)",
         "-2.00 (-2.00 to -2.00)",
+        "better",
     ]
-    assert rows["time [s/m]"][0] == "1.00 (1.00 to 1.00)"
+    assert rows["- clearance"] == [
+        "0.800 (0.800 to 0.800)",
+        "0.400 (0.400 to 0.400)",
+        "-0.400 (-0.400 to -0.400)",
+        "better",
+    ]
+    assert [name for name in rows if name.startswith("- ")] == [f"- {part}" for part in PARTS]
+    assert rows["time [s/m]"][0] == "1.000 (1.000 to 1.000)"
 
 
 def test_parameters_and_finals_stand_in_their_tables() -> None:

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tral_env.errors import ConfigError
-from tral_fsm.tuning.holdout import compare, figures
+from tral_fsm.tuning.holdout import Change, compare
 from tral_fsm.tuning.objective import Objective, Weights, parts
 
 
@@ -58,7 +58,7 @@ def test_the_same_drives_are_within_noise() -> None:
     drives = [drive(seed=k, time_s=10.0 + k) for k in range(20)]
     same = compare(drives, drives, Objective())
     assert same.within_noise
-    assert (same.cost.value, same.only_old, same.only_new, same.sign_p) == (0.0, 0, 0, 1.0)
+    assert (same.cost.difference.value, same.only_old, same.only_new, same.sign_p) == (0.0, 0, 0, 1.0)
     assert "within noise" in same.verdict
 
 
@@ -68,10 +68,11 @@ def test_a_gain_on_every_course_is_seen_however_much_courses_differ() -> None:
     old = [drive(seed=k, clearance_rmse=each + 0.01) for k, each in enumerate(hard)]
     new = [drive(seed=k, clearance_rmse=each) for k, each in enumerate(hard)]
     found = compare(old, new, Objective())
-    assert found.clearance_m.value == pytest.approx(-0.01)
-    assert found.clearance_m.high == pytest.approx(-0.01)
-    assert "better" in found.verdict
-    assert "worse" in compare(new, old, Objective()).verdict
+    rmse = found.clearance_rmse_m
+    assert rmse.difference.high is not None
+    assert rmse.difference.high < 0.0
+    assert "cost of the tuned machine is lower" in found.verdict
+    assert "cost of the tuned machine is higher" in compare(new, old, Objective()).verdict
 
 
 def test_courses_that_only_one_machine_arrives_on_are_counted() -> None:
@@ -79,12 +80,12 @@ def test_courses_that_only_one_machine_arrives_on_are_counted() -> None:
     new = [drive(), drive(), drive(), drive("collision")]
     found = compare(old, new, Objective())
     assert (found.only_old, found.only_new) == (1, 2)
-    assert found.old.success.value == 0.5
+    assert (found.success.old.value, found.success.new.value, found.success.difference.value) == (0.5, 0.75, 0.25)
 
 
 def test_the_rmse_of_many_drives_counts_ticks() -> None:
     long, short = drive(clearance_rmse=0.02, clearance_samples=300), drive(clearance_rmse=0.06, clearance_samples=100)
-    got = figures([long, short], Objective()).clearance_rmse_m.value
+    got = compare([long, short], [long, short], Objective()).clearance_rmse_m.old.value
     assert got == pytest.approx(math.sqrt((300 * 0.02**2 + 100 * 0.06**2) / 400))
 
 
@@ -95,12 +96,65 @@ def test_the_settled_error_is_compared_beside_the_whole_one() -> None:
         *(drive(seed=k, settled_rmse=0.03) for k in (1, 2, 3)),
     ]
     found = compare(old, new, Objective())
-    assert (found.old.settled_rmse_m.value, found.new.settled_rmse_m.value) == pytest.approx((0.04, 0.03))
-    assert found.settled_m.value == pytest.approx(-0.01)
-    assert found.clearance_m.value == 0.0
+    settled = found.settled_rmse_m
+    assert (settled.old.value, settled.new.value, settled.difference.value) == pytest.approx((0.04, 0.03, -0.01))
+    assert found.clearance_rmse_m.difference.value == 0.0
 
 
 def test_a_few_courses_are_too_few_for_a_verdict_even_if_all_get_better() -> None:
     old, new = ([drive(seed=k, clearance_rmse=each) for k in range(6)] for each in (0.05, 0.03))
-    assert "better than the old one" in compare(old, new, Objective()).verdict
+    assert "cost of the tuned machine is lower" in compare(old, new, Objective()).verdict
     assert compare(old[:5], new[:5], Objective()).within_noise
+
+
+MIXED = (
+    [drive(seed=k, clearance_rmse=0.05, steering_travel=400.0) for k in range(8)],
+    [drive(seed=k, clearance_rmse=0.055, steering_travel=100.0) for k in range(8)],
+)
+"""Drives of an old and a new machine: it steers less, and keeps its clearance worse."""
+
+
+def test_the_verdict_says_what_got_better_and_what_got_worse() -> None:
+    found = compare(*MIXED, Objective())
+    assert found.verdict == (
+        "The cost of the tuned machine is lower on drives that it was not tuned on "
+        f"({found.cost.old.value:.3f} -> {found.cost.new.value:.3f}). Better: steering. Worse: clearance RMSE. "
+        "No clear change: success, settled RMSE, time."
+    )
+
+
+def test_the_parts_of_the_cost_add_up_to_it() -> None:
+    found = compare(*MIXED, Objective())
+    assert list(found.cost_parts) == ["failure", "unfinished", "clearance", "time", "steering"]
+    for of in ("old", "new", "difference"):
+        whole = sum(getattr(part, of).value for part in found.cost_parts.values())
+        assert whole == pytest.approx(getattr(found.cost, of).value)
+
+
+def test_every_difference_is_new_minus_old_also_where_drives_fail_or_differ_in_length() -> None:
+    rng = np.random.default_rng(1)
+    old, new = (
+        [
+            drive(
+                str(rng.choice(["success", "collision"], p=[0.8, 0.2])),
+                seed=k,
+                clearance_rmse=rng.uniform(0.01, 0.2),
+                clearance_samples=int(rng.integers(1, 500)),
+                time_s=rng.uniform(5.0, 20.0),
+                steering_travel=rng.uniform(0.0, 50.0),
+            )
+            for k in range(30)
+        ]
+        for _ in range(2)
+    )
+    found = compare(old, new, Objective())
+    for figure in (found.cost, *found.figures.values(), *found.cost_parts.values()):
+        assert None not in (figure.old.value, figure.new.value)
+        assert figure.difference.value == pytest.approx(figure.new.value - figure.old.value)  # type: ignore[operator]
+
+
+def test_more_arrivals_are_better_and_less_of_anything_else() -> None:
+    failing, arriving = [drive("collision", seed=k) for k in range(8)], [drive(seed=k) for k in range(8)]
+    assert compare(failing, arriving, Objective()).success.change is Change.BETTER
+    assert compare(arriving, failing, Objective()).success.change is Change.WORSE
+    assert compare(failing, arriving, Objective()).time_per_m.difference.value is None  # nothing to compare

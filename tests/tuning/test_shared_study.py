@@ -92,6 +92,55 @@ def test_a_file_that_is_no_journal_is_refused_and_stays_as_it_is(tmp_path: Path,
     assert path.read_bytes() == content
 
 
+def test_a_line_that_was_cut_off_is_removed_and_said_and_nothing_else_is_lost(tmp_path: Path) -> None:
+    path = tmp_path / "study.log"
+    study = searching(str(path))
+    asked = study.ask()
+    study.tell([trial(values, 1.0 + k) for k, values in enumerate(asked)])
+    whole = path.read_bytes()
+    path.write_bytes(whole + whole.splitlines()[-1][:20])
+    notes: list[str] = []
+    open_storage(str(path), notes.append)
+    assert path.read_bytes() == whole
+    assert notes == [f"--storage {path}: the last line was cut off and is removed; all before it is kept."]
+    again = searching(str(path))
+    assert [each.cost for each in again.trials] == [1.0, 2.0, 3.0, 4.0]
+    assert len(again.ask()) == 4
+
+
+def test_a_process_goes_on_after_another_one_died_while_it_wrote(tmp_path: Path) -> None:
+    path = tmp_path / "study.log"
+    study = searching(str(path))
+    asked = study.ask()
+    with path.open("ab") as file:
+        file.write(b'{"op_code":6,"wor')
+    study.tell([trial(values, 1.0) for values in asked])
+    assert len(study.trials) == len(searching(str(path)).trials) == 4
+
+
+def test_a_damaged_line_of_a_journal_is_told_with_its_place_and_stays(tmp_path: Path) -> None:
+    path = tmp_path / "study.log"
+    searching(str(path)).ask()
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(damaged := b"".join([*lines[:2], b'{"op_code":4,"wor' + lines[2], *lines[3:]]))
+    with pytest.raises(ConfigError, match=r"study.log:3: the line is damaged: mend it, or remove it and all"):
+        open_storage(str(path))
+    assert path.read_bytes() == damaged
+
+
+def test_processes_together_do_not_exceed_the_budget_whoever_claims_first(tmp_path: Path) -> None:
+    storage = str(tmp_path / "study.log")
+    first, second = searching(storage), searching(storage)
+    first.ask()
+    second.ask()
+    # The second one counts the four drives that the first one may still claim.
+    assert second.claim([1, 1, 1, 1], 6) == 2
+    assert first.claim([1, 1, 1, 1], 6) == 4
+    assert first.claimed() == second.claimed() == 6
+    second.ask()
+    assert second.claim([1, 1, 1, 1], 6) == 0
+
+
 def test_a_port_that_is_no_number_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"--storage postgresql://here:x/a: .*'x'"):
         open_storage("postgresql://here:x/a")
@@ -193,13 +242,14 @@ def test_one_of_two_processes_is_killed_the_other_goes_on_and_nothing_is_lost(st
             after = told()
             assert before.items() < after.items()
             report = json.loads((tmp_path / "two" / "tune.json").read_text())
-            assert (report["drives"] >= 40, report["trials"]) == (True, len(after))
+            assert 40 - 8 <= report["drives"] <= 40  # less the claim of the killed one
+            assert report["trials"] == len(after)
             assert "secret" not in "".join(path.read_text() for path in (tmp_path / "two").iterdir())
             # The same command with a larger budget goes on where the study is.
             started.append(process(machine, storage, 48, tmp_path / "one"))
             assert started[-1].wait(timeout=240) == 0
             assert after.items() < told().items()
-            assert json.loads((tmp_path / "one" / "tune.json").read_text())["drives"] >= 48
+            assert 48 - 8 <= json.loads((tmp_path / "one" / "tune.json").read_text())["drives"] <= 48
         finally:
             for each in started:
                 if each.poll() is None:

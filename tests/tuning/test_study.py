@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from courses import blind
+from courses import blind, drive
 
 from tral_env.errors import ConfigError, MissingExtraError
 from tral_fsm.conditions.combined import NotSpec
@@ -22,8 +22,10 @@ from tral_fsm.formats.library import load
 from tral_fsm.states.basic import MotorSpec
 from tral_fsm.tuning import Objective, Progress, Racing, Settings, Stage, Task, Tuned, tune
 from tral_fsm.tuning.evaluator import Evaluator
+from tral_fsm.tuning.folder import MACHINE, NUMBERS, PAGE, STUDY
 from tral_fsm.tuning.found import described
-from tral_fsm.tuning.journal import BEFORE, NAME, Journal
+from tral_fsm.tuning.holdout import compare
+from tral_fsm.tuning.journal import Journal
 from tral_fsm.tuning.objective import Weights
 from tral_fsm.tuning.parameters import find
 from tral_fsm.tuning.search.cma_es import CmaSearch
@@ -66,9 +68,34 @@ def test_a_search_finds_something_better(whole: tuple[Path, Tuned]) -> None:
     assert min(cost for _, cost in tuned.finals) == next(c for v, c in tuned.finals if v == tuned.values)
 
 
-def test_the_budget_counts_drives_and_the_last_generation_is_finished(whole: tuple[Path, Tuned]) -> None:
-    drives = sum(each.drives for each in whole[1].trials)
-    assert 18 <= drives < 18 + 8
+@pytest.mark.parametrize("budget", [2, 7, 11, 18])
+def test_the_budget_is_never_exceeded_and_spent_but_for_less_than_a_candidate_needs(budget: int) -> None:
+    shown: list[int] = []
+    tuned = tune(
+        CRASHING, PARAMS, TASK,
+        settings=replace(SETTINGS, budget=budget, report_seeds=()), processes=1,
+        on_progress=lambda progress: shown.append(progress.drives),
+    )  # fmt: skip
+    spent = sum(each.drives for each in tuned.trials)
+    assert budget - 2 < spent <= budget
+    assert shown[-1] == spent
+
+
+def test_a_budget_for_less_than_one_candidate_is_refused() -> None:
+    with pytest.raises(ConfigError, match="budget = 1: each candidate drives 2 courses: expected 2 or more"):
+        search(None, settings=replace(SETTINGS, budget=1))
+
+
+@pytest.mark.parametrize(("candidates", "drives"), [(0, 0), (1, 4), (2, 5), (3, 9), (4, 10)])
+def test_the_drives_of_a_race_are_known_before(candidates: int, drives: int) -> None:
+    task = Task(scenarios=("straight",), seeds=(0, 1, 2, 3))
+    racing = Racing(share=0.25, keep=0.5)
+    assert racing.drives(candidates, task.courses, 1) == drives
+    if not candidates:
+        return
+    with Evaluator(task) as evaluator:
+        scored = evaluator.race([CRASHING] * candidates, task.courses, Objective(), racing)
+    assert sum(len(each.drives) for each in scored) == drives
 
 
 def test_the_machine_file_drives_and_says_where_its_numbers_come_from(whole: tuple[Path, Tuned]) -> None:
@@ -99,24 +126,33 @@ def test_an_interrupted_search_that_is_resumed_is_the_uninterrupted_one(
     assert (again.values, again.finals, again.comparison) == (
         whole[1].values, whole[1].finals, whole[1].comparison,
     )  # fmt: skip
-    assert (tmp_path / NAME).read_bytes() == (whole[0] / NAME).read_bytes()
+    assert (tmp_path / STUDY).read_bytes() == (whole[0] / STUDY).read_bytes()
 
 
 def test_half_a_last_line_does_no_harm(whole: tuple[Path, Tuned], tmp_path: Path) -> None:
-    text = (whole[0] / NAME).read_text()
-    (tmp_path / NAME).write_text(text[: len(text) - 40])
-    assert search(tmp_path, resume=True).trials == whole[1].trials
+    text = (whole[0] / STUDY).read_text()
+    (tmp_path / STUDY).write_text(text[: len(text) - 40])
+    notes: list[str] = []
+    settings = {"task": TASK, "settings": SETTINGS, "processes": 1, "out": tmp_path, "resume": True}
+    assert tune(CRASHING, PARAMS, **settings, on_note=notes.append).trials == whole[1].trials  # type: ignore[arg-type]
+    assert notes == [f"{tmp_path / STUDY}: the last line was cut off: its generation is driven again."]
 
 
-def test_a_resumed_search_may_have_a_larger_budget(whole: tuple[Path, Tuned], tmp_path: Path) -> None:
-    (tmp_path / NAME).write_text((whole[0] / NAME).read_text())
-    more = search(tmp_path, resume=True, settings=replace(SETTINGS, budget=24))
-    assert more.trials[: len(whole[1].trials)] == whole[1].trials
-    assert len(more.trials) > len(whole[1].trials)
+@pytest.mark.parametrize("sampler", ["cmaes", "random"])
+def test_a_larger_budget_goes_on_as_if_it_had_been_there_from_the_start(sampler: Any, tmp_path: Path) -> None:
+    if sampler != "cmaes":
+        pytest.importorskip("optuna")
+    small = replace(SETTINGS, sampler=sampler, budget=9, report_seeds=())  # it cuts the second generation
+    large = replace(small, budget=14)
+    first = search(tmp_path, settings=small)
+    assert first.generations == [4, 2]
+    same = search(tmp_path, settings=small, resume=True)
+    assert same.trials == first.trials
+    assert search(tmp_path, settings=large, resume=True).trials == search(None, settings=large).trials
 
 
 def test_what_was_asked_differently_is_not_resumed(whole: tuple[Path, Tuned], tmp_path: Path) -> None:
-    (tmp_path / NAME).write_text((whole[0] / NAME).read_text())
+    (tmp_path / STUDY).write_text((whole[0] / STUDY).read_text())
     with pytest.raises(ConfigError, match="the study has sampler"):
         search(tmp_path, resume=True, settings=replace(SETTINGS, seed=1))
     with pytest.raises(ConfigError, match="there is no study to resume"):
@@ -295,7 +331,7 @@ def test_every_machine_drives_every_course() -> None:
 def test_a_folder_that_is_not_there_is_made(tmp_path: Path) -> None:
     cheap = replace(SETTINGS, budget=4, report_seeds=())
     tuned = search(tmp_path / "new" / "folder", settings=cheap)
-    assert (tmp_path / "new" / "folder" / NAME).exists()
+    assert (tmp_path / "new" / "folder" / STUDY).exists()
     assert replace(tuned, values=(0.4, 0.9)).verdict == "There was no held-out check."
 
 
@@ -317,21 +353,78 @@ def test_a_search_that_found_nothing_says_so_and_not_that_its_gain_is_noise(whol
 def test_a_damaged_study_is_refused_and_stays_as_it_is(
     whole: tuple[Path, Tuned], tmp_path: Path, damage: Callable[[list[str]], list[str]], said: str
 ) -> None:
-    text = "\n".join(damage((whole[0] / NAME).read_text().splitlines())) + "\n"
-    (tmp_path / NAME).write_text(text)
+    text = "\n".join(damage((whole[0] / STUDY).read_text().splitlines())) + "\n"
+    (tmp_path / STUDY).write_text(text)
     with pytest.raises(ConfigError, match=said):
         search(tmp_path, resume=True)
-    assert (tmp_path / NAME).read_text() == text
+    assert (tmp_path / STUDY).read_text() == text
 
 
-def test_a_study_that_begins_anew_keeps_the_one_that_was_there(whole: tuple[Path, Tuned], tmp_path: Path) -> None:
-    text = (whole[0] / NAME).read_text()
-    header = {"machine": "another"}
-    (tmp_path / NAME).write_text(text)
-    Journal(tmp_path, header, resume=False)
-    Journal(tmp_path, header, resume=False)  # nothing was found in between
-    assert (tmp_path / BEFORE).read_text() == text
-    assert len((tmp_path / NAME).read_text().splitlines()) == 1
+def files(folder: Path) -> set[str]:
+    return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_search_that_begins_anew_sets_the_earlier_one_aside_and_says_so(
+    whole: tuple[Path, Tuned], tmp_path: Path
+) -> None:
+    for name in (STUDY, MACHINE):
+        (tmp_path / name).write_bytes((whole[0] / name).read_bytes())
+    (tmp_path / PAGE).write_text("report of the earlier search")
+    notes: list[str] = []
+    for _ in range(2):  # nothing is found in between
+        Journal(tmp_path, {"machine": "another"}, resume=False, on_note=notes.append)
+    assert files(tmp_path) == {STUDY, *(f"before-1/{name}" for name in (STUDY, MACHINE, PAGE))}
+    assert (tmp_path / "before-1" / STUDY).read_bytes() == (whole[0] / STUDY).read_bytes()
+    assert len((tmp_path / STUDY).read_text().splitlines()) == 1
+    assert notes == [f"{tmp_path} holds the results of an earlier search: they are now in {tmp_path / 'before-1'}."]
+
+
+def test_a_third_search_keeps_both_before_it_apart(tmp_path: Path) -> None:
+    for text in ("first", "second"):
+        (tmp_path / NUMBERS).write_text(text)
+        Journal(tmp_path, {}, resume=False)
+    assert [(tmp_path / f"before-{k}" / NUMBERS).read_text() for k in (1, 2)] == ["first", "second"]
+
+
+def test_a_finished_search_that_goes_on_sets_its_results_aside_and_keeps_its_study(
+    whole: tuple[Path, Tuned], tmp_path: Path
+) -> None:
+    (tmp_path / STUDY).write_bytes((whole[0] / STUDY).read_bytes())
+    for name in (NUMBERS, PAGE):
+        (tmp_path / name).write_text("of the smaller budget")
+    with pytest.raises(KeyboardInterrupt):
+        search(tmp_path, resume=True, settings=replace(SETTINGS, budget=22), stop_at=1)
+    assert files(tmp_path) == {STUDY, MACHINE, f"before-1/{NUMBERS}", f"before-1/{PAGE}"}
+
+
+def test_a_machine_that_is_no_better_is_never_written(tmp_path: Path) -> None:
+    best = blind(0.0, 1.0)  # straight on along a straight corridor
+    with pytest.raises(KeyboardInterrupt):
+        tune(
+            best, ["0.steering=0.7:0.9"], TASK, settings=SETTINGS, processes=1, out=tmp_path, on_progress=interrupted
+        )  # fmt: skip
+    assert load(tmp_path / MACHINE) == best
+
+
+def interrupted(progress: Progress) -> None:
+    assert not progress.better
+    raise KeyboardInterrupt
+
+
+def test_an_unfinished_machine_says_that_it_is(whole: tuple[Path, Tuned]) -> None:
+    tuned = replace(whole[1], values=(0.4, 0.9), comparison=None)
+    assert ", not finished" not in described(tuned, "here").description
+    assert ", not finished" in described(replace(tuned, complete=False), "here").description
+
+
+def test_a_machine_that_the_check_finds_worse_is_not_kept(whole: tuple[Path, Tuned]) -> None:
+    good, bad = ([drive(seed=k, clearance_rmse=rmse) for k in range(6)] for rmse in (0.02, 0.06))
+    new = blind(0.4, 0.9)
+    worse = replace(whole[1], values=(0.4, 0.9), new=new, comparison=compare(good, bad, Objective()))
+    assert described(worse, "here") == CRASHING
+    assert worse.verdict.endswith("The machine as it was is kept.")
+    better = replace(worse, comparison=compare(bad, good, Objective()))
+    assert described(better, "here").states == new.states
 
 
 def test_candidates_that_the_definition_does_not_allow_lose_and_do_not_end_the_search() -> None:

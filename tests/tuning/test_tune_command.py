@@ -15,12 +15,16 @@ import pytest
 from courses import FOLLOW_THEN_CRASH, TWO_WALLS, blind
 from typer.testing import CliRunner, Result
 
+from tral_env.course.layout import Course, Segment
 from tral_fsm.cli import app
+from tral_fsm.cli.tune_show import kept_text
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.formats import write
 from tral_fsm.formats.library import load
+from tral_fsm.tuning import Progress
 from tral_fsm.tuning.classical import experiments
-from tral_fsm.tuning.journal import NAME
+from tral_fsm.tuning.folder import STUDY
+from tral_fsm.tuning.search.space import Trial
 
 PARAMS = "0.steering=0.3:0.9,0.speed=0.8:1.6"
 CHEAP = ["--seeds", "0:1", "--budget", "4", "--population", "4", "--report-seeds", "500:502", "--processes", "1"]
@@ -67,18 +71,18 @@ def test_links_stay_links(tuned: tuple[Path, Result]) -> None:
 def test_it_says_the_verdict(tuned: tuple[Path, Result]) -> None:
     folder, result = tuned
     report = json.loads((folder / "tune.json").read_text())
-    assert report["held_out"]["verdict"] in result.stdout
-    assert "clearance RMSE [cm]" in result.stdout
-    assert "settled RMSE [cm]" in result.stdout
+    assert report["verdict"] in result.stdout
+    for row in ("clearance RMSE [cm]", "settled RMSE [cm]", "steering [1/m]", "- failure", "- steering"):
+        assert row in result.stdout
     assert "<td>settled RMSE [cm]</td>" in (folder / "report.html").read_text()
 
 
 def test_the_bar_has_a_line_for_each_stage(tuned: tuple[Path, Result]) -> None:
     for line in (
         r"the machine as it was +\S+ 1/1 drives",
-        r"search: cost [\d.]+ \(was [\d.]+\) +\S+ 4/4 drives",
+        r"search: (cost [\d.]+ \(|no better one yet \(best [\d.]+, )was [\d.]+\) +\S+ 4/4 drives",
         r"finals on fresh courses +\S+ 10/10 drives",  # the best four and the old machine, two courses
-        r"check on held-out courses +\S+ 4/4 drives",
+        r"check on held-out drives +\S+ 4/4 drives",
         r"report: cost around the result +\S+ 8/8 drives",  # a plane of 2 x 2 and two lines of 2
     ):
         assert re.search(line, tuned[1].stderr), line
@@ -112,6 +116,32 @@ def test_the_report_needs_no_network_and_is_well_formed(tuned: tuple[Path, Resul
     assert "http" not in re.sub(r'base64,[^"]+', "", html)
     assert "&lt;blind&gt; &amp; bold" in html
     assert "<blind>" not in html
+
+
+def test_a_course_of_ones_own_is_driven_with_many_cars_and_without_a_word_on_parameters(tmp_path: Path) -> None:
+    course, out = tmp_path / "mine.json", tmp_path / "out"
+    Course(name="mine", segments=(Segment(length=4.0, width=2.0),)).save(course)
+    machine = tmp_path / "machine.json"
+    machine.write_text(write(blind(0.5, 1.0), "json"))
+    result = tral("tune", "--policy", machine, "--course", course, *CHEAP, "--grid", 0, "--out", out)
+    assert result.exit_code == 0, result.output
+    assert "Tuning state[0].speed (--params chooses others, --list-params lists them)." in result.stderr
+    report = json.loads((out / "tune.json").read_text())
+    assert report["task"]["course"]["segments"] == [{"length": 4.0}]
+    assert report["task"]["scenarios"] == ["mine"]
+    assert report["held_out"]["courses"] == 2
+    # The study knows the content of the course.
+    Course(name="mine", segments=(Segment(length=5.0, width=2.0),)).save(course)
+    result = tral("tune", "--policy", machine, "--course", course, *CHEAP, "--grid", 0, "--out", out, "--resume")
+    assert (result.exit_code, "the study has task" in result.output) == (2, True)
+
+
+def test_a_course_file_that_is_none_is_told_before_anything_is_written(tmp_path: Path) -> None:
+    (tmp_path / "bad.json").write_text("{}")
+    result = tral("tune", "--course", tmp_path / "bad.json", *CHEAP, "--out", tmp_path / "out")
+    assert result.exit_code == 1
+    assert "bad.json" in result.output
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_result_that_cannot_be_written_is_said_before_the_search(tmp_path: Path) -> None:
@@ -185,13 +215,36 @@ def test_ctrl_c_ends_it_at_once_and_keeps_what_was_found(tmp_path: Path) -> None
         stderr=subprocess.PIPE,
         text=True,
     )
-    study = tmp_path / NAME
+    study = tmp_path / STUDY
     while not study.exists() or len(study.read_text().splitlines()) < 3:
         with pytest.raises(subprocess.TimeoutExpired):
             process.wait(timeout=0.1)
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=20)
     assert process.returncode == 130
-    assert "the same command with --resume goes on" in said
+    assert f"{STUDY} keeps the study: the same command with --resume goes on." in said
     assert "Traceback" not in said
     assert load(tmp_path / "machine.json").states
+
+
+@pytest.mark.parametrize(
+    ("best", "said"),
+    [
+        (None, "No better machine found yet: out/machine.json is the machine as it was."),
+        (3.097, "No better machine found yet: out/machine.json is the machine as it was."),
+        (3.0, "out/machine.json is the best machine so far (cost 3.000, was 3.064), without the check on new courses."),
+    ],
+)
+def test_an_interrupted_search_says_which_machine_it_leaves(best: float | None, said: str) -> None:
+    progress = None if best is None else Progress(generation=1, drives=8, budget=50, best=trial(best), old=trial(3.064))
+    assert kept_text(progress, Path("out"), None).splitlines() == [
+        said,
+        "out/study.jsonl keeps the study: the same command with --resume goes on.",
+    ]
+    assert kept_text(progress, Path("out"), "postgresql://me:secret@there/x").splitlines()[1] == (
+        "postgresql://me:***@there/x keeps the study: the same command goes on."
+    )
+
+
+def trial(cost: float) -> Trial:
+    return Trial(values=(), cost=cost, full=True, drives=8, successes=8, parts=(0.0, 0.0, 0.0, 0.0, 0.0))

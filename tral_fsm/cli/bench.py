@@ -10,7 +10,7 @@ import typer
 
 from tral_fsm.cli.terminal import print_figures
 from tral_fsm.evaluation.choices import check_families
-from tral_fsm.evaluation.files import prepare_folder, write_json
+from tral_fsm.evaluation.files import prepare_folder, write_figure, write_json
 
 app = typer.Typer(no_args_is_help=True, help="Measure how fast the simulation is on this computer.")
 
@@ -55,7 +55,7 @@ def _save(result: dict[str, Any], out: Path) -> None:
     from tral_fsm.bench.plot import speed_figure
 
     write_json(out / "speed.json", result)
-    speed_figure(result).savefig(out / "speed.png", dpi=120)
+    write_figure(out / "speed.png", speed_figure(result), 120)
 
 
 def _show(result: dict[str, Any], out: Path | None) -> None:

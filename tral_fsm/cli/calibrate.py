@@ -13,7 +13,7 @@ import typer
 from tral_env.errors import ConfigError
 from tral_fsm.cli import board_options
 from tral_fsm.cli.console import FAILED
-from tral_fsm.evaluation.files import prepare_folder, write_json
+from tral_fsm.evaluation.files import prepare_folder, write_figure, write_json
 from tral_fsm.evaluation.host import versions
 
 if TYPE_CHECKING:
@@ -238,5 +238,5 @@ def _write(
     if result.good:
         (out / POOR).unlink(missing_ok=True)
     write_json(out / "calibration.json", report)
-    calibration_figure(result).savefig(out / "coverage.png", dpi=100)
+    write_figure(out / "coverage.png", calibration_figure(result), 100)
     return report

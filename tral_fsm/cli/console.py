@@ -10,6 +10,7 @@ from typer.core import TyperGroup
 from tral_env.errors import (
     CourseError,
     HardwareError,
+    LostWorkerError,
     MissingExtraError,
     PolicyError,
     RenderError,
@@ -36,6 +37,6 @@ class Guarded(TyperGroup):
 
 
 def _exit_code(error: TralError) -> int:
-    if isinstance(error, RenderError | MissingExtraError | HardwareError):
+    if isinstance(error, RenderError | MissingExtraError | HardwareError | LostWorkerError):
         return MACHINE_LACKS
     return FAILED if isinstance(error, SimulationError | FormatError | CourseError | PolicyError) else BAD_USAGE

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 from tral_fsm.cli.files import suffix_of
 from tral_fsm.evaluation.choices import check_families
-from tral_fsm.evaluation.files import prepare_folder
+from tral_fsm.evaluation.files import prepare_folder, write_figure
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -100,13 +101,13 @@ def _draw(plans: Mapping[str, Plan], out: Path) -> None:
     from tral_fsm.report.courses import course_sheet
 
     prepare_folder(out.parent)
-    course_sheet(plans).savefig(out, dpi=110)
+    write_figure(out, course_sheet(plans), 110)
     typer.echo(f"Written: {out}")
 
 
 def _save(course: Course, out: Path) -> None:
     prepare_folder(out.parent)
-    course.save(out)
+    write_bytes(out, course.to_json().encode("utf-8"))
     typer.echo(f"Written: {out}")
 
 

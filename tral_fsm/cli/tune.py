@@ -17,10 +17,11 @@ from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 from tral_env.perception import opengl
 from tral_fsm.cli import tune_options as options
-from tral_fsm.cli.tune_show import Bar, print_result
+from tral_fsm.cli.tune_show import Bar, kept_text, print_result, show_parameters
 from tral_fsm.evaluation.choices import listed
 from tral_fsm.evaluation.files import prepare_folder, write_json
 from tral_fsm.evaluation.host import versions
+from tral_fsm.tuning.folder import MACHINE, NUMBERS, PAGE, RESULTS, STUDY
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,14 +29,13 @@ if TYPE_CHECKING:
     from tral_fsm.definition.machine import MachineDefinition
     from tral_fsm.tuning import Tuned
 
-_WRITTEN = ("machine.json", "tune.json", "report.html", "study.jsonl")
-_KEPT = "What was found is kept; the same command with --resume goes on."
-
 
 def command(
     policy: options.Policy = "wall",
     scenario: options.Scenarios = "straight",
-    params: options.Params = "*.p,*.d",
+    course: options.Course = None,
+    params: options.Params = None,
+    list_params: options.ListParams = False,
     tie: options.Tie = False,
     budget: options.Budget = 3000,
     seeds: options.Seeds = "0:8",
@@ -65,11 +65,18 @@ def command(
     from tral_fsm.formats.library import load as load_machine
     from tral_fsm.tuning import Objective
 
+    machine = load_machine(policy)
+    if classical:
+        show_classical(machine, as_json=as_json)
+        return
+    if list_params:
+        show_parameters(machine, as_json=as_json)
+        return
     arguments = options.TuneArguments(
         policy=policy,
-        params=listed(params),
+        params=_chosen(machine, params),
         tie=tie,
-        task=options.task_of(scenario, seeds, randomization, camera),
+        task=options.task_of(scenario, course, seeds, randomization, camera),
         objective=Objective(pooling=objective),
         settings=options.settings_of(budget, sampler, objectives, population, report_seeds, seed),
         processes=processes or os.cpu_count() or 1,
@@ -79,15 +86,22 @@ def command(
         save_as=save_as,
         grid=grid,
     )
-    machine = load_machine(policy)
-    if classical:
-        show_classical(machine, as_json=as_json)
-        return
     tuned, report = run(arguments, machine)
     if as_json:
         typer.echo(json.dumps(report, indent=2))
     else:
         print_result(tuned, out)
+
+
+def _chosen(machine: MachineDefinition, params: str | None) -> list[str]:
+    """Patterns of the parameters; those that the user did not name are said."""
+    from tral_fsm.tuning.listing import default_patterns
+
+    if params is not None:
+        return listed(params)
+    chosen = default_patterns(machine)
+    typer.echo(f"Tuning {', '.join(chosen)} (--params chooses others, --list-params lists them).", err=True)
+    return chosen
 
 
 def run(arguments: options.TuneArguments, machine: MachineDefinition) -> tuple[Tuned, dict[str, Any]]:
@@ -108,7 +122,7 @@ def run(arguments: options.TuneArguments, machine: MachineDefinition) -> tuple[T
     _check(arguments, machine)
     prepare_folder(arguments.out)
     origin = _origin()
-    with _shown() as bar:
+    with _shown(arguments) as bar:
         tuned = _tune(arguments, machine, origin, bar)
         asked = {
             "policy": arguments.policy,
@@ -116,7 +130,7 @@ def run(arguments: options.TuneArguments, machine: MachineDefinition) -> tuple[T
             "settings": json.loads(json.dumps(asdict(arguments.settings))),
         }
         report = {"command": origin, **asked, "versions": versions(), **tuned.record()}
-        write_json(arguments.out / "tune.json", report)
+        write_json(arguments.out / NUMBERS, report)
         if arguments.save_as is not None:
             save(tuned, arguments.save_as, origin)
         _write_page(arguments, tuned, report, bar)
@@ -124,23 +138,24 @@ def run(arguments: options.TuneArguments, machine: MachineDefinition) -> tuple[T
 
 
 @contextlib.contextmanager
-def _shown() -> Iterator[Bar]:
+def _shown(arguments: options.TuneArguments) -> Iterator[Bar]:
     """A bar; at Ctrl-C it says what is kept."""
     with Bar() as bar:
         try:
             yield bar
         except KeyboardInterrupt:
             bar.stop()
-            typer.echo(_KEPT, err=True)
+            typer.echo(kept_text(bar.progress, arguments.out, arguments.storage), err=True)
             raise
 
 
 def _check(arguments: options.TuneArguments, machine: MachineDefinition) -> None:
     """Refuse options that cannot be used, before an hour of driving and before anything is written."""
     from tral_fsm.formats import by_suffix
-    from tral_fsm.tuning import check_apart, find
+    from tral_fsm.tuning import check_apart, check_budget, find
 
     check_apart(arguments.task, arguments.settings)
+    check_budget(arguments.task, arguments.settings)
     _check_files(arguments)
     find(machine, arguments.params, tie=arguments.tie)
     if arguments.task.camera == "rendered":
@@ -152,11 +167,11 @@ def _check(arguments: options.TuneArguments, machine: MachineDefinition) -> None
 
 def _check_files(arguments: options.TuneArguments) -> None:
     """Refuse a folder where a result cannot be written, or would replace the machine that is tuned."""
-    for name in _WRITTEN:
+    for name in (*RESULTS, STUDY):
         if (arguments.out / name).is_dir():
             raise ConfigError(f"--out {arguments.out}: {name} in it is a folder: choose another folder")
     machine = Path(arguments.policy)
-    if machine.exists() and machine.resolve() == (arguments.out / _WRITTEN[0]).resolve():
+    if machine.exists() and machine.resolve() == (arguments.out / MACHINE).resolve():
         raise ConfigError(f"--policy {machine}: the search would write its result over it: choose another --out")
 
 
@@ -177,6 +192,7 @@ def _tune(arguments: options.TuneArguments, machine: MachineDefinition, origin: 
         origin=origin,
         on_progress=bar.best,
         on_stage=bar.stage,
+        on_note=bar.note,
     )
 
 
@@ -194,7 +210,7 @@ def _write_page(arguments: options.TuneArguments, tuned: Tuned, report: dict[str
         size=arguments.grid,
         on_stage=bar.stage,
     )
-    write_bytes(arguments.out / "report.html", report_html(page).encode("utf-8"))
+    write_bytes(arguments.out / PAGE, report_html(page).encode("utf-8"))
 
 
 def _origin() -> str:

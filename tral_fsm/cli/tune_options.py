@@ -17,11 +17,22 @@ if TYPE_CHECKING:
 
 Policy = Annotated[str, typer.Option(help="Name of a packaged machine, or a machine file.")]
 Scenarios = Annotated[str, typer.Option(help="Families of courses, separated by commas, or all.")]
+Course = Annotated[
+    Path | None,
+    typer.Option(exists=True, dir_okay=False, help="Tune on this course file instead of families of courses."),
+]
 Params = Annotated[
-    str, typer.Option(help="Parameters, separated by commas: state[3].p, follow.p, *.p; =LOW:HIGH gives a range.")
+    str | None,
+    typer.Option(
+        help="Parameters, separated by commas: state[3].p, follow.p, *.p; =LOW:HIGH gives a range. Default: the gains "
+        "p, i, d of all states; of a machine without gains the speeds of its states."
+    ),
+]
+ListParams = Annotated[
+    bool, typer.Option("--list-params", help="List the parameters of the machine with their ranges; no search.")
 ]
 Tie = Annotated[bool, typer.Option("--tie", help="Give all parameters of one pattern the same value.")]
-Budget = Annotated[int, typer.Option(min=1, help="Number of drives of the search.")]
+Budget = Annotated[int, typer.Option(min=1, help="Largest number of drives of the search.")]
 Seeds = Annotated[str, typer.Option(help="Seeds FIRST:END of the search; each family is driven with each.")]
 ReportSeeds = Annotated[str, typer.Option(help="Seeds FIRST:END of the check on new courses; none: no check.")]
 Randomized = Annotated[Randomization, typer.Option(help="How much cars and sensors differ from seed to seed.")]
@@ -83,16 +94,22 @@ class TuneArguments:
     grid: int
 
 
-def task_of(scenario: str, seeds: str, randomization: Randomization, camera: Camera) -> Task:
+def task_of(scenario: str, course: Path | None, seeds: str, randomization: Randomization, camera: Camera) -> Task:
     """The drives of each candidate.
 
     Raises:
         ConfigError: an option cannot be driven.
+        CourseError: the course file is none.
     """
+    from tral_env.options import as_course
     from tral_fsm.tuning import Task
 
     return Task(
-        scenarios=tuple(families(scenario)), seeds=tuple(parse_seeds(seeds)), randomization=randomization, camera=camera
+        scenarios=(course.stem,) if course is not None else tuple(families(scenario)),
+        seeds=tuple(parse_seeds(seeds)),
+        randomization=randomization,
+        camera=camera,
+        course=as_course(course),
     )
 
 

@@ -2,51 +2,58 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import json
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from tral_fsm.cli.terminal import print_figures
+from tral_fsm.tuning.folder import MACHINE, PAGE, STUDY
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from pathlib import Path
 
     from rich.table import Table
 
-    from tral_fsm.evaluation.statistics import Estimate
+    from tral_fsm.definition.machine import MachineDefinition
     from tral_fsm.tuning import Progress, Stage, Tuned
     from tral_fsm.tuning.holdout import Comparison
+    from tral_fsm.tuning.listing import Listed
 
 
-STAGES = {
+_STAGES = {
     "as it was": "the machine as it was",
     "search": "search",
     "finals": "finals on fresh courses",
-    "check": "check on held-out courses",
+    "check": "check on held-out drives",
     "around": "report: cost around the result",
     "steps": "report: steps in clearance",
 }
-"""Name of a stage -> text of the bar."""
+"""`StageName` -> text of the bar."""
+
+
+_CAPTION = "RMSE, time, steering: where both arrive. The cost of all drives is the sum of the rows below it."
 
 
 class Bar:
     """Progress on stderr: a line for each stage; the line of the search shows the lowest cost so far."""
 
     def __init__(self) -> None:
+        from rich import progress as rich
         from rich.console import Console
-        from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-        self._bar = Progress(
-            TextColumn("{task.description}", markup=False),
-            BarColumn(),
-            TextColumn("{task.completed:.0f}/{task.total:.0f} {task.fields[unit]}"),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
+        self._bar = rich.Progress(
+            rich.TextColumn("{task.description}", markup=False),
+            rich.BarColumn(),
+            rich.TextColumn("{task.completed:.0f}/{task.total:.0f} {task.fields[unit]}"),
+            rich.TimeElapsedColumn(),
+            rich.TimeRemainingColumn(),
             console=Console(stderr=True),
         )
-        self._tasks: dict[str, TaskID] = {}
+        self._tasks: dict[str, rich.TaskID] = {}
         self._best = ""
+        self.progress: Progress | None = None
+        """Progress of the search; None before a candidate has driven all courses."""
 
     def __enter__(self) -> Bar:
         self._bar.start()
@@ -61,19 +68,82 @@ class Bar:
 
     def best(self, progress: Progress) -> None:
         """Show the cost of the best candidate."""
-        self._best = f": cost {progress.best.cost:.3f} (was {progress.old.cost:.3f})"
+        self.progress = progress
+        cost, was = f"{progress.best.cost:.3f}", f"{progress.old.cost:.3f}"
+        self._best = (
+            f": cost {cost} (was {was})" if progress.better else f": no better one yet (best {cost}, was {was})"
+        )
         self._update("search", progress.drives, progress.budget, "drives")
+
+    def note(self, said: str) -> None:
+        """Print a line above the bar."""
+        self._bar.console.print(said, markup=False, highlight=False, soft_wrap=True)
 
     def stage(self, stage: Stage) -> None:
         """Show the progress of a stage."""
         self._update(stage.name, stage.done, stage.total, stage.unit)
 
     def _update(self, name: str, done: int, total: int, unit: str) -> None:
-        said = STAGES[name] + (self._best if name == "search" else "")
+        said = _STAGES[name] + (self._best if name == "search" else "")
         if name not in self._tasks:
             self._tasks[name] = self._bar.add_task(said, total=total, unit=unit)
-        # The last generation is finished even beyond the budget.
-        self._bar.update(self._tasks[name], completed=min(done, total), description=said)
+        self._bar.update(self._tasks[name], completed=done, description=said)
+
+
+def kept_text(progress: Progress | None, out: Path, storage: str | None) -> str:
+    """What an interrupted search leaves, and how it goes on.
+
+    Args:
+        progress: progress of the search, if a candidate has driven all courses.
+        out: folder of the search.
+        storage: storage of the study, if it is not in the folder.
+    """
+    from tral_fsm.tuning.search.storage import masked
+
+    if progress is None or not progress.better:
+        machine = f"No better machine found yet: {out / MACHINE} is the machine as it was."
+    else:
+        costs = f"cost {progress.best.cost:.3f}, was {progress.old.cost:.3f}"
+        machine = f"{out / MACHINE} is the best machine so far ({costs}), without the check on new courses."
+    if storage is not None:
+        return f"{machine}\n{masked(storage)} keeps the study: the same command goes on."
+    return f"{machine}\n{out / STUDY} keeps the study: the same command with --resume goes on."
+
+
+def show_parameters(machine: MachineDefinition, *, as_json: bool) -> None:
+    """Print the parameters of a machine with their ranges, and which of them a search changes by default.
+
+    Args:
+        machine: the machine.
+        as_json: print a JSON list instead of a table.
+    """
+    from rich.table import Table
+    from rich.text import Text
+
+    from tral_fsm.tuning.listing import listing
+    from tral_fsm.tuning.tables import range_cell, value_cell
+
+    found = listing(machine)
+    if as_json:
+        typer.echo(json.dumps([_listed_record(each) for each in found], indent=2))
+        return
+    caption = "* is searched without --params. --params takes a path, a name, or a pattern such as *.p."
+    table = Table(caption=Text(caption), caption_justify="left")
+    for heading in ("", "path", "name", "type", "value", "unit", "range"):
+        table.add_column(heading, justify="right" if heading == "value" else "left", no_wrap=True)
+    for each in found:
+        ends = f"give one: {each.path}=LOW:HIGH" if each.parameter is None else range_cell(each.parameter)
+        cells = (each.path, each.name, each.where, value_cell(each.value), each.unit, ends)
+        table.add_row("*" if each.is_default else "", *map(Text, cells))
+    print_figures(table)
+
+
+def _listed_record(each: Listed) -> dict[str, Any]:
+    """A parameter as plain values; `range` holds its ends, or its choices; None: it must be given."""
+    known = each.parameter
+    ends = None if known is None else list(known.choices) if known.kind == "choice" else [known.low, known.high]
+    plain = {"path": each.path, "name": each.name, "type": each.where, "value": each.value, "unit": each.unit}
+    return {**plain, "range": ends, "default": each.is_default}
 
 
 def print_result(tuned: Tuned, out: Path) -> None:
@@ -83,7 +153,8 @@ def print_result(tuned: Tuned, out: Path) -> None:
     if tuned.comparison is not None:
         print_figures(_held_out(tuned.comparison))
     typer.echo(tuned.verdict)
-    typer.echo(f"Files: {out}")
+    machine = "the tuned machine" if tuned.kept is tuned.new and tuned.values is not None else "the machine as it was"
+    typer.echo(f"{out / MACHINE} is {machine}; {out / PAGE} shows more.")
 
 
 def _parameters(tuned: Tuned) -> Table:
@@ -105,21 +176,12 @@ def _held_out(comparison: Comparison) -> Table:
     from rich.table import Table
     from rich.text import Text
 
-    from tral_fsm.tuning.tables import estimate_cell
+    from tral_fsm.tuning.tables import CHECK_HEADER, check_rows
 
-    table = Table(title=Text("On courses that nothing was tuned on, with 95 % intervals"), title_justify="left")
-    for heading in ("", "was", "now", "difference"):
+    title = f"On {comparison.courses} drives that nothing was tuned on, with 95 % intervals"
+    table = Table(title=Text(title), title_justify="left", caption=Text(_CAPTION), caption_justify="left")
+    for heading in CHECK_HEADER:
         table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
-    old, new = comparison.old, comparison.new
-    split = f"{comparison.only_new} gained, {comparison.only_old} lost"
-    table.add_row("success", *(estimate_cell(each.success, 100.0, 0) + " %" for each in (old, new)), split)
-    rows: Mapping[str, tuple[Estimate, Estimate, Estimate, float]] = {
-        "clearance RMSE [cm]": (old.clearance_rmse_m, new.clearance_rmse_m, comparison.clearance_m, 100.0),
-        "settled RMSE [cm]": (old.settled_rmse_m, new.settled_rmse_m, comparison.settled_m, 100.0),
-        "time [s/m]": (old.time_per_m, new.time_per_m, comparison.time_per_m, 1.0),
-        "cost": (old.cost, new.cost, comparison.cost, 1.0),
-    }
-    for name, (was, now, difference, scale) in rows.items():
-        cells = (estimate_cell(was, scale), estimate_cell(now, scale), estimate_cell(difference, scale, 2, "+"))
-        table.add_row(Text(name), *cells)
+    for row in check_rows(comparison):
+        table.add_row(*(Text(cell) for cell in row), end_section=row[0] in ("collisions", "steering [1/m]"))
     return table

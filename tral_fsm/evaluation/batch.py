@@ -8,12 +8,15 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from tral_env.course.generate import generate_plan
+from tral_env.course.geometry import build_plan
+from tral_env.course.layout import Course
 from tral_env.course.scene import Pool
 from tral_env.options import CorridorConfig
 from tral_env.randomization import level, makes_hard_courses
@@ -44,24 +47,30 @@ class BatchRunner:
         rows: int = MAX_ROWS,
         nthread: int = 1,
         stuck_s: float | None = None,
+        course: Course | None = None,
     ) -> None:
         """Prepare drives; the simulation is built at the first one, with no more rows than there are drives.
 
         Args:
-            scenarios: families of the courses.
+            scenarios: families of the courses; with `course` only names in the results.
             randomization: how much cars and sensors differ: "none", "default" or "hard".
             camera: "projected" or "rendered".
             rows: largest number of drives at once.
             nthread: number of threads that step the cars.
             stuck_s: a car that gains less than `STUCK_M` in this time ends in a timeout, s; None: no car is stuck.
+            course: course that all drives have instead of those of a family.
 
         Raises:
             ConfigError: a scenario, the camera or the randomization is unknown.
+            CourseError: the course cannot be built.
         """
-        configs = [CorridorConfig(scenario=name, randomization=randomization, camera=camera) for name in scenarios]
-        self._config, self._pool, self._nthread, self._max_rows = configs[0], Pool(0), nthread, rows
-        for name in scenarios:
-            self._pool = self._pool.union(Pool.for_scenario(name))
+        self._config = CorridorConfig(randomization=randomization, camera=camera, course=course)
+        self._pool, self._nthread, self._max_rows = Pool(0), nthread, rows
+        self._fixed = None if course is None else (course, build_plan(course))
+        if course is None:
+            self._config = replace(self._config, scenario=scenarios[0])
+            for name in scenarios:
+                self._pool = self._pool.union(Pool.for_scenario(name))
         self._world: World | None = None
         self._randomization, self._hard = level(randomization), makes_hard_courses(randomization)
         self.patience_s = math.inf if stuck_s is None else stuck_s
@@ -116,7 +125,7 @@ class BatchRunner:
         key = request.scenario, request.seed
         if key not in self._drawn:
             rng = seeding.np_random(request.seed)[0]
-            course, plan = generate_plan(request.scenario, rng, hard=self._hard)
+            course, plan = self._fixed or generate_plan(request.scenario, rng, hard=self._hard)
             own = car_stream(rng)
             self._drawn[key] = Drawn(course, plan, self._randomization.draw(own)), own
         drawn, rng = self._drawn[key]

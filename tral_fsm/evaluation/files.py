@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import json
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def prepare_folder(folder: Path, got: str | None = None) -> None:
@@ -33,3 +37,10 @@ def prepare_folder(folder: Path, got: str | None = None) -> None:
 def write_json(path: Path, content: Any) -> None:
     """Write a JSON file at once, in place of an old one."""
     write_bytes(path, (json.dumps(content, indent=2, allow_nan=False) + "\n").encode("utf-8"))
+
+
+def write_figure(path: Path, figure: Figure, dpi: int) -> None:
+    """Write a figure at once, in place of an old one, in the format of the suffix."""
+    content = io.BytesIO()
+    figure.savefig(content, format=path.suffix.removeprefix(".").lower(), dpi=dpi)
+    write_bytes(path, content.getvalue())

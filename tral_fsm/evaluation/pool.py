@@ -1,14 +1,23 @@
-"""Processes that drive: spawned, because threads and OpenGL contexts do not survive a fork, and deaf to Ctrl-C."""
+"""Processes that drive: spawned, because threads and OpenGL contexts do not survive a fork.
+
+They ignore Ctrl-C, which is for the process that started them, and they end when that process ends, however it does.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import multiprocessing
+import os
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.connection import wait
 from types import TracebackType
 from typing import Any, Self, TypeVar
+
+from tral_env.errors import LostWorkerError
 
 T = TypeVar("T")
 _CHECK_EVERY = 32
@@ -16,6 +25,21 @@ _CHECK_EVERY = 32
 
 class StoppedError(Exception):
     """The pool told a worker to give up its drives."""
+
+
+@contextlib.contextmanager
+def worker_losses() -> Iterator[None]:
+    """Tell the loss of a worker with its remedy.
+
+    Raises:
+        LostWorkerError: the system ended a worker.
+    """
+    try:
+        yield
+    except BrokenProcessPool as error:
+        raise LostWorkerError(
+            "the system ended a process that was driving, most often because memory was short: use fewer processes"
+        ) from error
 
 
 class ProcessPool:
@@ -80,9 +104,26 @@ class _Worker:
 def _begin(stop: Any, begin: Callable[..., None] | None, shared: tuple[Any, ...]) -> None:
     """Prepare a worker; Ctrl-C is for the process that started it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with_parent()
     _Worker.stop = stop
     if begin is not None:
         begin(*shared)
+
+
+def end_with_parent() -> None:
+    """Let this process end as soon as the process that started it has ended, killed or not.
+
+    It does nothing in a process that `multiprocessing` did not start.
+    """
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+
+    def watch() -> None:
+        wait([parent.sentinel])
+        os._exit(1)
+
+    threading.Thread(target=watch, name="end with parent", daemon=True).start()
 
 
 def stop_check() -> Callable[[object], None]:

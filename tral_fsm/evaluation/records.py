@@ -132,9 +132,9 @@ def collect(
         out: the file.
         on_line: called after each line.
     """
-    from tral_fsm.evaluation.pool import ProcessPool
+    from tral_fsm.evaluation.pool import ProcessPool, worker_losses
 
-    with ProcessPool(processes) as pool:
+    with ProcessPool(processes) as pool, worker_losses():
         futures: list[Future[list[Record]]] = [pool.submit(drive, *call) for call in calls]
         for future in as_completed(futures):
             for line in future.result():

@@ -7,18 +7,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tral_fsm.tuning.evaluator import Evaluator, Racing, Stage, Task
+    from tral_fsm.tuning.evaluator import Evaluator, Racing, Stage, StageName, Task
     from tral_fsm.tuning.found import Tuned, save
     from tral_fsm.tuning.objective import Objective, Weights
     from tral_fsm.tuning.parameters import apply, find
-    from tral_fsm.tuning.study import Progress, Settings, check_apart, tune
+    from tral_fsm.tuning.study import Progress, Settings, check_apart, check_budget, tune
 
 _MODULES = {
-    "evaluator": ("Evaluator", "Racing", "Stage", "Task"),
+    "evaluator": ("Evaluator", "Racing", "Stage", "StageName", "Task"),
     "found": ("Tuned", "save"),
     "objective": ("Objective", "Weights"),
     "parameters": ("apply", "find"),
-    "study": ("Progress", "Settings", "check_apart", "tune"),
+    "study": ("Progress", "Settings", "check_apart", "check_budget", "tune"),
 }
 """Module -> names in it."""
 
@@ -29,11 +29,13 @@ __all__ = [
     "Racing",
     "Settings",
     "Stage",
+    "StageName",
     "Task",
     "Tuned",
     "Weights",
     "apply",
     "check_apart",
+    "check_budget",
     "find",
     "save",
     "tune",

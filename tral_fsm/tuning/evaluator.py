@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, wait
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
+from enum import StrEnum
 from types import TracebackType
 from typing import Any, Self
 
+from tral_env.course.layout import Course
 from tral_env.errors import ConfigError, nearest
 from tral_env.randomization import LEVELS
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.batch import MAX_ROWS, BatchRunner, complete
 from tral_fsm.evaluation.choices import check_families
 from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
-from tral_fsm.evaluation.pool import ProcessPool, spawned, stop_check
+from tral_fsm.evaluation.pool import ProcessPool, spawned, stop_check, worker_losses
 from tral_fsm.tuning.objective import Objective
 
 SeededCourse = tuple[str, int]
@@ -29,15 +32,21 @@ class Task:
     """Courses, cars and sensors of the drives."""
 
     scenarios: tuple[str, ...]
+    """Families of the courses; with `course` a name for it."""
     seeds: tuple[int, ...]
     """Seeds of each scenario; all machines drive the same, so that luck does not decide."""
     randomization: str = "default"
     camera: str = "projected"
     stuck_s: float | None = 10.0
     """Time in which a car must gain 0.25 m, or its drive ends, s; None: only the time limit of the course ends it."""
+    course: Course | None = None
+    """The course of all drives, which then differ in their cars and noise alone; None: those of the families."""
 
     def __post_init__(self) -> None:
-        check_families(self.scenarios)
+        if self.course is None:
+            check_families(self.scenarios)
+        elif len(self.scenarios) != 1:
+            raise ConfigError(f"scenarios = {self.scenarios}: expected one name for the course")
         if self.randomization not in LEVELS:
             raise ConfigError(f"unknown randomization '{self.randomization}': {nearest(self.randomization, LEVELS)}")
         if not self.scenarios or not self.seeds:
@@ -50,7 +59,9 @@ class Task:
 
     def record(self) -> dict[str, Any]:
         """As plain values."""
-        return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
+        plain = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "course"}
+        record = {name: list(value) if isinstance(value, tuple) else value for name, value in plain.items()}
+        return record if self.course is None else record | {"course": json.loads(self.course.to_json())}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +86,18 @@ class Racing:
             return [courses]
         return [courses[:first], courses[first:]]
 
+    def staying(self, candidates: int) -> int:
+        """Number of candidates that go on after a round: at least one, if there is one."""
+        return math.ceil(self.keep * candidates)
+
+    def drives(self, candidates: int, courses: Sequence[SeededCourse], scenarios: int) -> int:
+        """Number of drives of a race."""
+        count = 0
+        for round_ in self.rounds(courses, scenarios):
+            count += candidates * len(round_)
+            candidates = self.staying(candidates)
+        return count
+
 
 @dataclass(frozen=True)
 class Scored:
@@ -87,11 +110,24 @@ class Scored:
     """Whether the machine has driven all courses."""
 
 
+class StageName(StrEnum):
+    """The stages of a search and of its report, in their order."""
+
+    AS_IT_WAS = "as it was"
+    SEARCH = "search"
+    FINALS = "finals"
+    CHECK = "check"
+    AROUND = "around"
+    """Drives around the result."""
+    STEPS = "steps"
+    """Responses to steps in the wanted clearance."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Stage:
     """A stage of a search, and its progress."""
 
-    name: str
+    name: StageName
     done: int
     total: int
     unit: str = "drives"
@@ -116,7 +152,7 @@ class Evaluator:
         """
         self.task, self.processes, self.rows = task, processes, rows
         self._on_stage = on_stage
-        self._stage = Stage(name="", done=0, total=0)
+        self._stage = Stage(name=StageName.AS_IT_WAS, done=0, total=0)
         self._runner: BatchRunner | None = None
         self._pool: ProcessPool | None = None
         self._ended: Any = None
@@ -136,7 +172,7 @@ class Evaluator:
             self._runner.close()
             self._runner = None
 
-    def stage(self, name: str, total: int, done: int = 0) -> None:
+    def stage(self, name: StageName, total: int, done: int = 0) -> None:
         """Begin a stage, for `on_stage`."""
         self._stage = Stage(name=name, done=done, total=total)
         self._count(0)
@@ -157,11 +193,12 @@ class Evaluator:
             self._start()
         assert self._pool is not None
         parts = [list(requests[k :: self.processes]) for k in range(self.processes)]
-        futures: list[Future[list[EpisodeResult]]] = [self._pool.submit(_drive, list(machines), part) for part in parts]
-        self._watch(futures)
         drives: list[EpisodeResult | None] = [None] * len(requests)
-        for k, future in enumerate(futures):
-            drives[k :: self.processes] = future.result()
+        with worker_losses():
+            futures = [self._pool.submit(_drive, list(machines), part) for part in parts]
+            self._watch(futures)
+            for k, future in enumerate(futures):
+                drives[k :: self.processes] = future.result()
         return complete(drives)
 
     def _start(self) -> None:
@@ -211,8 +248,7 @@ class Evaluator:
         costs = [objective.cost(mine) for mine in drives]
         alive = list(range(len(machines)))
         for courses_ in more:
-            count = max(math.ceil(racing.keep * len(alive)), 1)
-            alive = sorted(sorted(alive, key=lambda k: costs[k])[:count])
+            alive = sorted(sorted(alive, key=lambda k: costs[k])[: racing.staying(len(alive))])
             for k, extra in zip(alive, self.on_courses([machines[k] for k in alive], courses_), strict=True):
                 drives[k] = drives[k] + extra
                 costs[k] = objective.cost(drives[k])
@@ -225,7 +261,12 @@ class Evaluator:
 
 def _runner(task: Task, rows: int) -> BatchRunner:
     return BatchRunner(
-        task.scenarios, randomization=task.randomization, camera=task.camera, rows=rows, stuck_s=task.stuck_s
+        task.scenarios,
+        randomization=task.randomization,
+        camera=task.camera,
+        rows=rows,
+        stuck_s=task.stuck_s,
+        course=task.course,
     )
 
 

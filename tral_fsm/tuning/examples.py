@@ -9,7 +9,7 @@ from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.tuning.classical.design import Gains, lqr
 from tral_fsm.tuning.classical.experiments import relay, step, wall_gains
 from tral_fsm.tuning.classical.loops import Response
-from tral_fsm.tuning.evaluator import Evaluator, OnStage, Stage, Task
+from tral_fsm.tuning.evaluator import Evaluator, OnStage, Stage, StageName, Task
 from tral_fsm.tuning.found import Tuned
 from tral_fsm.tuning.landscape import CostPlane, Sensitivity
 from tral_fsm.tuning.objective import Objective
@@ -121,7 +121,7 @@ def _responses(
     gains: dict[str, tuple[Gains, float]], on_stage: OnStage | None
 ) -> dict[str, tuple[Gains, float, Response]]:
     found: dict[str, tuple[Gains, float, Response]] = {}
-    stage = Stage(name="steps", done=0, total=len(gains), unit="responses")
+    stage = Stage(name=StageName.STEPS, done=0, total=len(gains), unit="responses")
     for name, (each, speed) in gains.items():
         if on_stage is not None:
             on_stage(replace(stage, done=len(found)))

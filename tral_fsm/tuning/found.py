@@ -13,7 +13,7 @@ from tral_env.atomic import write_bytes
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.episode import EpisodeResult
 from tral_fsm.formats import by_suffix, write
-from tral_fsm.tuning.holdout import Comparison
+from tral_fsm.tuning.holdout import Change, Comparison
 from tral_fsm.tuning.parameters import Parameter
 from tral_fsm.tuning.search.space import Trial, Values
 
@@ -50,7 +50,16 @@ class Tuned:
         nothing = ["Nothing better than the machine as it was has been found."] if self.values is None else []
         if self.comparison is None:
             return " ".join([*nothing, "There was no held-out check."])
-        return nothing[0] if nothing else self.comparison.verdict
+        if nothing:
+            return nothing[0]
+        kept = "" if self.kept is self.new else " The machine as it was is kept."
+        return self.comparison.verdict + kept
+
+    @property
+    def kept(self) -> MachineDefinition:
+        """The new machine; the old one if the check found the new one worse, or if nothing better was found."""
+        worse = self.comparison is not None and self.comparison.change is Change.WORSE
+        return self.old if worse or self.values is None else self.new
 
     def record(self) -> dict[str, Any]:
         """As plain values."""
@@ -76,18 +85,19 @@ def best_of(trials: Sequence[Trial]) -> Trial:
 
 
 def described(tuned: Tuned, origin: str) -> MachineDefinition:
-    """The new machine; its description tells the source of its values."""
-    if tuned.values is None:
-        return tuned.new
+    """The machine that is kept; the description of a new one tells the source of its values."""
+    if tuned.values is None or tuned.kept is tuned.old:
+        return tuned.old
     pairs = zip(tuned.parameters, tuned.values, strict=True)
     numbers = ", ".join(f"{each.label} = {value}" for each, value in pairs)
-    note = f"Tuned by `{origin}` (tral-env {metadata.version('tral-env')}): {numbers}."
+    state = "" if tuned.complete else ", not finished"
+    note = f"Tuned by `{origin}` (tral-env {metadata.version('tral-env')}{state}): {numbers}."
     text = re.split(r"(?:^| )Tuned by `", tuned.old.description, maxsplit=1)[0]
     return tuned.new.model_copy(update={"description": f"{text} {note}".strip()})
 
 
 def save(tuned: Tuned, path: Path, origin: str) -> None:
-    """Write the new machine at once, in the format of the suffix; a link stays a link.
+    """Write the machine that is kept at once, in the format of the suffix; a link stays a link.
 
     Raises:
         MachineError: no format has this suffix.

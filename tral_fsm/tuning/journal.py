@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 from tral_fsm.evaluation.records import append, damaged, read_lines
+from tral_fsm.tuning.folder import NUMBERS, RESULTS, STUDY, aside_said
 from tral_fsm.tuning.search.space import Trial, trial
 
-NAME = "study.jsonl"
-BEFORE = "study.before.jsonl"
-"""Name under which an old study is kept when another one begins."""
 _MAX_SHOWN = 300
 """Characters of a value in a message."""
 
@@ -44,29 +42,48 @@ def _short(value: Any) -> str:
 class Journal:
     """Generations in a file, each written as it ends."""
 
-    def __init__(self, folder: Path | None, header: dict[str, Any], *, resume: bool) -> None:
-        """Begin a study, or go on with the one that is there.
+    def __init__(
+        self,
+        folder: Path | None,
+        header: dict[str, Any],
+        *,
+        resume: bool,
+        on_note: Callable[[str], None] = lambda said: None,
+    ) -> None:
+        """Begin a study, or go on with the one that is there; the results of an earlier search are set aside.
 
         Args:
             folder: folder of the file; None: nothing is written.
             header: the search as plain values.
-            resume: go on with the file; else replace it.
+            resume: go on with the file; else set it aside.
+            on_note: called with what the user should know.
 
         Raises:
             ConfigError: there is nothing to resume, or the file is that of another search.
         """
-        self.path = None if folder is None else folder / NAME
+        self.path = None if folder is None else folder / STUDY
         self.generations: list[list[Trial]] = []
         if self.path is None:
             if resume:
                 raise ConfigError("to resume a study, its folder must be given")
             return
         header = json.loads(json.dumps(header))
-        if not resume:
-            if self.path.exists() and self.path.read_bytes().count(b"\n") > 1:
-                self.path.replace(self.path.with_name(BEFORE))
-            self._write([{"header": header}])
-            return
+        if resume:
+            self._read(header, on_note)
+        else:
+            self._begin(header, on_note)
+
+    def _begin(self, header: dict[str, Any], on_note: Callable[[str], None]) -> None:
+        """Begin a study; one without a generation is replaced."""
+        assert self.path is not None
+        folder = self.path.parent
+        if not self.path.exists() or self.path.read_bytes().count(b"\n") > 1 or (folder / NUMBERS).exists():
+            aside_said(folder, (*RESULTS, STUDY), on_note)
+        self._write([{"header": header}])
+
+    def _read(self, header: dict[str, Any], on_note: Callable[[str], None]) -> None:
+        """Go on with the study that is there."""
+        assert self.path is not None
         try:
             lines = read_lines(self.path)
         except OSError as error:
@@ -79,7 +96,17 @@ class Journal:
                 self.generations.append([trial(each) for each in line["trials"]])
             except (KeyError, TypeError, ValueError):
                 raise damaged(self.path, number) from None
+        if len(self.path.read_bytes().splitlines()) > len(lines):
+            on_note(f"{self.path}: the last line was cut off: its generation is driven again.")
+        if (self.path.parent / NUMBERS).exists():
+            aside_said(self.path.parent, RESULTS, on_note)
         self._write([{"header": header}, *lines[1:]])
+
+    def drop_last(self) -> None:
+        """Forget the last generation."""
+        assert self.path is not None
+        self.generations.pop()
+        self._write(read_lines(self.path)[:-1])
 
     def _write(self, lines: Sequence[dict[str, Any]]) -> None:
         assert self.path is not None

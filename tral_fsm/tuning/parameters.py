@@ -40,6 +40,11 @@ class Site:
     name: str
     value: Value | None
 
+    @property
+    def unit(self) -> str:
+        """Unit of its value; empty without one."""
+        return unit_of(self.spec, self.name)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
@@ -139,6 +144,14 @@ def find(machine: MachineDefinition, patterns: Sequence[str], *, tie: bool = Fal
     return found
 
 
+def searchable(site: Site) -> Parameter | None:
+    """The parameter of a site alone; None if it is null, needs a range, or cannot be searched."""
+    try:
+        return None if site.value is None else _parameter([site], site.path, None)
+    except ConfigError:
+        return None
+
+
 def _split(pattern: str) -> tuple[str, tuple[float, float] | None]:
     """Name and range of a pattern."""
     name, equals, span = pattern.strip().partition("=")
@@ -200,7 +213,7 @@ def _parameter(group: Sequence[Site], label: str, ends: tuple[float, float] | No
         names = ", ".join(dict.fromkeys(site.name for site in group))
         raise ConfigError(f"'{label}' names {names}, which cannot share one value: give a pattern for each")
     kind = kinds.pop()
-    unit = unit_of(first.spec, first.name)
+    unit = first.unit
     if kind == "choice":
         choices = tuple(each for each in _choices(first) if all(each in _choices(site) for site in group))
         return Parameter(label=label, sites=tuple(group), unit=unit, kind=kind, choices=choices, start=_middle(group))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_fsm.definition.machine import MachineDefinition
-from tral_fsm.tuning.evaluator import Evaluator, SeededCourse
+from tral_fsm.tuning.evaluator import Evaluator, SeededCourse, StageName
 from tral_fsm.tuning.landscape import CostLine, CostPlane, Sensitivity
 from tral_fsm.tuning.objective import Objective
 from tral_fsm.tuning.parameters import Parameter, Value, allowed, apply
@@ -48,7 +48,7 @@ def sensitivity(
     lines = [{k: value} for k in real for value in spread[k]]
     points = [[point.get(k, value) for k, value in enumerate(values)] for point in [*grid, *lines]]
     fitting = [k for k, point in enumerate(points) if allowed(machine, parameters, point)]
-    evaluator.stage("around", len(fitting) * len(courses))
+    evaluator.stage(StageName.AROUND, len(fitting) * len(courses))
     drives = evaluator.on_courses([apply(machine, parameters, points[k]) for k in fitting], courses)
     figures = {name: np.full(len(points), np.nan) for name in ("cost", "failed", "collided")}
     figures["cost"][fitting] = [objective.cost(mine) for mine in drives]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,8 @@ from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.seeds import stretches
 from tral_fsm.formats import library, write
 from tral_fsm.tuning.choices import SAMPLERS, Sampler
-from tral_fsm.tuning.evaluator import Evaluator, OnStage, Racing, Scored, SeededCourse, Task
+from tral_fsm.tuning.evaluator import Evaluator, OnStage, Racing, Scored, SeededCourse, StageName, Task
+from tral_fsm.tuning.folder import MACHINE, RESULTS, aside_said
 from tral_fsm.tuning.found import Tuned, best_of, save
 from tral_fsm.tuning.holdout import compare
 from tral_fsm.tuning.journal import Journal
@@ -27,13 +29,17 @@ from tral_fsm.tuning.search.cma_es import CmaSearch
 from tral_fsm.tuning.search.optuna import OBJECTIVES, OptunaSearch, front
 from tral_fsm.tuning.search.space import Search, Trial, Values
 
+OnNote = Callable[[str], None]
+"""Called with a sentence that the user should know."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
     """Settings of a search."""
 
     budget: int = 3000
-    """Number of drives of the search; the last generation is finished. Finals and held-out check are extra."""
+    """Largest number of drives of the search; the last generation has as many candidates as still fit. Finals and
+    held-out check are extra."""
     sampler: Sampler = "cmaes"
     """"cmaes", or a sampler of Optuna, which is the extra `tune`: "tpe", "nsga2", "random"."""
     objectives: tuple[str, ...] = ()
@@ -81,6 +87,11 @@ class Progress:
     best: Trial
     old: Trial
 
+    @property
+    def better(self) -> bool:
+        """Whether the best candidate costs less than the machine as it was."""
+        return self.best.cost < self.old.cost
+
 
 class Study:
     """One search."""
@@ -96,10 +107,13 @@ class Study:
         out: Path | None = None,
         resume: bool = False,
         storage: str | None = None,
+        on_note: OnNote = lambda said: None,
     ) -> None:
         """Prepare a search; see `tune` for the arguments."""
         self.machine, self.parameters, self.task = machine, parameters, task
         self.objective, self.settings, self.out = objective, settings, out
+        self.racing = Racing(keep=1.0) if settings.objectives else settings.racing
+        self._pending: list[Values] | None = None
         header = self.header()
         self.shared: OptunaSearch | None = None
         self.search: Search
@@ -117,20 +131,31 @@ class Study:
                 weights=objective.weights,
                 storage=storage,
                 header=header,
+                on_note=on_note,
             )
         self.in_storage = storage is not None
-        self.journal = Journal(None if self.in_storage else out, header, resume=resume and not self.in_storage)
-        for trials in self.journal.generations:
-            self._replay(trials)
+        if self.in_storage and out is not None:
+            aside_said(out, RESULTS, on_note)
+        folder = None if self.in_storage else out
+        self.journal = Journal(folder, header, resume=resume and not self.in_storage, on_note=on_note)
+        self._replay()
 
-    def _replay(self, trials: list[Trial]) -> None:
-        """Tell the searcher a generation of the file."""
-        asked = self.search.ask()
-        if [each.values for each in trials] != asked:
-            raise ConfigError(
-                f"{self.journal.path}: the study was written by another version of the sampler: begin a new one"
-            )
-        self.search.tell(trials)
+    def _replay(self) -> None:
+        """Tell the searcher the generations of the file; a last one that the budget cut short goes on if it may."""
+        spent, whole = 0, True
+        for trials in list(self.journal.generations):
+            asked = self.search.ask()
+            if not whole or [each.values for each in trials] != asked[: len(trials)]:
+                raise ConfigError(
+                    f"{self.journal.path}: the study was written by another version of the sampler: begin a new one"
+                )
+            whole = len(trials) == len(asked)
+            if whole:
+                self.search.tell(trials)
+            elif self._affordable(asked, self.settings.budget - spent) > len(trials):
+                self.journal.drop_last()
+                self._pending = asked
+            spent += sum(each.drives for each in trials)
 
     def header(self) -> dict[str, Any]:
         """All that decides the result of a search, but for the budget, which may grow."""
@@ -147,6 +172,11 @@ class Study:
         plain: dict[str, Any] = json.loads(json.dumps(whole))
         return plain
 
+    def save(self, tuned: Tuned, origin: str) -> None:
+        """Write the machine of a result, if the search has a folder."""
+        if self.out is not None:
+            save(tuned, self.out / MACHINE, origin)
+
     @property
     def trials(self) -> list[Trial]:
         """All candidates so far."""
@@ -154,20 +184,56 @@ class Study:
             return self.shared.trials
         return [each for generation in self.journal.generations for each in generation]
 
+    @property
+    def drives(self) -> int:
+        """Number of drives so far; in a storage also those that are under way."""
+        if self.in_storage and self.shared is not None:
+            return self.shared.claimed()
+        return sum(each.drives for each in self.trials)
+
+    @property
+    def is_spent(self) -> bool:
+        """Whether the budget does not allow another candidate."""
+        return self._race_drives(1) > self.settings.budget - self.drives
+
+    def _race_drives(self, candidates: int) -> int:
+        return self.racing.drives(candidates, self.task.courses, len(self.task.scenarios))
+
+    def _needed(self, asked: Sequence[Values]) -> list[int]:
+        """Number of drives that each candidate adds to the race of those before it."""
+        needed, driving = [], 0
+        for values in asked:
+            drives = allowed(self.machine, self.parameters, values)
+            needed.append(self._race_drives(driving + 1) - self._race_drives(driving) if drives else 0)
+            driving += drives
+        return needed
+
+    def _affordable(self, asked: Sequence[Values], left: int) -> int:
+        """Number of candidates, from the first one on, whose race needs no more drives than are left."""
+        return sum(total <= left for total in itertools.accumulate(self._needed(asked)))
+
     def generation(self, evaluator: Evaluator) -> list[Trial]:
-        """Ask, drive, tell."""
-        asked = self.search.ask()
+        """Ask, drive, tell; the last generation has as many candidates as the budget allows."""
+        whole = self._pending or self.search.ask()
+        self._pending = None
+        if self.in_storage and self.shared is not None:
+            count = self.shared.claim(self._needed(whole), self.settings.budget)
+        else:
+            count = self._affordable(whole, self.settings.budget - self.drives)
+        asked = whole[:count]
         fitting = [values for values in asked if allowed(self.machine, self.parameters, values)]
         if not fitting:
-            apply(self.machine, self.parameters, asked[0])  # it raises an error that tells the fault
+            if asked:
+                apply(self.machine, self.parameters, asked[0])  # it raises an error that tells the fault
+            return []
         machines = [apply(self.machine, self.parameters, values) for values in fitting]
-        racing = Racing(keep=1.0) if self.settings.objectives else self.settings.racing
-        scored = evaluator.race(machines, self.task.courses, self.objective, racing)
+        scored = evaluator.race(machines, self.task.courses, self.objective, self.racing)
         results, worst = iter(scored), max(each.cost for each in scored)
         trials = [
             _trial(values, next(results)) if values in fitting else self._refused(values, worst) for values in asked
         ]
-        self.search.tell(trials)
+        if len(asked) == len(whole) or self.in_storage:
+            self.search.tell(trials)
         self.journal.add(trials)
         return trials
 
@@ -204,6 +270,7 @@ def tune(
     origin: str = "tral_fsm.tuning.tune",
     on_progress: Callable[[Progress], None] | None = None,
     on_stage: OnStage | None = None,
+    on_note: OnNote = lambda said: None,
 ) -> Tuned:
     """Search parameters of a machine, as `tral tune` does.
 
@@ -215,12 +282,14 @@ def tune(
         settings: settings of the search.
         tie: give all parameters of one pattern the same value.
         processes: number of processes; None: one for each core. The result does not depend on it.
-        out: folder of study.jsonl and machine.json, both up to date after each generation; None: no files.
+        out: folder of study.jsonl and machine.json, both up to date after each generation; None: no files. The machine
+            is the one as it was until a better one is found. Results of an earlier search move to a folder before-N.
         resume: go on with the study in `out`.
         storage: database URL or journal file that other processes may use too.
         origin: command line, for the description of the machine.
         on_progress: called after each generation.
-        on_stage: called whenever drives have ended, with their stage: "as it was", "search", "finals", "check".
+        on_stage: called whenever drives have ended, with their stage.
+        on_note: called with what the user should know: files that were set aside, a study that was mended.
 
     Returns:
         The result. A KeyboardInterrupt is passed on; `out` then holds the result so far.
@@ -233,20 +302,23 @@ def tune(
     definition = machine if isinstance(machine, MachineDefinition) else library.load(machine)
     objective, settings = objective or Objective(), settings or Settings()
     check_apart(task, settings)
+    check_budget(task, settings)
     parameters = find(definition, list(params), tie=tie)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
-    study = Study(definition, parameters, task, objective, settings, out=out, resume=resume, storage=storage)
+    study = Study(
+        definition, parameters, task, objective, settings, out=out, resume=resume, storage=storage, on_note=on_note
+    )
     began = time.perf_counter()
     processes = processes or os.cpu_count() or 1
     with Evaluator(task, processes=processes, on_stage=on_stage) as evaluator:
         tuned = _search(study, evaluator, origin, on_progress)
         _finals(study, tuned, evaluator)
+        study.save(tuned, origin)
     if settings.report_seeds:
         _hold_out(study, tuned, processes, on_stage)
     tuned.complete, tuned.seconds = True, time.perf_counter() - began
-    if out is not None:
-        save(tuned, out / "machine.json", origin)
+    study.save(tuned, origin)
     return tuned
 
 
@@ -261,6 +333,20 @@ def check_apart(task: Task, settings: Settings) -> None:
         raise ConfigError(f"seeds {stretches(both)} are for tuning and for the report: choose other --report-seeds")
 
 
+def check_budget(task: Task, settings: Settings) -> None:
+    """Refuse a budget that is too small for a single candidate.
+
+    Raises:
+        ConfigError: it is.
+    """
+    needed = len(task.courses)
+    if settings.budget < needed:
+        raise ConfigError(
+            f"budget = {settings.budget}: each candidate drives {needed} courses: expected {needed} or more, or fewer "
+            "seeds"
+        )
+
+
 def final_seeds(task: Task, settings: Settings) -> tuple[int, ...]:
     """Seeds of the finals, which follow those of the search."""
     after = max(task.seeds) + 1
@@ -270,28 +356,34 @@ def final_seeds(task: Task, settings: Settings) -> tuple[int, ...]:
 
 def _search(study: Study, evaluator: Evaluator, origin: str, on_progress: Callable[[Progress], None] | None) -> Tuned:
     """Generations until the budget is spent."""
-    task, settings = study.task, study.settings
-    evaluator.stage("as it was", len(task.courses))
-    (old,) = evaluator.race([study.machine], task.courses, study.objective, Racing(keep=1.0))
-    old_trial = _trial((), old)
+    evaluator.stage(StageName.AS_IT_WAS, len(study.task.courses))
+    (old,) = evaluator.race([study.machine], study.task.courses, study.objective, Racing(keep=1.0))
+    tuned = _found(study, _trial((), old), study.trials)
+    study.save(tuned, origin)
     while True:
-        trials = study.trials
-        drives = sum(each.drives for each in trials)
-        if any(each.full for each in trials):
-            best = best_of(trials)
-            tuned = _found(study, best.values, old_trial, trials)
-            if study.out is not None:
-                save(tuned, study.out / "machine.json", origin)
-            if on_progress is not None:
-                count = len(study.journal.generations)
-                on_progress(Progress(generation=count, drives=drives, budget=settings.budget, best=best, old=old_trial))
-            if drives >= settings.budget:
-                return tuned
-        evaluator.stage("search", settings.budget, drives)
-        study.generation(evaluator)
+        _tell(study, tuned, on_progress)
+        if study.is_spent:
+            return tuned
+        evaluator.stage(StageName.SEARCH, study.settings.budget, study.drives)
+        if not study.generation(evaluator):  # other processes have taken what was left
+            return tuned
+        tuned = _found(study, tuned.old_trial, study.trials)
+        study.save(tuned, origin)
 
 
-def _found(study: Study, values: Values | None, old_trial: Trial, trials: list[Trial]) -> Tuned:
+def _tell(study: Study, tuned: Tuned, on_progress: Callable[[Progress], None] | None) -> None:
+    """Tell the progress once a candidate has driven all courses."""
+    if on_progress is not None and any(each.full for each in tuned.trials):
+        best, budget = best_of(tuned.trials), study.settings.budget
+        drives = sum(each.drives for each in tuned.trials)
+        count = len(study.journal.generations)
+        on_progress(Progress(generation=count, drives=drives, budget=budget, best=best, old=tuned.old_trial))
+
+
+def _found(study: Study, old_trial: Trial, trials: list[Trial]) -> Tuned:
+    """The result so far: the best candidate if it costs less than the old machine, else the old machine."""
+    best = min((each for each in trials if each.full), key=lambda each: each.cost, default=None)
+    values = best.values if best is not None and best.cost < old_trial.cost else None
     new = study.machine if values is None else apply(study.machine, study.parameters, values)
     objectives = study.settings.objectives or OBJECTIVES
     return Tuned(
@@ -317,7 +409,7 @@ def _finals(study: Study, tuned: Tuned, evaluator: Evaluator) -> None:
     seeds = final_seeds(study.task, study.settings)
     courses: list[SeededCourse] = [(scenario, seed) for seed in seeds for scenario in study.task.scenarios]
     machines = [study.machine if each is None else apply(study.machine, study.parameters, each) for each in values]
-    evaluator.stage("finals", len(machines) * len(courses))
+    evaluator.stage(StageName.FINALS, len(machines) * len(courses))
     costs = [study.objective.cost(drives) for drives in evaluator.on_courses(machines, courses)]
     tuned.finals = list(zip(values, costs, strict=True))
     tuned.values, _ = min(tuned.finals, key=lambda each: each[1])
@@ -326,14 +418,8 @@ def _finals(study: Study, tuned: Tuned, evaluator: Evaluator) -> None:
 
 def _hold_out(study: Study, tuned: Tuned, processes: int, on_stage: OnStage | None) -> None:
     """Let the old and the new machine drive the courses of the held-out check, up to the time limit."""
-    task = Task(
-        scenarios=study.task.scenarios,
-        seeds=study.settings.report_seeds,
-        randomization=study.task.randomization,
-        camera=study.task.camera,
-        stuck_s=None,
-    )
+    task = replace(study.task, seeds=study.settings.report_seeds, stuck_s=None)
     with Evaluator(task, processes=processes, on_stage=on_stage) as evaluator:
-        evaluator.stage("check", 2 * len(task.courses))
+        evaluator.stage(StageName.CHECK, 2 * len(task.courses))
         tuned.old_drives, tuned.new_drives = evaluator.on_courses([tuned.old, tuned.new], task.courses)
     tuned.comparison = compare(tuned.old_drives, tuned.new_drives, study.objective)

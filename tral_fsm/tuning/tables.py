@@ -5,6 +5,7 @@ from __future__ import annotations
 from tral_fsm.evaluation.statistics import Estimate
 from tral_fsm.tuning.classical.design import margins
 from tral_fsm.tuning.classical.loops import WallGains
+from tral_fsm.tuning.holdout import Change, Comparison, Paired
 from tral_fsm.tuning.parameters import Parameter
 
 MARGIN_HEADER = (
@@ -30,6 +31,38 @@ def estimate_cell(value: Estimate, scale: float = 1.0, digits: int = 2, sign: st
     if value.low is None or value.high is None:
         return text
     return f"{text} ({scale * value.low:{sign}.{digits}f} to {scale * value.high:{sign}.{digits}f})"
+
+
+CHECK_HEADER = ("", "was", "now", "now - was", "")
+"""Headings of `check_rows`."""
+
+
+def check_rows(found: Comparison) -> list[list[str]]:
+    """Rows of the check on hold-out courses, a cell for each heading of `CHECK_HEADER`.
+
+    Each part of the cost has a row of its own, so that it can be seen which of them paid.
+    """
+    old, new = found.collisions
+    split = f"{found.only_new} gained, {found.only_old} lost, p = {found.sign_p:.2g}"
+    success = _check_row(found, "success [%]", found.success, 100.0, 0)
+    success[3] = f"{100.0 * (found.success.difference.value or 0.0):+.0f} ({split})"
+    return [
+        success,
+        ["collisions", str(old), str(new), f"{new - old:+d}", ""],
+        _check_row(found, "clearance RMSE [cm]", found.clearance_rmse_m, 100.0),
+        _check_row(found, "settled RMSE [cm]", found.settled_rmse_m, 100.0),
+        _check_row(found, "time [s/m]", found.time_per_m, 1.0, 3),
+        _check_row(found, "steering [1/m]", found.steering_per_m),
+        _check_row(found, "cost", found.cost, 1.0, 3),
+        *(_check_row(found, f"- {name}", figure, 1.0, 3) for name, figure in found.cost_parts.items()),
+    ]
+
+
+def _check_row(found: Comparison, name: str, figure: Paired, scale: float = 1.0, digits: int = 2) -> list[str]:
+    change = found.change_of(figure)
+    cells = [estimate_cell(each, scale, digits) for each in (figure.old, figure.new)]
+    difference = estimate_cell(figure.difference, scale, digits, "+")
+    return [name, *cells, difference, "" if change is Change.NOISE else change.value]
 
 
 def before_cell(parameter: Parameter) -> str:

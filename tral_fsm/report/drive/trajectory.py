@@ -19,6 +19,7 @@ from tral_env.course.draw import draw_plan
 from tral_env.course.plan import Plan
 from tral_env.interface import CORE_LAYOUT, NO_ECHO_M
 from tral_fsm.evaluation.episode import Episode, EpisodeTrace
+from tral_fsm.evaluation.files import write_figure
 from tral_fsm.report.drive.state_colours import StateColours
 
 SIDES = {"left": "#0b3c8c", "front": "black", "right": "#a30000"}
@@ -32,7 +33,7 @@ _MAX_STATES, _MAX_TRANSITS = 12, 18
 def save_trajectory(episode: Episode, plan: Plan, path: Path) -> None:
     """Draw an episode on its course into a PNG file."""
     figure = trajectory_figure(episode, plan)
-    figure.savefig(path, dpi=120)
+    write_figure(path, figure, 120)
 
 
 def trajectory_figure(episode: Episode, plan: Plan) -> Figure:

@@ -19,7 +19,15 @@ from tral_fsm.tuning.found import Tuned
 from tral_fsm.tuning.holdout import Change, Comparison
 from tral_fsm.tuning.landscape import Sensitivity
 from tral_fsm.tuning.page_data import PageData
-from tral_fsm.tuning.tables import MARGIN_HEADER, before_cell, estimate_cell, margin_cells, range_cell, value_cell
+from tral_fsm.tuning.tables import (
+    CHECK_HEADER,
+    MARGIN_HEADER,
+    before_cell,
+    check_rows,
+    margin_cells,
+    range_cell,
+    value_cell,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,29 +84,7 @@ def _head(page: PageData) -> dict[str, Any]:
 def _checked(found: Comparison | None) -> dict[str, Any] | None:
     if found is None:
         return None
-    old, new = found.old, found.new
-    rows = [
-        [
-            "success [%]", estimate_cell(old.success, 100, 0), estimate_cell(new.success, 100, 0),
-            f"{found.only_new} gained, {found.only_old} lost (p = {found.sign_p:.2g})",
-        ],
-        ["collisions", str(old.collisions), str(new.collisions), ""],
-        [
-            "clearance RMSE [cm]", estimate_cell(old.clearance_rmse_m, 100), estimate_cell(new.clearance_rmse_m, 100),
-            estimate_cell(found.clearance_m, 100, 2, "+"),
-        ],
-        [
-            "settled RMSE [cm]", estimate_cell(old.settled_rmse_m, 100), estimate_cell(new.settled_rmse_m, 100),
-            estimate_cell(found.settled_m, 100, 2, "+"),
-        ],
-        [
-            "time [s/m]", *(estimate_cell(each.time_per_m) for each in (old, new)),
-            estimate_cell(found.time_per_m, 1, 2, "+"),
-        ],
-        ["steering [1/m]", estimate_cell(old.steering_per_m), estimate_cell(new.steering_per_m), ""],
-        ["cost", estimate_cell(old.cost), estimate_cell(new.cost), estimate_cell(found.cost, 1, 2, "+")],
-    ]  # fmt: skip
-    return {"courses": old.drives, "rows": rows}
+    return {"courses": found.courses, "header": CHECK_HEADER, "rows": check_rows(found)}
 
 
 def _numbers(tuned: Tuned) -> dict[str, list[list[str]]]:
@@ -128,7 +114,7 @@ def _pictures_of_search(page: PageData) -> list[Picture]:
         shown.append(
             picture(
                 plots.histogram(tuned.old_drives, tuned.new_drives),
-                "Clearance on the held-out courses",
+                "Clearance in the held-out drives",
                 "Every tick on plain straight walls; what is beyond half a metre is counted at the edge.",
             )
         )

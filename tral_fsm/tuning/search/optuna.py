@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 import uuid
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from tral_env.errors import MissingExtraError
@@ -51,6 +51,7 @@ class OptunaSearch:
         weights: Weights | None = None,
         storage: str | None = None,
         header: dict[str, Any] | None = None,
+        on_note: Callable[[str], None] = lambda said: None,
     ) -> None:
         """Begin a study, or join the one in the storage.
 
@@ -63,6 +64,7 @@ class OptunaSearch:
             weights: weights of a failed drive, which count in each objective.
             storage: database URL, or journal file.
             header: the search as plain values, the same for all processes of a study.
+            on_note: called with what the user should know.
 
         Raises:
             ConfigError: the storage cannot be used, or it holds another study.
@@ -79,7 +81,7 @@ class OptunaSearch:
         with reachable(storage):
             self.study = optuna.create_study(
                 study_name="tral",
-                storage=None if storage is None else open_storage(storage),
+                storage=None if storage is None else open_storage(storage, on_note),
                 sampler=_sampler(
                     optuna, sampler, (seed + (int(self._worker[:6], 16) if storage else 0)) % 2**32, self.population
                 ),
@@ -114,12 +116,55 @@ class OptunaSearch:
         import optuna
 
         for each in self.study.get_trials(deepcopy=False, states=(optuna.trial.TrialState.RUNNING,)):
-            if time.time() - each.user_attrs.get("asked", time.time()) > LOST_AFTER_S:
+            if _is_lost(each):
                 try:
                     self.study.tell(each.number, state=optuna.trial.TrialState.FAIL)
                 except (ValueError, RuntimeError):  # another process was quicker
                     continue
                 self.study.enqueue_trial(each.params)
+
+    def claim(self, needed: Sequence[int], budget: int) -> int:
+        """Claim drives of the budget for the candidates of the last `ask`, and give back those that find no room.
+
+        A trial may drive if it fits beside all trials with a smaller number, driven or under way. So the processes
+        together never exceed the budget, in whatever order they claim.
+
+        Args:
+            needed: drives that each candidate adds.
+            budget: drives of all processes together.
+
+        Returns:
+            Number of candidates that may drive, from the first one on.
+        """
+        import optuna
+
+        with reachable(self._storage, _STAYS):
+            for open_, drives in zip(self._open, needed, strict=True):
+                open_.set_user_attr("claim", drives)
+            # A process that has asked and not yet claimed may claim this much.
+            known = {each.number: _claim_of(each, max(needed)) for each in self._live()}
+            numbers = [each.number for each in self._open]
+            kept = 0
+            for number in numbers:
+                if sum(drives for other, drives in known.items() if other <= number) > budget:
+                    break
+                kept += 1
+            for open_ in self._open[kept:]:
+                self.study.tell(open_.number, state=optuna.trial.TrialState.FAIL)
+            self._open = self._open[:kept]
+        return kept
+
+    def claimed(self) -> int:
+        """Number of drives of all processes, driven or under way."""
+        with reachable(self._storage, _STAYS):
+            return sum(map(_claim_of, self._live()))
+
+    def _live(self) -> list[Any]:
+        """Trials that have been driven, or that a process may be driving."""
+        from optuna.trial import TrialState
+
+        trials = self.study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.RUNNING))
+        return [each for each in trials if each.state == TrialState.COMPLETE or not _is_lost(each)]
 
     def tell(self, trials: Sequence[Trial]) -> None:
         """Take the costs of the last generation, and store each of them."""
@@ -142,7 +187,7 @@ class OptunaSearch:
                 params=open_.params,
                 distributions=open_.distributions,
                 values=self.costs(done),
-                user_attrs={"record": done.record()},
+                user_attrs={"record": done.record(), "claim": done.drives},
             )
         )
 
@@ -160,6 +205,17 @@ class OptunaSearch:
         with reachable(self._storage, _STAYS):
             done = self.study.get_trials(deepcopy=False, states=(optuna.trial.TrialState.COMPLETE,))
         return [trial(each.user_attrs["record"]) for each in done]
+
+
+def _is_lost(running: Any) -> bool:
+    """Whether the process of a running trial counts as dead."""
+    return bool(time.time() - running.user_attrs.get("asked", time.time()) > LOST_AFTER_S)
+
+
+def _claim_of(trial_: Any, unsaid: int = 0) -> int:
+    """Drives that a trial claims of the budget; `unsaid` before its process has said how many."""
+    record = trial_.user_attrs.get("record", {})
+    return int(trial_.user_attrs.get("claim", record.get("drives", unsaid)))
 
 
 def _sampler(optuna: Any, name: Sampler, seed: int, population: int) -> Any:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import random
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 from tral_env.errors import ConfigError, MissingExtraError
+from tral_fsm.evaluation.records import damaged
 
 _TRIES = 5
 """Number of tries to open a database: several processes may make the tables of an empty one, and all but one fail."""
@@ -24,11 +26,12 @@ def masked(text: str) -> str:
     return _PASSWORD.sub(lambda found: f"{found[1] or found[2]}***", text)
 
 
-def open_storage(where: str) -> Any:
+def open_storage(where: str, on_note: Callable[[str], None] = lambda said: None) -> Any:
     """A storage for a study of Optuna, which must be installed.
 
     Args:
-        where: database URL, or journal file.
+        where: database URL, or journal file; a last line that a process did not finish is removed.
+        on_note: called with what the user should know.
 
     Raises:
         ConfigError: the storage cannot be opened.
@@ -40,9 +43,14 @@ def open_storage(where: str) -> Any:
     from optuna.storages.journal import JournalFileBackend
 
     path = Path(where.removeprefix("journal:"))
+    lock = _mending_lock(path, on_note)
     try:
         _refuse_others(path)
-        return JournalStorage(JournalFileBackend(str(path)))
+        if _is_torn(path):
+            lock.acquire()
+            lock.release()
+        _refuse_damaged(path)
+        return JournalStorage(JournalFileBackend(str(path), lock))
     except OSError as error:
         raise ConfigError(f"--storage {where}: cannot be written: {error.strerror}") from error
 
@@ -60,6 +68,46 @@ def _refuse_others(path: Path) -> None:
         journal = first.startswith(b'{"op_code"') and not first.endswith(b"\n")
     if not journal:
         raise ConfigError(f"--storage {path}: is no journal of a study: choose another file")
+
+
+def _is_torn(path: Path) -> bool:
+    """Whether the last line of a file is not finished."""
+    if not path.is_file() or path.stat().st_size == 0:
+        return False
+    with path.open("rb") as file:
+        file.seek(-1, os.SEEK_END)
+        return file.read(1) != b"\n"
+
+
+def _mending_lock(path: Path, on_note: Callable[[str], None]) -> Any:
+    """The lock of a journal, under which it is written; it removes a last line whose process ended while it wrote.
+
+    Otherwise the next line would be appended to the unfinished one, and the journal could never be read again.
+    """
+    from optuna.storages.journal import JournalFileSymlinkLock
+
+    class MendingLock(JournalFileSymlinkLock):
+        def acquire(self) -> bool:
+            got = super().acquire()
+            if _is_torn(path):
+                whole = path.read_bytes().rpartition(b"\n")
+                os.truncate(path, len(whole[0] + whole[1]))
+                on_note(f"--storage {path}: the last line was cut off and is removed; all before it is kept.")
+            return got
+
+    return MendingLock(str(path))
+
+
+def _refuse_damaged(path: Path) -> None:
+    """Refuse a journal with a line that cannot be read, which a search could only find after its first drives."""
+    whole = path.read_bytes().split(b"\n")[:-1] if path.is_file() else []
+    for number, line in enumerate(whole, 1):
+        try:
+            fits = "op_code" in json.loads(line)
+        except (ValueError, TypeError):
+            fits = False
+        if not fits:
+            raise damaged(path, number)
 
 
 def _database(url: str) -> Any:

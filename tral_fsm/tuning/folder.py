@@ -1,0 +1,40 @@
+"""The folder of a search: names of its files, and the results of an earlier search, which are set aside."""
+
+from __future__ import annotations
+
+import itertools
+import shutil
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+STUDY = "study.jsonl"
+MACHINE, NUMBERS, PAGE = "machine.json", "tune.json", "report.html"
+"""Files of the results."""
+RESULTS = (MACHINE, NUMBERS, PAGE)
+
+
+def set_aside(folder: Path, names: Iterable[str]) -> Path | None:
+    """Move files of an earlier search into a new folder `before-N` beside them; links stay, their files move.
+
+    Args:
+        folder: folder of the search.
+        names: names of the files, of which some may be missing.
+
+    Returns:
+        The new folder; None if there is no such file.
+    """
+    there = [folder / name for name in names if (folder / name).exists()]
+    if not there:
+        return None
+    before = next(folder / f"before-{k}" for k in itertools.count(1) if not (folder / f"before-{k}").exists())
+    before.mkdir()
+    for path in there:
+        shutil.move(path.resolve(), before / path.name)
+    return before
+
+
+def aside_said(folder: Path, names: Iterable[str], on_note: Callable[[str], None]) -> None:
+    """Set files aside, and say so."""
+    before = set_aside(folder, names)
+    if before is not None:
+        on_note(f"{folder} holds the results of an earlier search: they are now in {before}.")
