@@ -11,6 +11,7 @@ from tral_fsm.conditions import base as conditions
 from tral_fsm.control.command import Command
 from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
 from tral_fsm.definition.machine import STATES, StateSpec
+from tral_fsm.estimation.detections import NOTHING
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states import base as states
 
@@ -32,7 +33,21 @@ class TestYourOwnState:
         finally:
             STATES.unregister("Weave")
 
-    @pytest.mark.parametrize("answer", [None, (0.5, 1.0), Command(steering=math.nan), Command(speed=math.inf)])
+    @pytest.mark.parametrize(
+        "answer",
+        [
+            None,
+            (0.5, 1.0),
+            Command(steering=math.nan),
+            Command(speed=math.inf),
+            Command(throttle=-math.inf),
+            Command(throttle=0.2, steering_trim=math.nan),
+            Command(wanted_side=math.inf),
+            Command(wanted_clearance=math.inf),
+            Command(target=NOTHING._replace(x=math.nan)),
+            Command(steering="0.5"),  # type: ignore[arg-type]
+        ],
+    )
     def test_an_answer_that_is_no_command_names_state_type_and_time(self, answer: object) -> None:
         class MuteSpec(StateSpec):
             type: Literal["Mute"] = "Mute"

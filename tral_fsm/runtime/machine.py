@@ -5,12 +5,11 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite
 from typing import Any
 
 from tral_env.errors import MachineError
 from tral_fsm.conditions.base import Condition, build
-from tral_fsm.control.command import Command
+from tral_fsm.control.command import Command, is_command
 from tral_fsm.definition.checks import FormatError, check
 from tral_fsm.definition.machine import STATES, MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.definition.validated import Id
@@ -155,9 +154,7 @@ class Machine:
         if self._active < 0:
             entered = self.start(estimate)
         command = self._states[self._active].tick(estimate)
-        if not isinstance(command, Command) or not isfinite(
-            (command.steering or 0.0) + (command.speed or 0.0) + (command.throttle or 0.0)
-        ):
+        if not is_command(command):
             raise self._refused(command, estimate)
         if entered is not None:
             command = command._replace(target=entered)
@@ -173,7 +170,8 @@ class Machine:
         where = "/".join(str(part) for part in (*self.path, spec.id))
         return MachineError(
             f"state {where!r} ({spec.type}) answered {command!r} at {estimate.time:.4f} s: "
-            "expected a Command whose steering, speed and throttle are None or finite"
+            "expected a Command whose steering, speed, throttle and steering_trim are None or finite, and whose "
+            "wanted_side and wanted_clearance are finite or NaN"
         )
 
     def _transit(self, way: _Way, estimate: CarEstimate) -> Detection | None:
