@@ -40,13 +40,18 @@ def speed_control(wanted: float, speed: float, integral: float) -> tuple[float, 
         integral: of the tick before, throttle.
 
     Returns:
-        Throttle in [-1, 1] and the new integral. A standing car is never given negative throttle: that would be
-        reverse gear.
+        Throttle in [-1, 1] and the new integral. A standing car is never given negative throttle, which would be
+        reverse gear. At a wanted speed of 0 the car is never given positive throttle, and once it stands, what was
+        summed up is forgotten.
     """
     error = wanted - speed
     integral = clip(integral + SPEED_I * error * PID_S, SPEED_I_LIMIT)
     throttle = clip(feed_forward(wanted) + SPEED_P * error + integral)
-    return (max(throttle, 0.0) if speed < _MIN_BRAKING_MPS else throttle), integral
+    if speed < _MIN_BRAKING_MPS:
+        throttle = max(throttle, 0.0)
+    if wanted > 0.0:
+        return throttle, integral
+    return min(throttle, 0.0), 0.0 if speed < STANDING_MPS else integral
 
 
 class SpeedController:
