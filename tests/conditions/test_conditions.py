@@ -42,7 +42,7 @@ class TestFinished:
         assert [fires(bench, distance=d) for d in (0.0, 0.4, 0.5)] == [False, False, True]
 
     def test_a_state_that_cannot_finish_is_no_owner(self) -> None:
-        with pytest.raises(MachineError, match="Finished leaves Idle, which has no 'finished'"):
+        with pytest.raises(MachineError, match="Finished leaves Idle, which never finishes"):
             Finished(FinishedSpec(), Idle(IdleSpec(id=0)))
 
 

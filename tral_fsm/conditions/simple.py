@@ -188,9 +188,9 @@ class Finished(Condition[FinishedSpec]):
 
     def __init__(self, spec: FinishedSpec, owner: State[Any]) -> None:
         super().__init__(spec, owner)
-        if not isinstance(owner, Finishable):
-            raise MachineError(f"{spec.type} leaves {type(owner).__qualname__}, which has no 'finished'")
-        self.finishable: Finishable = owner
+        if not owner.spec.finishable:
+            raise MachineError(f"{spec.type} leaves {type(owner).__qualname__}, which never finishes")
+        self.finishable = cast(Finishable, owner)
 
     def triggered(self, estimate: CarEstimate) -> bool:
         """Ask the owner."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import cast
@@ -10,7 +10,7 @@ from typing import cast
 from tral_env.errors import MachineError, nearest, problem_report
 from tral_fsm.definition import packaged
 from tral_fsm.definition.conditions import ConditionSpec
-from tral_fsm.definition.machine import STATES, MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition.machine import STATES, Load, MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.definition.validated import Id
 
 
@@ -40,10 +40,6 @@ class FormatError(MachineError):
     def __reduce__(self) -> tuple[type[FormatError], tuple[str, tuple[Problem, ...]]]:
         """Let the error travel whole between processes."""
         return FormatError, (self.source, self.problems)
-
-
-Load = Callable[[str], MachineDefinition]
-"""Gives the packaged machine of a name, without looking into it."""
 
 
 def check(machine: MachineDefinition, load: Load | None = None, around: tuple[str, ...] = ()) -> list[Problem]:

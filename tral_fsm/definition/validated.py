@@ -38,7 +38,7 @@ class Spec(BaseModel):
     """Parameter -> another one that it needs beside it."""
 
     @classmethod
-    def asked_of_runtime(cls) -> Mapping[str, str]:
+    def required_members(cls) -> Mapping[str, str]:
         """Members that the class which runs this spec must have, and what the spec says that asks for each."""
         return {}
 

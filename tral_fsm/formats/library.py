@@ -9,7 +9,6 @@ from tral_env.errors import MachineError, nearest
 from tral_fsm import formats
 from tral_fsm.definition import packaged
 from tral_fsm.definition.checks import FormatError, check
-from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.formats import FORMATS, read_file, tral_json
 from tral_fsm.formats.plain import located
@@ -66,29 +65,6 @@ def by_name(name: str) -> MachineDefinition:
     if name not in packaged.names():
         raise MachineError(f"{name[:80]!r} is no packaged machine: {nearest(name, names())}")
     return tral_json.loads(packaged.text(name), f"{name}.json")
-
-
-def needed_readings(machine: MachineDefinition) -> frozenset[str]:
-    """Readings without which a machine cannot drive as its file says: those of all its parts, inner machines included.
-
-    Args:
-        machine: a definition that can run.
-
-    Returns:
-        Names out of `tral_env.interface.CORE_FIELDS`.
-    """
-    needed: set[str] = set()
-    for state in machine.states:
-        needed |= state.readings_needed
-        inner = by_name(state.inner) if isinstance(state.inner, str) else state.inner
-        if inner is not None:
-            needed |= needed_readings(inner)
-    conditions: list[ConditionSpec] = [transition.when for transition in machine.transitions]
-    while conditions:
-        condition = conditions.pop()
-        needed |= condition.readings_needed
-        conditions += condition.parts
-    return frozenset(needed)
 
 
 def _may_be_read(path: Path) -> bool:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tral_env.errors import MachineError
 from tral_env.interface import CORE_LAYOUT
-from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.definition.machine import MachineDefinition, needed_readings
 from tral_fsm.formats import library
 from tral_fsm.runtime.driver import Driver
 from tral_fsm.runtime.machine import Trace
@@ -36,7 +36,7 @@ class MachinePolicy:
         self._trace = trace
         self._drivers: list[Driver] = []
         self.reset()
-        self.needed_readings = library.needed_readings(definition)
+        self.needed_readings = needed_readings(definition, library.by_name)
         """Names of the readings without which the machine cannot drive, see `tral_env.interface.check_readings`."""
 
     def reset(self, n: int = 1) -> None:

@@ -61,7 +61,7 @@ class Watch:
         """Watch what a machine needs.
 
         Args:
-            needed: names of readings, see `formats.library.needed_readings`.
+            needed: names of readings, see `definition.machine.needed_readings`.
         """
         self._ranges = tuple(
             (name, CORE_LAYOUT.column(f"{name}_age")) for name in sorted(needed) if name.startswith("ultrasonic_")
