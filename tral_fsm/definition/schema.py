@@ -137,6 +137,7 @@ def _property(key: str, value: dict[str, Any], defs: Mapping[str, Any]) -> dict[
     if "$ref" in value:
         value = {**defs[value.pop("$ref").rpartition("/")[2]], **value}
     unit = value.pop("unit", "")
+    value.pop("null", "")
     if unit:
         value["description"] = f"{value.get('description', '')} [{unit}]"
         value["unit"] = unit

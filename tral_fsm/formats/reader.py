@@ -200,7 +200,7 @@ class Reader:
             return spec.model_validate(known)
         except ValidationError as error:
             faults = error.errors(include_url=False)
-        together = list(spec.faults_together(known))
+        together = list(spec.cross_field_errors(known))
         for fault in faults:
             misspelt = fault["type"] == "missing" and not whole
             if not misspelt and _of_validator(fault) not in together:

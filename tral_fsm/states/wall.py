@@ -35,6 +35,7 @@ class WallSpec(DrivingSpec):
         1.5,
         "s/m",
         "steering per m/s by which e grows; null: what gives p a damping ratio of 0.707 at the car's speed",
+        null="auto",
         ge=0.0,
         le=1000.0,
     )
