@@ -6,7 +6,6 @@ from functools import cache
 from pathlib import Path
 
 from tral_env.errors import MachineError, nearest
-from tral_fsm import formats
 from tral_fsm.definition import packaged
 from tral_fsm.definition.checks import FormatError, check
 from tral_fsm.definition.machine import MachineDefinition
@@ -47,10 +46,9 @@ def load(name_or_path: str | Path) -> MachineDefinition:
     if path.suffix.lower() not in SUFFIXES and not _may_be_read(path):
         kinds = ", ".join(SUFFIXES)
         raise MachineError(f"{name[:80]!r} is no packaged machine and no file ({kinds}): {nearest(name, names())}")
-    definition = read_file(path)
+    definition, places = read_file(path)
     problems = check(definition, by_name)
     if problems:
-        places = formats.places(path)
         raise FormatError(name, [located(problem, places) for problem in problems])
     return definition
 
