@@ -20,6 +20,7 @@ from tral_fsm.definition.machine import DrivingSpec, StateSpec, steering_trim
 from tral_fsm.definition.needs import DISTANCE, NOTHING, SIDES, ultrasonic
 from tral_fsm.definition.validated import Side, quantity, required
 from tral_fsm.estimation.estimate import CarEstimate
+from tral_fsm.estimation.wall_filter import to_left
 from tral_fsm.states.base import NO_CLEARANCE, DrivingState, State
 
 _QUARTER = math.pi / 2.0
@@ -111,8 +112,7 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
     def carry_line(self, estimate: CarEstimate) -> None:
         """Keep the line where it is in the frame of dead reckoning while the car moves."""
         x, y = self.place
-        along = estimate.along
-        self.offset -= math.cos(along) * (estimate.y - y) - math.sin(along) * (estimate.x - x)
+        self.offset -= to_left(estimate.x - x, estimate.y - y, estimate.along)
         self.place = (estimate.x, estimate.y)
 
     def shift_line(self, estimate: CarEstimate) -> float:

@@ -11,7 +11,7 @@ from pydantic import Field
 from tral_env.interface import NO_ECHO_M
 from tral_env.se2 import Pose, clip
 from tral_fsm.control.command import Command
-from tral_fsm.control.laws import damping, line, pid, pid_rate, ramp, slowed
+from tral_fsm.control.laws import MIN_DAMPED_MPS, damping, line, pid, pid_rate, ramp, slowed
 from tral_fsm.definition.machine import DrivingSpec
 from tral_fsm.definition.needs import DISTANCE, NOTHING, SIDES, ultrasonic
 from tral_fsm.definition.validated import Side, quantity
@@ -109,7 +109,7 @@ class WallState(DrivingState[W]):
         spec = self.spec
         sonar = estimate.left if self.is_left else estimate.right
         if sonar.new:
-            self.take(sonar)
+            self.take_reading(sonar)
         wanted = self.wanted(estimate)
         if self.range is None:
             y = self.sign * hold_course(estimate)
@@ -131,7 +131,7 @@ class WallState(DrivingState[W]):
         """Limit of e, m."""
         if self.steepest is None:
             return self.limit
-        return min(self.limit, self.steepest * d * max(speed, 0.2) / self.spec.p)
+        return min(self.limit, self.steepest * d * max(speed, MIN_DAMPED_MPS) / self.spec.p)
 
     def accepts(self, sonar: SonarReading) -> bool:
         """Whether to use a new reading."""
@@ -141,7 +141,7 @@ class WallState(DrivingState[W]):
         """Clearance wanted now, m."""
         raise NotImplementedError
 
-    def take(self, sonar: SonarReading) -> None:
+    def take_reading(self, sonar: SonarReading) -> None:
         """Take a new reading of the followed side."""
         spec = self.spec
         if sonar.range > spec.reach:
@@ -250,7 +250,7 @@ class FollowWallRamp(WallState[FollowWallRampSpec]):
 
     def __init__(self, spec: FollowWallRampSpec) -> None:
         super().__init__(spec)
-        self.start = self.target = spec.target
+        self.start = self.end_clearance = spec.target
         """Clearance at the beginning and at the end, m."""
         self.length = spec.distance
         """Distance over which it changes, m."""
@@ -263,7 +263,7 @@ class FollowWallRamp(WallState[FollowWallRampSpec]):
         self.entry = estimate.distance
         here = spec.target if self.range is None else self.range
         self.start = here if spec.start is None else spec.start
-        self.target = spec.target
+        self.end_clearance = spec.target
         self.length = spec.distance
 
     def set_target(self, estimate: CarEstimate, target: Pose, gate: int = NO_GATE) -> None:
@@ -275,12 +275,12 @@ class FollowWallRamp(WallState[FollowWallRampSpec]):
         if self.spec.along_wall:
             cos, sin = math.cos(estimate.heading), math.sin(estimate.heading)
             x, y = cos * x - sin * y, sin * x + cos * y
-        self.target = max(self.start - self.sign * y, 0.05)
+        self.end_clearance = max(self.start - self.sign * y, 0.05)
         self.length = max(x - self.spec.before, 0.05)
 
     def unreachable(self, estimate: CarEstimate) -> str:
         """Why the clearance cannot change so fast; empty: it can."""
-        slope = abs(self.target - self.start) / self.length
+        slope = abs(self.end_clearance - self.start) / self.length
         steepest = math.tan(math.radians(self.spec.max_angle_deg or 90.0))
         return f"a slope of {slope:.2f} is needed, {steepest:.2f} at most" if slope > steepest else ""
 
@@ -288,4 +288,4 @@ class FollowWallRamp(WallState[FollowWallRampSpec]):
         """Clearance wanted now, m."""
         driven = estimate.distance - self.entry
         self.finished = driven >= self.length
-        return ramp(self.start, self.target, self.length, driven)
+        return ramp(self.start, self.end_clearance, self.length, driven)
