@@ -28,8 +28,8 @@ def schema(
         conditions: types of conditions by name.
 
     Returns:
-        Plain JSON values. Reading a file refuses all that the schema refuses, and also checks how the parts fit
-        together.
+        Plain JSON values. Reading a file refuses all that the schema refuses, but parameters of earlier versions
+        (`Spec.former`), and also checks how the parts fit together.
     """
     parts: dict[str, Any] = {"id": _ID}
     for name, state in states.items():

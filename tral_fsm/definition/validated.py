@@ -46,6 +46,9 @@ class Spec(BaseModel):
     needs: ClassVar[Mapping[str, str]] = {}
     """Parameter -> another one that it needs beside it."""
 
+    former: ClassVar[tuple[str, ...]] = ()
+    """Parameters of earlier versions: a file may give them, and they do nothing."""
+
     @classmethod
     def required_members(cls) -> Mapping[str, str]:
         """Members that the class which runs this spec must have, and what the spec says that asks for each."""

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from tral_env.errors import MachineError, nearest
 from tral_fsm.definition.checks import FormatError, Problem
@@ -37,6 +37,16 @@ class Format:
     reads: bool = True
     writes: Callable[[MachineDefinition], str] | None = None
     """Function from a definition to its text; None: the format can only be read."""
+
+
+class Content(NamedTuple):
+    """What a machine file holds."""
+
+    definition: MachineDefinition
+    places: Mapping[str, str]
+    """Places in the file as words, by JSON pointer; none for TRAL JSON."""
+    notes: tuple[str, ...]
+    """What was read and does nothing."""
 
 
 FORMATS = {
@@ -72,11 +82,10 @@ def read(content: str | bytes, source: str, suffix: str = "") -> MachineDefiniti
     Raises:
         FormatError: the content is no machine that can run; the error lists all problems.
     """
-    return _read(content, source, suffix)[0]
+    return _read(content, source, suffix).definition
 
 
-def _read(content: str | bytes, source: str, suffix: str) -> tuple[MachineDefinition, Mapping[str, str]]:
-    """A definition, and the places in its file as words, by JSON pointer; none for TRAL JSON."""
+def _read(content: str | bytes, source: str, suffix: str) -> Content:
     problems = Problems()
     plain = Plain()
     try:
@@ -89,7 +98,7 @@ def _read(content: str | bytes, source: str, suffix: str) -> tuple[MachineDefini
         raise FormatError(source, [Problem("", str(error))]) from error
     except EnoughProblemsError:
         raise FormatError(source, told(problems, plain.places)) from None
-    return definition(plain, source, problems), plain.places
+    return Content(definition(plain, source, problems), plain.places, tuple(problems.notes))
 
 
 def write(machine: MachineDefinition, name: str) -> str:
@@ -152,11 +161,8 @@ def _plain(text: str, suffix: str, problems: Problems) -> Plain:
     raise xml_tree.XMLError(f"got <{root.tag[:60]}> as the outermost element: {expected}")
 
 
-def read_file(path: Path) -> tuple[MachineDefinition, Mapping[str, str]]:
+def read_file(path: Path) -> Content:
     """Read a file in any readable format, once: it may be a pipe.
-
-    Returns:
-        The definition, and the places in the file as words, by JSON pointer; none for TRAL JSON.
 
     Raises:
         MachineError: the file cannot be opened.

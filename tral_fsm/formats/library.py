@@ -35,22 +35,27 @@ def load(name_or_path: str | Path) -> MachineDefinition:
         MachineError: there is no such machine, or the file cannot be opened.
         FormatError: the file is no machine that can run; the error lists all problems.
     """
+    return load_with_notes(name_or_path)[0]
+
+
+def load_with_notes(name_or_path: str | Path) -> tuple[MachineDefinition, tuple[str, ...]]:
+    """Read a machine as `load` does, and tell what in its file was read and does nothing."""
     name = str(name_or_path)
     if name in packaged.names():
         definition = by_name(name)
         problems = check(definition, by_name, (name,))
         if problems:
             raise FormatError(name, problems)
-        return definition
+        return definition, ()
     path = Path(name_or_path)
     if path.suffix.lower() not in SUFFIXES and not _may_be_read(path):
         kinds = ", ".join(SUFFIXES)
         raise MachineError(f"{name[:80]!r} is no packaged machine and no file ({kinds}): {nearest(name, names())}")
-    definition, places = read_file(path)
+    definition, places, notes = read_file(path)
     problems = check(definition, by_name)
     if problems:
         raise FormatError(name, [located(problem, places) for problem in problems])
-    return definition
+    return definition, notes
 
 
 @cache

@@ -36,6 +36,7 @@ class FollowCorridorSpec(DrivingSpec):
     """Keeps a line in the corridor: a clearance to the wall on `side`, at most half of the free width."""
 
     needs: ClassVar[Mapping[str, str]] = {"slow_front": "speed", "unsure_speed": "speed"}
+    former: ClassVar[tuple[str, ...]] = ("learn_trim",)
 
     type: Literal["FollowCorridor"] = "FollowCorridor"
     side: Side = Field("right", description="the wall that the clearance is to")
@@ -47,7 +48,6 @@ class FollowCorridorSpec(DrivingSpec):
     slope: float = quantity(0.15, "", "the line shifts sideways by at most this per metre driven", gt=0.0, le=1.0)
     shift: float = quantity(5.0, "m", "the line shifts towards `side` by at most this in all", gt=0.0, le=5.0)
     max_angle_deg: float = quantity(18.0, "deg", "largest angle at which the car approaches the line", gt=0.0, le=60.0)
-    learn_trim: bool = Field(True, description="kept for old files: the estimator learns the trim itself")
     unsure_speed: float | None = quantity(
         None,
         "m/s",

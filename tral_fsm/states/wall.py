@@ -27,6 +27,7 @@ class WallSpec(DrivingSpec):
     """Base of the specs of states that keep a clearance to a wall."""
 
     needs: ClassVar[Mapping[str, str]] = {"slow_front": "speed"}
+    former: ClassVar[tuple[str, ...]] = ("learn_trim",)
 
     side: Side = Field("right", description="the wall that the car follows")
     p: float = quantity(1.2, "1/m", "steering per metre of deviation e", ge=0.0, le=1000.0)
@@ -58,9 +59,6 @@ class WallSpec(DrivingSpec):
         2.5, "m", "a longer range is no wall: the car then keeps the direction of the corridor", gt=0.0, le=NO_ECHO_M
     )
     at_most_half: bool = Field(False, description="the wanted clearance is at most half of the sum of both side ranges")
-    learn_trim: float = quantity(
-        0.0, "1/(m s)", "kept for old files: the estimator learns the trim itself", ge=0.0, le=10.0
-    )
     slow_front: float | None = quantity(None, "m", "front range below which the car slows down", gt=0.0, le=5.0)
     slow_speed: float = quantity(0.3, "m/s", "speed at half of slow_front and below", ge=0.0, le=5.0)
 
