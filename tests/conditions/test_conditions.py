@@ -136,7 +136,7 @@ class TestArucoGateFound:
     def test_it_hands_the_gate_to_the_next_state(self) -> None:
         bench = self.gate()
         sees(bench, **self.SEEN)
-        assert (bench.machine.active.target, bench.machine.active.length) == pytest.approx((0.8 + 0.5, 2.0))
+        assert (bench.machine.active.end_clearance, bench.machine.active.length) == pytest.approx((0.8 + 0.5, 2.0))
 
     def test_the_position_handed_over_is_that_of_now_not_of_the_image(self) -> None:
         bench = self.gate()
