@@ -45,8 +45,9 @@ class MachinePolicy:
             self._drivers = [
                 Driver(self.definition, self._trace if row == 0 else None, checked=row > 0) for row in range(n)
             ]
-        for driver in self._drivers:
-            driver.reset()
+        else:
+            for driver in self._drivers:
+                driver.reset()
         self._driving = False
         """The cars have been driven since then."""
 
