@@ -3,7 +3,7 @@
 import json
 from typing import Any
 
-from tral_env.interface import CORE_LAYOUT
+from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT
 from tral_fsm.control.command import Command
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.estimation.estimator import Estimator
@@ -11,7 +11,6 @@ from tral_fsm.formats.tral_json import loads
 from tral_fsm.runtime.driver import Driver
 from tral_fsm.runtime.machine import Machine, Transit
 
-TICK = 0.0125
 SONARS = ("left", "front", "right")
 
 
@@ -23,7 +22,7 @@ class Feed:
 
     def row(self, **readings: float) -> list[float]:
         for name in ("gate_age", "marker_age", *(f"ultrasonic_{sonar}_age" for sonar in SONARS)):
-            self.values[name] = min(self.values[name] + TICK, 10.0)
+            self.values[name] = min(self.values[name] + CONTROL_PERIOD_S, 10.0)
         for name, value in readings.items():
             if name in SONARS:
                 self.values[f"ultrasonic_{name}"] = value

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tral_env.config import CarConfig
+from tral_env.interface import CONTROL_PERIOD_S as TICK
 from tral_env.interface import CORE_LAYOUT, NO_ECHO_M
 from tral_fsm.runtime.driver import Driver
 
@@ -17,7 +18,6 @@ SONARS = {
     "right": (CAR.middle_x, -0.1, -math.pi / 2),
 }
 BEAM, INCIDENCE = math.radians(27.5), math.radians(22.5)
-TICK = 1 / 80
 
 Point = tuple[float, float]
 

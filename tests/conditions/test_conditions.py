@@ -8,7 +8,8 @@ from readings import Bench, two_states
 
 from tral_env.errors import MachineError
 from tral_env.geometry import MARKER_BOARD_WIDTH_M, curvature, steering_play
-from tral_fsm.conditions.simple import Finished, FinishedSpec
+from tral_fsm.conditions.simple import Aligned, AlignedSpec, Finished, FinishedSpec
+from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.basic import Idle, IdleSpec
 
 
@@ -42,7 +43,7 @@ class TestFinished:
         assert [fires(bench, distance=d) for d in (0.0, 0.4, 0.5)] == [False, False, True]
 
     def test_a_state_that_cannot_finish_is_no_owner(self) -> None:
-        with pytest.raises(MachineError, match="Finished leaves Idle, which has no 'finished'"):
+        with pytest.raises(MachineError, match="Finished leaves Idle, which never finishes"):
             Finished(FinishedSpec(), Idle(IdleSpec(id=0)))
 
 
@@ -84,16 +85,18 @@ class TestTurned:
 
 class TestAligned:
     def test_it_fires_when_the_car_points_along_the_corridor(self) -> None:
-        bench = two_states({"type": "Aligned", "angle_deg": 10})
-        bench.estimator.odometry.yaw = math.radians(11)
-        assert not fires(bench)
-        bench.estimator.odometry.yaw = math.radians(-9)
-        assert fires(bench)
+        aligned = Aligned(AlignedSpec(angle_deg=10), Idle(IdleSpec(id=0)))
+        headings = [math.radians(angle) for angle in (11, -11, 9, -9)]
+        assert [aligned.triggered(CarEstimate(heading=each)) for each in headings] == [False, False, True, True]
 
     def test_corridors_meet_at_right_angles(self) -> None:
-        bench = two_states({"type": "Aligned", "angle_deg": 10})
-        bench.estimator.odometry.yaw = math.radians(80.5)
-        assert fires(bench)
+        across = {"type": "All", "of": [{"type": "Turned", "angle_deg": 45}, {"type": "Aligned", "angle_deg": 10}]}
+        bench = two_states(across, {"type": "Motor", "throttle": 0.2, "steering": 1.0})
+        driven = 0.0
+        while not fires(bench, distance=driven, speed=0.8, steering=1.0, throttle=0.2):
+            driven += 0.01
+            assert driven < 5.0
+        assert math.degrees(bench.estimate.yaw) == pytest.approx(80.0, abs=1.0)
 
 
 def sees(bench: Bench, **readings: float) -> bool:
@@ -136,7 +139,7 @@ class TestArucoGateFound:
     def test_it_hands_the_gate_to_the_next_state(self) -> None:
         bench = self.gate()
         sees(bench, **self.SEEN)
-        assert (bench.machine.active.target, bench.machine.active.length) == pytest.approx((0.8 + 0.5, 2.0))
+        assert (bench.machine.active.end_clearance, bench.machine.active.length) == pytest.approx((0.8 + 0.5, 2.0))
 
     def test_the_position_handed_over_is_that_of_now_not_of_the_image(self) -> None:
         bench = self.gate()

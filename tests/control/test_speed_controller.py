@@ -29,6 +29,11 @@ def test_a_standing_car_is_never_put_in_reverse(wanted: float, speed: float, int
     assert speed_loop.speed_control(wanted, speed, integral)[0] >= 0.0
 
 
+@given(st.floats(0, 5), st.floats(-1, 1))
+def test_a_speed_of_zero_never_drives(speed: float, integral: float) -> None:
+    assert speed_loop.speed_control(0.0, speed, integral)[0] <= 0.0
+
+
 @given(st.floats(0, 5), st.floats(0, 5), st.floats(-1, 1))
 def test_speed_control_stays_within_the_command(wanted: float, speed: float, integral: float) -> None:
     throttle, summed = speed_loop.speed_control(wanted, speed, integral)
@@ -58,6 +63,21 @@ class TestWhatACommandAsksFor:
 
     def test_a_speed_of_zero_leaves_a_standing_car_in_neutral(self) -> None:
         assert SpeedController().throttle(Command(speed=0.0), 0.0) == 0.0
+
+    def test_a_speed_of_zero_drives_no_car_on_after_a_hard_cruise(self) -> None:
+        # 400 ticks uphill at 0.6 instead of 1 m/s bring the integral to its limit
+        controller = SpeedController()
+        for _ in range(400):
+            controller.throttle(Command(speed=1.0), 0.6)
+        assert controller.throttle(Command(speed=1.0), 1.0) == pytest.approx(0.1 + 1.0 / 2.64 + 0.25)
+        assert [controller.throttle(Command(speed=0.0), v) for v in (0.3, 0.1, 0.0)] == [0.0, 0.0, 0.0]
+
+    def test_a_car_that_has_stood_at_a_speed_of_zero_starts_like_the_first_time(self) -> None:
+        controller, fresh = SpeedController(), SpeedController()
+        for _ in range(400):
+            controller.throttle(Command(speed=1.0), 0.6)
+        controller.throttle(Command(speed=0.0), 0.0)
+        assert controller.throttle(Command(speed=1.0), 0.0) == fresh.throttle(Command(speed=1.0), 0.0)
 
 
 class TestStallRelease:

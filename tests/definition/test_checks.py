@@ -9,7 +9,7 @@ import pytest
 
 from tral_fsm import FormatError, MachineDefinition, MachinePolicy, check, load_machine
 from tral_fsm.conditions.combined import AllSpec, AnySpec, NotSpec
-from tral_fsm.conditions.detections import ArucoGateFoundSpec
+from tral_fsm.conditions.gates import ArucoGateFoundSpec
 from tral_fsm.conditions.simple import AlwaysSpec, DistanceSpec, FinishedSpec
 from tral_fsm.definition import packaged
 from tral_fsm.definition.machine import TransitionSpec

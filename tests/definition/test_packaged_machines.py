@@ -1,5 +1,10 @@
 """Machines by name, and files that are none."""
 
+import json
+import os
+import threading
+from pathlib import Path
+
 import pytest
 
 from tral_env.errors import MachineError
@@ -28,6 +33,17 @@ class TestPackagedMachines:
         monkeypatch.setattr(library, "by_name", library.by_name.__wrapped__)
         with pytest.raises(FormatError, match="holds itself: wall > wall"):
             load("wall")
+
+    def test_a_pipe_is_read_once(self, tmp_path: Path) -> None:
+        held = {"root": 0, "states": [{"id": 0, "type": "FSMState", "machine": "corridor"}, {"id": 1, "type": "Stop"}],
+                "transitions": [{"id": 0, "type": "Finished", "from": 0, "to": 1}]}  # fmt: skip
+        pipe = tmp_path / "pipe.json"
+        os.mkfifo(pipe)
+        writer = threading.Thread(target=pipe.write_text, args=(json.dumps(held),), daemon=True)
+        writer.start()
+        with pytest.raises(FormatError, match="never says that it is finished"):
+            load(pipe)
+        writer.join()
 
     @pytest.mark.parametrize("name", ["x" * 5000, "x" * 5000 + ".json", "a\0b", "a\0b.json", ""])
     def test_what_can_be_no_name_of_a_file(self, name: str) -> None:

@@ -15,7 +15,7 @@ from tral_fsm import MachinePolicy
 from tral_fsm.cli import doctor
 from tral_fsm.definition import plugins
 from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
-from tral_fsm.definition.machine import STATES, StateSpec
+from tral_fsm.definition.machine import STATES, MachineDefinition, StateSpec
 from tral_fsm.formats.tral_json import loads
 from tral_fsm.states.base import State, register
 
@@ -196,6 +196,25 @@ class TestMembersThatTheSpecAsksFor:
         with pytest.raises(MachineError, match=r"GoalSpec says that it is targetable, but .*Goal has no 'set_target'"):
             register(Goal)
         assert "Goal" not in STATES
+
+    def test_a_state_that_holds_a_machine_must_have_a_method_for_it_and_a_parameter(self) -> None:
+        class LoopSpec(StateSpec):
+            holds_machine: ClassVar[bool] = True
+            type: Literal["Loop"] = "Loop"
+            machine: MachineDefinition | str
+
+        class Loop(State[LoopSpec]):
+            pass
+
+        with pytest.raises(
+            MachineError, match=r"LoopSpec says that it is holding a machine, but .*Loop has no 'hold_machine'"
+        ):
+            register(Loop)
+        with pytest.raises(MachineError, match=r"EmptySpec says holds_machine, but has no parameter 'machine'"):
+
+            class EmptySpec(StateSpec):
+                holds_machine: ClassVar[bool] = True
+                type: Literal["Empty"] = "Empty"
 
 
 def test_a_class_without_its_spec_in_brackets_is_refused() -> None:

@@ -1,6 +1,8 @@
 """Conditions in words."""
 
-from tral_fsm.conditions.combined import AllSpec, AnySpec, NotSpec
+from typing import Literal
+
+from tral_fsm.conditions.combined import AllSpec, AnySpec, CombinedSpec, NotSpec
 from tral_fsm.conditions.simple import SensorLevelSpec, TimerSpec
 from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.prose import combined, in_full, parameters
@@ -36,9 +38,17 @@ def test_a_single_part_needs_no_parentheses() -> None:
     assert combined(AllSpec(of=(WAIT,)), type_alone, inside=True) == "Timer"
 
 
-def test_a_null_that_differs_from_the_default_is_no_value_of_its_parameter() -> None:
+def test_a_combining_condition_without_words_of_its_own_is_told_by_its_type() -> None:
+    class TwoOfSpec(CombinedSpec):
+        type: Literal["TwoOf"] = "TwoOf"
+
+    two = TwoOfSpec(of=(WAIT, NEAR, AnySpec(of=(WAIT, NEAR))))
+    assert combined(two, type_alone, inside=True) == "TwoOf(Timer, SensorLevel, (Timer or SensorLevel))"
+
+
+def test_a_null_is_no_value_of_its_parameter_unless_the_spec_has_a_word_for_it() -> None:
     spec = FollowWallSpec(id=0, speed=0.5, d=None, max_error=None, max_angle_deg=None)
-    assert list(parameters(spec, always=False)) == ["speed 0.5 m/s", "no d", "no max error", "no max angle"]
+    assert list(parameters(spec, always=False)) == ["speed 0.5 m/s", "d auto", "no max error", "no max angle"]
 
 
 def test_a_null_has_no_unit() -> None:

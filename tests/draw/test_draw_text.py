@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tral_fsm.conditions.combined import AllSpec, AnySpec, NotSpec
-from tral_fsm.conditions.detections import ArucoGateFoundSpec, MarkerFoundSpec
+from tral_fsm.conditions.gates import ArucoGateFoundSpec, MarkerFoundSpec
 from tral_fsm.conditions.simple import AlwaysSpec, DistanceSpec, FinishedSpec, SensorLevelSpec, TimerSpec, TurnedSpec
 from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.machine import TransitionSpec

@@ -98,6 +98,7 @@ class TestRefused:
         ("content", "told"),
         [
             ("{" + " " * MAX_BYTES + "}", "at most 2097152 are read"),
+            ("ä" * (MAX_BYTES // 2 + 1), "got 2097154 bytes, at most 2097152 are read"),
             ("<diagram>" + "<a>" * 50_000, "XML elements nested more than 100 deep"),
             ("<diagram>" + "<a/>" * 60_000 + "</diagram>", "more than 50000 XML elements"),
             ("[" * 100_000, "nested too deeply"),
@@ -152,6 +153,16 @@ class TestOf2016:
     def test_numbers_may_stand_in_quotes(self) -> None:
         machine = self.got()
         assert (machine.root, machine.states[1].id, machine.states[1].p) == (0, 1, 12.0)  # type: ignore[attr-defined]
+
+    @pytest.mark.parametrize("text", ["1.5e3", " 1500.0 ", "+1500"])
+    def test_a_number_may_be_written_in_several_ways(self, text: str) -> None:
+        drive = {"id": "0", "type": "Motor", "throttle": "0.2", "distance": text}
+        assert self.got(states=[drive, of_2016()["states"][1]]).states[0].distance == pytest.approx(1.60)  # type: ignore[attr-defined]
+
+    @pytest.mark.parametrize("text", ["1_0", "inf", "nan", "0x10", "1 0", ""])
+    def test_what_python_alone_calls_a_number_is_none(self, text: str) -> None:
+        drive = {"id": "0", "type": "Motor", "throttle": "0.2", "distance": text}
+        assert f"got {json.dumps(text)}: expected a number" in message(json.dumps(of_2016(states=[drive])))
 
     def test_transitions_get_the_ids_that_they_lack(self) -> None:
         assert [way.id for way in self.got().transitions] == [0, 1]

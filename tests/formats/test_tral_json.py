@@ -3,6 +3,7 @@
 import json
 import pickle
 import re
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from tral_fsm import FormatError, load_machine, machine_names
 from tral_fsm.definition.conditions import CONDITIONS
 from tral_fsm.definition.machine import STATES
+from tral_fsm.formats.library import load_with_notes
 from tral_fsm.formats.tral_json import as_json, dumps, loads
 
 STOP = {"id": 1, "type": "Stop"}
@@ -211,3 +213,15 @@ def test_a_format_error_comes_whole_out_of_another_process() -> None:
         loads('{"root": 0, "states": []}', "a.json")
     again = pickle.loads(pickle.dumps(caught.value))
     assert (str(again), again.problems) == (str(caught.value), caught.value.problems)
+
+
+@pytest.mark.parametrize("value", [0.5, True, "0.1", None])
+@pytest.mark.parametrize("state", ["FollowCorridor", "FollowWall", "BasicFollowWall", "FollowWallRamp"])
+def test_a_parameter_of_an_earlier_version_is_read_and_noted(tmp_path: Path, state: str, value: object) -> None:
+    told, untold = tmp_path / "told.json", tmp_path / "untold.json"
+    drive = {"id": "drive", "type": state, "speed": 0.5, "final": True}
+    untold.write_text(json.dumps({"root": "drive", "states": [drive]}))
+    told.write_text(json.dumps({"root": "drive", "states": [{**drive, "learn_trim": value}]}))
+    machine, notes = load_with_notes(told)
+    assert (machine, ()) == load_with_notes(untold)
+    assert notes == ("/states/0/learn_trim is of an earlier version and does nothing: delete it",)

@@ -389,6 +389,18 @@ class TestJsonForm:
         assert raw["diagram"]["@program"] == "umlet"
         assert read(json.dumps(raw), "a") == expected()
 
+    def test_a_group_that_is_nested_too_deeply_is_told_not_left_out(self) -> None:
+        raw = json.loads(xml2json(diagram(TWO, ROOT, arrow(ALWAYS))))
+        group = {"element": raw["diagram"].pop("element")}
+        for _ in range(19):
+            group = {"group": group}
+        raw["diagram"]["group"] = [group, None]
+        assert read(json.dumps(raw), "a") == expected()
+        raw["diagram"]["group"] = {"group": group}
+        assert "diagram: groups nested more than 20 deep" in problems(json.dumps(raw))[0]
+        raw["diagram"]["group"] = 5
+        assert "diagram: got int as a group, expected an object" in problems(json.dumps(raw))[0]
+
     def test_a_file_appended_to_itself_says_what_happened(self) -> None:
         once = xml2json(diagram(TWO, ROOT, arrow(ALWAYS)))
         (told,) = problems(once + once)

@@ -1,14 +1,18 @@
 """How a machine ticks: the rules of docs/state_machine.md."""
 
+import json
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 from readings import Bench, two_states
 
+from tral_env.errors import MachineError
 from tral_env.interface import CORE_LAYOUT
+from tral_fsm import Driver, Machine, load_machine
 from tral_fsm.control.command import IDLE
 from tral_fsm.estimation.estimate import CarEstimate
+from tral_fsm.formats.tral_json import loads
 from tral_fsm.states.basic import Motor, Stop
 from tral_fsm.states.fsm_state import FSMState
 
@@ -176,6 +180,13 @@ class TestMachinesInMachines:
         bench.tick(distance=1.3)
         assert bench.active == "b"
         assert "behind" in bench.fired[0].why
+
+    def test_a_packaged_one_comes_from_the_loader_that_is_given(self) -> None:
+        held = {"root": 0, "states": [{"id": 0, "type": "FSMState", "machine": "wall", "final": True}]}
+        definition = loads(json.dumps(held))
+        with pytest.raises(MachineError, match=r"state 0 \(FSMState\) names the machine 'wall', and nothing loads it"):
+            Machine(definition)
+        assert Machine(definition, load=load_machine).active_path == Driver(definition).active_path
 
     def test_after_a_restart_nothing_is_left_of_the_inner_machine(self) -> None:
         bench = self.outer()

@@ -1,5 +1,7 @@
 """A machine as a policy: shapes, rows, episodes."""
 
+from typing import ClassVar
+
 import numpy as np
 import pytest
 
@@ -69,6 +71,8 @@ def test_a_wrong_shape_is_refused(shape: tuple[int, ...]) -> None:
             "ultrasonic_left = -0.5 m in row 0, allowed 0 to 6 m: .*normalized",
         ),
         (np.full((1, SIZE), np.nan), "ultrasonic_left = nan.*gives NaN"),
+        (np.array(1.0), r"shape \(\), expected"),
+        (np.zeros((0, SIZE), np.float32), r"shape \(0, "),
     ],
 )
 def test_what_is_no_observation_is_refused_and_the_error_says_what_was_likely_done(wrong: object, told: str) -> None:
@@ -98,6 +102,42 @@ def test_predict_has_the_signature_of_stable_baselines() -> None:
     action, state = policy.predict(observation(2), state=None, episode_start=np.array([True, True]), deterministic=True)
     assert action.shape == (2, 2)
     assert state is None
+
+
+class TestTheNumberOfCarsOfPredict:
+    CORNER: ClassVar[dict[str, float]] = {
+        "ultrasonic_front": 0.5, "ultrasonic_front_age": 0.0, "ultrasonic_right": 6.0, "ultrasonic_right_age": 0.0,
+    }  # fmt: skip
+
+    def turning(self) -> MachinePolicy:
+        policy = load_policy("corridor")
+        policy.predict(observation(2, **self.CORNER))
+        assert policy.active_states == ["turn right", "turn right"]
+        return policy
+
+    def test_in_the_middle_of_a_drive_another_number_is_refused_and_the_cars_drive_on(self) -> None:
+        policy = self.turning()
+        for start in (None, np.array([True, False, True])):
+            with pytest.raises(ConfigError, match=r"expected \(2, .*call reset\(n\)"):
+                policy.predict(observation(3), episode_start=start)
+        assert policy.active_states == ["turn right", "turn right"]
+
+    def test_where_every_car_begins_an_episode_the_number_may_change(self) -> None:
+        policy = self.turning()
+        action, _ = policy.predict(observation(3), episode_start=np.array([True] * 3))
+        assert action.shape == (3, 2)
+        assert policy.active_states == ["follow"] * 3
+
+    def test_after_a_reset_the_next_call_tells_the_number(self) -> None:
+        policy = self.turning()
+        policy.reset(2)
+        assert policy.predict(observation(3))[0].shape == (3, 2)
+
+    def test_what_is_no_observation_changes_nothing(self) -> None:
+        policy = load_policy("corridor")
+        with pytest.raises(ConfigError, match="an image"):
+            policy.predict(np.zeros((4, 160, 3), np.uint8))
+        assert policy.active_states == ["follow"]
 
 
 def test_episode_start_restarts_those_rows_alone() -> None:

@@ -125,7 +125,11 @@ class TestTheTarget:
         near = {"type": "SensorLevel", "sensor": "front", "below": 0.5}
         bench = self.handed(near, {"type": "ArucoGateCenter", "throttle": 0.2})
         assert bench.estimate.target_gate.id == 0
-        bench.estimator.odometry.x += 2.0
+        driven = 0.0
+        while bench.estimate.seen_from_here(bench.estimate.target_gate)[0] > -0.2:
+            driven += 0.02
+            assert driven < 5.0
+            bench.tick(distance=driven, speed=1.0, front=2.0)
         bench.tick(front=0.4)
         assert bench.active == "c"
         bench.tick()

@@ -11,14 +11,15 @@ from toy import Toy, corner, one_car, straight
 from tral_env.errors import ConfigError
 from tral_env.interface import CORE_LAYOUT, check_readings
 from tral_fsm import Driver, load_machine, load_policy, machine_names
-from tral_fsm.formats.library import needed_readings
+from tral_fsm.definition.machine import needed_readings
+from tral_fsm.formats.library import by_name
 
 SIDES = {"ultrasonic_left", "ultrasonic_right"}
 HALL = {"distance", "speed"}
 
 
 def needed_by(bench: Bench) -> set[str]:
-    return set(needed_readings(bench.driver.machine.definition))
+    return set(needed_readings(bench.driver.machine.definition, by_name))
 
 
 @pytest.mark.parametrize(

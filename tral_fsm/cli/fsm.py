@@ -58,12 +58,13 @@ def check(
 
 def _checked(file: str) -> dict[str, Any]:
     """Result for one file, as plain values."""
-    from tral_fsm import FormatError, load_machine
+    from tral_fsm import FormatError
+    from tral_fsm.formats.library import load_with_notes
     from tral_fsm.formats.umlet.writer import lost_titles
 
     entry: dict[str, Any] = {"file": file, "ok": False, "readable": True, "problems": [], "notes": []}
     try:
-        machine = load_machine(file)
+        machine, notes = load_with_notes(file)
     except FormatError as error:
         entry["problems"] = [{"pointer": p.pointer, "place": p.place, "message": p.message} for p in error.problems]
     except MachineError as error:
@@ -75,7 +76,7 @@ def _checked(file: str) -> dict[str, Any]:
             "name": machine.name,
             "states": len(machine.states),
             "transitions": len(machine.transitions),
-            "notes": lost_titles(machine),
+            "notes": [*notes, *lost_titles(machine)],
         }
     return entry
 

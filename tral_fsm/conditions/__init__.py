@@ -2,7 +2,7 @@
 
 from tral_fsm.conditions.base import Condition, register
 from tral_fsm.conditions.combined import All, AnyOf, Not
-from tral_fsm.conditions.detections import ArucoGateFound, MarkerFound
+from tral_fsm.conditions.gates import ArucoGateFound, MarkerFound
 from tral_fsm.conditions.retry_limit import RetryLimit
 from tral_fsm.conditions.simple import (
     Aligned,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, TypeVar
+from typing import Any, ClassVar, Literal, TypeVar
 
 from pydantic import Field, SerializeAsAny
 
@@ -72,6 +72,8 @@ class Combination(Condition[C]):
 class AllSpec(CombinedSpec):
     """Fires when all of its conditions hold in the same tick."""
 
+    joined: ClassVar[tuple[str, str]] = ("", " and ")
+
     type: Literal["All"] = "All"
 
     @property
@@ -106,6 +108,8 @@ class All(Combination[AllSpec]):
 
 class AnySpec(CombinedSpec):
     """Fires when one of its conditions holds."""
+
+    joined: ClassVar[tuple[str, str]] = ("", " or ")
 
     type: Literal["Any"] = "Any"
 
@@ -147,6 +151,8 @@ class AnyOf(Combination[AnySpec]):
 
 class NotSpec(CombinedSpec):
     """Fires when its one condition does not hold."""
+
+    joined: ClassVar[tuple[str, str]] = ("not ", "")
 
     type: Literal["Not"] = "Not"
     of: tuple[SerializeAsAny[ConditionSpec], ...] = Field(

@@ -63,6 +63,11 @@ class Distance(Condition[DistanceSpec]):
 
     counts = False
 
+    def __init__(self, spec: DistanceSpec, owner: State[Any]) -> None:
+        super().__init__(spec, owner)
+        self.entry = 0.0
+        """`CarEstimate.distance` at entry, m."""
+
     def on_enter(self, estimate: CarEstimate) -> None:
         """Remember where the owner began."""
         self.entry = estimate.distance
@@ -92,6 +97,11 @@ class Timer(Condition[TimerSpec]):
     """Fires after a time."""
 
     counts = False
+
+    def __init__(self, spec: TimerSpec, owner: State[Any]) -> None:
+        super().__init__(spec, owner)
+        self.entry = 0.0
+        """Time at entry, s."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
         """Remember when the owner began."""
@@ -126,6 +136,8 @@ class Turned(Condition[TurnedSpec]):
     def __init__(self, spec: TurnedSpec, owner: State[Any]) -> None:
         super().__init__(spec, owner)
         self.angle = math.radians(spec.angle_deg)
+        self.entry = 0.0
+        """`CarEstimate.yaw` at entry, rad."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
         """Remember the heading."""
@@ -188,9 +200,9 @@ class Finished(Condition[FinishedSpec]):
 
     def __init__(self, spec: FinishedSpec, owner: State[Any]) -> None:
         super().__init__(spec, owner)
-        if not isinstance(owner, Finishable):
-            raise MachineError(f"{spec.type} leaves {type(owner).__qualname__}, which has no 'finished'")
-        self.finishable: Finishable = owner
+        if not owner.spec.finishable:
+            raise MachineError(f"{spec.type} leaves {type(owner).__qualname__}, which never finishes")
+        self.finishable = cast(Finishable, owner)
 
     def triggered(self, estimate: CarEstimate) -> bool:
         """Ask the owner."""
@@ -227,6 +239,8 @@ class Unreachable(Condition[UnreachableSpec]):
     def __init__(self, spec: UnreachableSpec, owner: State[Any]) -> None:
         super().__init__(spec, owner)
         self.counts = spec.seconds > 0.0
+        self.since = math.inf
+        """Time since which the target has been out of reach, s; infinite: it is within reach."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
         """Begin: the target counts as within reach."""

@@ -70,10 +70,10 @@ class ObstacleAheadSpec(ConditionSpec):
     braking: float = quantity(1.5, "m/s^2", "deceleration of the braking car", gt=0.0, le=20.0)
     readings: int = Field(2, description="number of readings that must agree on the obstacle", ge=2, le=100)
     heard_above: float = quantity(
-        0.0, "m", "the car first heard the obstacle from farther away than this", ge=0.0, le=6.0
+        0.0, "m", "the car first heard the obstacle from farther away than this", ge=0.0, le=NO_ECHO_M
     )
     heard_below: float = quantity(
-        6.0, "m", "the car did not hear the obstacle from farther away than this", gt=0.0, le=6.0
+        NO_ECHO_M, "m", "the car did not hear the obstacle from farther away than this", gt=0.0, le=NO_ECHO_M
     )
     aside_below: float | None = quantity(
         None,
@@ -84,7 +84,7 @@ class ObstacleAheadSpec(ConditionSpec):
     )
 
     @property
-    def anything(self) -> bool:
+    def any_obstacle(self) -> bool:
         """Whether any obstacle counts, wherever it was first heard and however far aside it is."""
         return self.heard_above == 0.0 and self.heard_below >= NO_ECHO_M and self.aside_below is None
 
@@ -94,14 +94,15 @@ class ObstacleAheadSpec(ConditionSpec):
         front = ultrasonic("front")
         if self.below is None:
             return front | HALL
-        return front if self.anything else front | DISTANCE
+        return front if self.any_obstacle else front | DISTANCE
 
 
 class ObstacleAhead(Condition[ObstacleAheadSpec]):
-    """Asks the tracker of the front obstacle.
+    """Asks the tracker of the front obstacle. With L the level of the file, it fires when one of two rules holds:
 
-    An obstacle that has just appeared counts too, unless the file asks where it was first heard or how far aside it
-    is: the tracker may still follow another one.
+    - the tracked obstacle: range < L, and it is known, see `_is_known`;
+    - an obstacle that has just appeared, while the tracker may still follow another one: last_range < L and
+      streak >= readings. This rule holds only where the file accepts any obstacle.
     """
 
     counts = False
@@ -109,9 +110,9 @@ class ObstacleAhead(Condition[ObstacleAheadSpec]):
     def __init__(self, spec: ObstacleAheadSpec, owner: State[Any]) -> None:
         super().__init__(spec, owner)
         self.below = spec.below
-        self.anything = spec.anything
+        self.any_obstacle = spec.any_obstacle
 
-    def level(self, estimate: CarEstimate) -> float:
+    def _level(self, estimate: CarEstimate) -> float:
         """Range below which the condition fires, m."""
         if self.below is not None:
             return self.below
@@ -122,12 +123,12 @@ class ObstacleAhead(Condition[ObstacleAheadSpec]):
         """Whether the obstacle is near, and is one that the file asks for."""
         ahead, level = estimate.obstacle, self.below
         if level is None:
-            level = self.level(estimate)
-        if ahead.range < level and self.known(ahead):
+            level = self._level(estimate)
+        if ahead.range < level and self._is_known(ahead):
             return True
-        return self.anything and ahead.last_range < level and ahead.streak >= self.spec.readings
+        return self.any_obstacle and ahead.last_range < level and ahead.streak >= self.spec.readings
 
-    def known(self, ahead: FrontObstacle) -> bool:
+    def _is_known(self, ahead: FrontObstacle) -> bool:
         """Whether readings enough agree on the obstacle, and it was first heard and lies where the file says.
 
         How far aside it lies is told by six readings over about 25 cm. Until then it is NaN, which is below no limit.
@@ -141,7 +142,7 @@ class ObstacleAhead(Condition[ObstacleAheadSpec]):
         """How near the obstacle is, and where it was first heard."""
         ahead = estimate.obstacle
         return (
-            f"{ahead.nearest:.2f} < {self.level(estimate):.2f} m ahead, {ahead.lateral_offset:.2f} m aside, "
+            f"{ahead.nearest:.2f} < {self._level(estimate):.2f} m ahead, {ahead.lateral_offset:.2f} m aside, "
             f"heard from {ahead.first_range:.2f} m on"
         )
 
@@ -173,18 +174,18 @@ class MoreRoom(Condition[MoreRoomSpec]):
 
     def triggered(self, estimate: CarEstimate) -> bool:
         """Whether the side has more room."""
-        left, right = estimate.clearances(self.place(estimate))
+        left, right = estimate.clearances(self._distance_to_obstacle(estimate))
         here, there = (left, right) if self.is_left else (right, left)
         return here > there or (math.isnan(here) and not math.isnan(there))
 
     @staticmethod
-    def place(estimate: CarEstimate) -> float:
+    def _distance_to_obstacle(estimate: CarEstimate) -> float:
         """Distance from the side ultrasonics to the obstacle ahead, m; 0: no obstacle."""
         near = estimate.obstacle.nearest
         return FRONT_SONAR_X_M - SIDE_SONAR_X_M + near if near < math.inf else 0.0
 
     def why(self, estimate: CarEstimate) -> str:
         """Both clearances."""
-        ahead = self.place(estimate)
+        ahead = self._distance_to_obstacle(estimate)
         left, right = estimate.clearances(ahead)
         return f"left {left:.2f} m, right {right:.2f} m, {ahead:.2f} m ahead"

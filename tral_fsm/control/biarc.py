@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tral_env.se2 import Pose, clip, relative
+from tral_env.se2 import Pose, clip, relative, to_inner
 
 _MAX_TURN = 0.75 * math.pi
 """Neither arc turns by more: a car that needs more drives past and comes again."""
@@ -29,6 +29,17 @@ class Biarc(NamedTuple):
     """Length of the second, m."""
 
 
+class ArcPoint(NamedTuple):
+    """Where a point is beside an arc."""
+
+    along: float
+    """Distance along the arc, m."""
+    offset: float
+    """To its left, m."""
+    direction: float
+    """Of the arc there, rad."""
+
+
 def pose_on_arc(frame: Pose, distance: float, curvature: float = 0.0) -> Pose:
     """The pose after a distance [m] on an arc that begins at a pose."""
     turn = curvature * distance
@@ -38,12 +49,13 @@ def pose_on_arc(frame: Pose, distance: float, curvature: float = 0.0) -> Pose:
     return x + chord * math.cos(heading + half), y + chord * math.sin(heading + half), heading + turn
 
 
-def arc_coordinates(x: float, y: float, curvature: float) -> Pose:
-    """Where a point is beside an arc: distance along it [m], offset to its left [m], direction of the arc there."""
+def arc_coordinates(x: float, y: float, curvature: float) -> ArcPoint:
+    """Where a point is beside an arc."""
     if abs(curvature) < 1e-9:
-        return x, y, 0.0
+        return ArcPoint(x, y, 0.0)
     turn = math.atan2(curvature * x, 1.0 - curvature * y)
-    return turn / curvature, (1.0 - math.hypot(curvature * x, 1.0 - curvature * y)) / curvature, turn
+    offset = (1.0 - math.hypot(curvature * x, 1.0 - curvature * y)) / curvature
+    return ArcPoint(turn / curvature, offset, turn)
 
 
 def biarc(x: float, y: float, heading: float) -> Biarc | None:
@@ -72,9 +84,9 @@ def _through(curvature: float, end: Pose, sin: float, cos: float) -> Biarc | Non
         middle = (end[0] / 2.0, end[1] / 2.0)
     else:
         middle = ((end[0] + sin / curvature) / 2.0, (end[1] + (1.0 - cos) / curvature) / 2.0)
-    first = arc_coordinates(*middle, curvature)[0]
+    first = arc_coordinates(*middle, curvature).along
     turning = pose_on_arc((0.0, 0.0, 0.0), first, curvature)
-    second = arc_coordinates(*relative(turning, end)[:2], -curvature)[0]
+    second = arc_coordinates(*relative(turning, end)[:2], -curvature).along
     if min(first, second) < -_TOLERANCE_M or max(first, second) * abs(curvature) > _MAX_TURN:
         return None
     x, y, _ = pose_on_arc(turning, second, -curvature)
@@ -95,8 +107,8 @@ def out_of_reach(pose: Pose, radius: float, aside: float) -> str:
     """
     x, y, heading = pose
     cos, sin = math.cos(heading), math.sin(heading)
-    ahead = cos * x + sin * y
-    offset = sin * x - cos * y
+    passed, offset = to_inner(pose, 0.0, 0.0)
+    ahead = -passed
     if ahead < -aside:
         return f"the target is {-ahead:.2f} m behind"
     if abs(heading) <= _MAX_ANGLE and abs(offset - ahead * math.tan(heading)) <= aside:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeGuard
 
 from tral_fsm.estimation.detections import Detection
 
@@ -33,3 +33,18 @@ class Command(NamedTuple):
 
 
 IDLE = Command()
+
+
+def is_command(answer: object) -> TypeGuard[Command]:
+    """Whether an answer is a command whose numbers are finite; a wanted clearance may be NaN, which is none."""
+    if not isinstance(answer, Command):
+        return False
+    steering, speed, throttle, steering_trim, side, clearance, target = answer
+    try:
+        if not math.isfinite((steering or 0.0) + (speed or 0.0) + (throttle or 0.0) + (steering_trim or 0.0)):
+            return False
+        if math.isinf(side) or math.isinf(clearance):
+            return False
+        return target is None or math.isfinite(target.x + target.y + target.heading)
+    except (AttributeError, TypeError, ValueError):  # texts, arrays, something else than a detection
+        return False

@@ -15,6 +15,8 @@ PID_S = 0.0125
 """Time of a tick in the controllers of 2016, s."""
 PID_INVS = 80.0
 """1 / PID_S, Hz."""
+MIN_DAMPED_MPS = 0.2
+"""A slower car is damped as at this speed, m/s: the gain goes with 1 / v. Source: choice."""
 
 
 def pid(p: float, i: float, d: float, error: float, error_sum: float, error_old: float) -> float:
@@ -52,8 +54,8 @@ def pid_rate(p: float, i: float, d: float, error: float, error_sum: float, rate:
 
 
 def damping(p: float, speed: float) -> float:
-    """Gain d [s/m] of `lqr_damping` at a speed [m/s], below 0.2 m/s that of 0.2 m/s."""
-    return lqr_damping(p, max(speed, 0.2))
+    """Gain d [s/m] of `lqr_damping` at a speed [m/s], at least that of `MIN_DAMPED_MPS`."""
+    return lqr_damping(p, max(speed, MIN_DAMPED_MPS))
 
 
 def lqr_damping(p: float, speed: float, wheelbase: float = WHEELBASE_M, lock: float = FULL_LOCK) -> float:

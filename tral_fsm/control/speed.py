@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 from tral_env.geometry import STANDING_MPS
+from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.se2 import clip
 from tral_fsm.control.command import Command
-from tral_fsm.control.laws import PID_S
 
+# A car stands, moves, rolls or can be braked: four questions to the hall sensor, whose slowest reading is 0.1 m/s.
+# `tral_env.geometry.STANDING_MPS`, 0.05, is the first: below it the car stands.
+MOVING_MPS = 0.08
+"""A car that reads less, and counts no way, does not move. Source: ArduPilot Rover, CRASH_CHECK_VEL_MIN."""
+ROLLING_MPS = 0.1
+"""A faster car counts as rolling, m/s. Source: choice, near the slowest speed that the hall sensor can read."""
+MIN_BRAKING_MPS = 0.15
+"""A slower car is not braked by the regulator, m/s: at standstill that would be reverse gear. Source: choice, one and a
+half times the hall sensor's slowest reading."""
 THROTTLE_DEAD = 0.1
 """Throttle at which the car begins to roll. Source: line through the level/speed table of the same cars."""
+BRAKE = 0.3
+"""Throttle against the direction of travel with which a car stops. Source: choice."""
+
 SPEED_PER_THROTTLE = 2.64
 """m/s for a unit of throttle above that. Source: as above."""
 SPEED_P = 0.15
@@ -17,9 +29,6 @@ SPEED_I = 0.25
 """Throttle a second for a speed error of 1 m/s, which weight and battery cause. Source: choice."""
 SPEED_I_LIMIT = 0.25
 """The integral adds at most this much throttle. Source: choice."""
-_MIN_BRAKING_MPS = 0.15
-"""A slower car is not braked by the regulator, m/s: at standstill that would be reverse gear. Source: choice, one and a
-half times the hall sensor's slowest reading."""
 STALL_TICKS = 80
 """A car that stands for so long although it should drive gets neutral. Source: choice."""
 NEUTRAL_TICKS = 16
@@ -40,13 +49,18 @@ def speed_control(wanted: float, speed: float, integral: float) -> tuple[float, 
         integral: of the tick before, throttle.
 
     Returns:
-        Throttle in [-1, 1] and the new integral. A standing car is never given negative throttle: that would be
-        reverse gear.
+        Throttle in [-1, 1] and the new integral. A standing car is never given negative throttle, which would be
+        reverse gear. At a wanted speed of 0 the car is never given positive throttle, and once it stands, what was
+        summed up is forgotten.
     """
     error = wanted - speed
-    integral = clip(integral + SPEED_I * error * PID_S, SPEED_I_LIMIT)
+    integral = clip(integral + SPEED_I * error * CONTROL_PERIOD_S, SPEED_I_LIMIT)
     throttle = clip(feed_forward(wanted) + SPEED_P * error + integral)
-    return (max(throttle, 0.0) if speed < _MIN_BRAKING_MPS else throttle), integral
+    if speed < MIN_BRAKING_MPS:
+        throttle = max(throttle, 0.0)
+    if wanted > 0.0:
+        return throttle, integral
+    return min(throttle, 0.0), 0.0 if speed < STANDING_MPS else integral
 
 
 class SpeedController:

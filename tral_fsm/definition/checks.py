@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import cast
@@ -10,7 +10,7 @@ from typing import cast
 from tral_env.errors import MachineError, nearest, problem_report
 from tral_fsm.definition import packaged
 from tral_fsm.definition.conditions import ConditionSpec
-from tral_fsm.definition.machine import STATES, MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition.machine import STATES, Load, MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.definition.validated import Id
 
 
@@ -42,10 +42,6 @@ class FormatError(MachineError):
         return FormatError, (self.source, self.problems)
 
 
-Load = Callable[[str], MachineDefinition]
-"""Gives the packaged machine of a name, without looking into it."""
-
-
 def check(machine: MachineDefinition, load: Load | None = None, around: tuple[str, ...] = ()) -> list[Problem]:
     """All faults in how the parts of a machine fit together, also in the machines inside it.
 
@@ -60,13 +56,13 @@ def check(machine: MachineDefinition, load: Load | None = None, around: tuple[st
     states: list[StateSpec] = []
     inside: list[Problem] = []
     for index, state in enumerate(machine.states):
-        held, found = _held(state.inner, load, around)
+        held, found = _inner_problems(state.inner, load, around)
         states.append(state if held is None else state.model_copy(update={"machine": held}))
         inside += [replace(p, pointer=f"/states/{index}/machine{p.pointer}") for p in found]
     return [*check_level(machine.root, states, machine.transitions), *inside]
 
 
-def _held(
+def _inner_problems(
     inner: MachineDefinition | str | None, load: Load | None, around: tuple[str, ...]
 ) -> tuple[MachineDefinition | None, list[Problem]]:
     """The machine behind the name that a state gives, None without one, and the problems of the machine it holds.
@@ -102,7 +98,7 @@ def check_level(
         yield problem
     yield from _conditions(level)
     yield from _shadowed(level)
-    if level.whole and not broken:
+    if level.complete and not broken:
         yield from _reachable(level)
         yield from _exits(level)
         yield from _cycles(level)
@@ -126,7 +122,7 @@ class _Level:
         known = all(state.type for _, state in self.states) and all(
             transition.when.type for _, transition in self.transitions
         )
-        self.whole = root is not None and self.all_states and None not in transitions and known
+        self.complete = root is not None and self.all_states and None not in transitions and known
 
 
 def _ids(level: _Level) -> Iterator[Problem]:
@@ -191,17 +187,17 @@ def _exits(level: _Level) -> Iterator[Problem]:
 
 
 def _with_parts(
-    condition: ConditionSpec, pointer: str, handed: bool = True
+    condition: ConditionSpec, pointer: str, hands_over: bool = True
 ) -> Iterator[tuple[ConditionSpec, str, bool]]:
     """A condition and all conditions that it combines.
 
     Yields:
         A condition, its JSON pointer, and whether it hands a gate to the next state itself.
     """
-    handed = handed and condition.hands_over
-    yield condition, pointer, handed and not condition.parts
+    hands_over = hands_over and condition.hands_over
+    yield condition, pointer, hands_over and not condition.parts
     for index, part in enumerate(condition.parts):
-        yield from _with_parts(part, f"{pointer}/of/{index}", handed)
+        yield from _with_parts(part, f"{pointer}/of/{index}", hands_over)
 
 
 def _conditions(level: _Level) -> Iterator[Problem]:
@@ -210,7 +206,7 @@ def _conditions(level: _Level) -> Iterator[Problem]:
         owner, target = level.by_id.get(transition.source), level.by_id.get(transition.target)
         for condition, pointer, hands_over in _with_parts(transition.when, f"/transitions/{index}"):
             if owner is not None and owner.type:
-                yield from _of_owner(condition, owner, f"{pointer}/type")
+                yield from _owner_problems(condition, owner, f"{pointer}/type")
             if hands_over and target is not None and target.type and not target.takes_target:
                 yield Problem(
                     f"{pointer}/type",
@@ -219,7 +215,7 @@ def _conditions(level: _Level) -> Iterator[Problem]:
                 )
 
 
-def _of_owner(condition: ConditionSpec, owner: StateSpec, pointer: str) -> Iterator[Problem]:
+def _owner_problems(condition: ConditionSpec, owner: StateSpec, pointer: str) -> Iterator[Problem]:
     """The state that a transition leaves can answer what the condition asks it."""
     leaving = f"leaves state {owner.id!r} ({owner.type}), which"
     if condition.asks_owner_finished and not owner.finishable:

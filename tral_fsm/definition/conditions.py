@@ -21,6 +21,9 @@ class ConditionSpec(Spec):
     asks_owner_target: ClassVar[bool] = False
     """The state that the transition leaves must take a target."""
 
+    joined: ClassVar[tuple[str, str] | None] = None
+    """Words before the parts of a condition that combines others, and between them; None: its type and parentheses."""
+
     type: str
 
     @property

@@ -6,11 +6,12 @@ runs it; `STATES` lists them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 from pydantic import Field, SerializeAsAny
 
+from tral_env.errors import MachineError
 from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.needs import HALL, NOTHING
 from tral_fsm.definition.registry import Registry
@@ -23,7 +24,7 @@ class StateSpec(Spec):
     targetable: ClassVar[bool] = False
     """The state takes a target point at run time."""
     holds_machine: ClassVar[bool] = False
-    """The member `machine` is a machine, or the name of a packaged one."""
+    """The member `machine` is a machine, or the name of a packaged one; the engine gives it to the state at work."""
     never_finishes_hint: ClassVar[str] = ""
     """Why the state never finishes. An error says it where a transition waits for the end of the state."""
 
@@ -43,10 +44,20 @@ class StateSpec(Spec):
         return cls.targetable or cls.takes_target is not StateSpec.takes_target
 
     @classmethod
-    def asked_of_runtime(cls) -> Mapping[str, str]:
-        """`finished` of a state that can finish, `set_target` of one that takes a target."""
-        asked = {"finished": "finishable"} if cls.can_finish() else {}
-        return asked | ({"set_target": "targetable"} if cls.can_take_target() else {})
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        super().__pydantic_init_subclass__(**kwargs)
+        if cls.holds_machine and "machine" not in cls.model_fields:
+            raise MachineError(
+                f"{cls.__qualname__} says holds_machine, but has no parameter 'machine': "
+                "write machine: MachineDefinition | str into it"
+            )
+
+    @classmethod
+    def required_members(cls) -> Mapping[str, str]:
+        """`finished` to finish, `set_target` to take a target, `hold_machine` to hold a machine."""
+        members = {"finished": "finishable"} if cls.can_finish() else {}
+        members |= {"set_target": "targetable"} if cls.can_take_target() else {}
+        return members | ({"hold_machine": "holding a machine"} if cls.holds_machine else {})
 
     @property
     def finishable(self) -> bool:
@@ -66,7 +77,8 @@ class StateSpec(Spec):
     @property
     def inner(self) -> MachineDefinition | str | None:
         """The machine that the state holds, or the name of a packaged one; None: the state holds none."""
-        return None
+        machine: MachineDefinition | str | None = getattr(self, "machine") if self.holds_machine else None  # noqa: B009
+        return machine
 
     @property
     def readings_needed(self) -> frozenset[str]:
@@ -121,3 +133,30 @@ class MachineDefinition(Spec):
 
 STATES = Registry(StateSpec)
 """Every known type of state. Importing `tral_fsm` adds those of the package, `states.register` any other."""
+
+Load = Callable[[str], MachineDefinition]
+"""Gives the packaged machine of a name, without looking into it."""
+
+
+def needed_readings(machine: MachineDefinition, load: Load) -> frozenset[str]:
+    """Readings without which a machine cannot drive as its file says: those of all its parts, inner machines included.
+
+    Args:
+        machine: a definition that can run.
+        load: for the packaged machines that the machine names.
+
+    Returns:
+        Names out of `tral_env.interface.CORE_FIELDS`.
+    """
+    needed: set[str] = set()
+    for state in machine.states:
+        needed |= state.readings_needed
+        inner = load(state.inner) if isinstance(state.inner, str) else state.inner
+        if inner is not None:
+            needed |= needed_readings(inner, load)
+    conditions: list[ConditionSpec] = [transition.when for transition in machine.transitions]
+    while conditions:
+        condition = conditions.pop()
+        needed |= condition.readings_needed
+        conditions += condition.parts
+    return frozenset(needed)

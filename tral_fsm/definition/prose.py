@@ -11,13 +11,11 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from tral_fsm.definition.conditions import ConditionSpec
-from tral_fsm.definition.validated import Spec, unit_of
+from tral_fsm.definition.validated import Spec, null_of, unit_of
 
 _NO_PARAMETER = ("type", "id", "label", "final", "machine")
 _SIGNS = (("above", ">"), ("below", "<"), ("max", "≤"))
 """Part of a parameter's name -> the sign that says it in the short wording."""
-_COMBINING = {"All": ("", " and "), "Any": ("", " or "), "Not": ("not ", "")}
-"""Type of a condition that combines others -> what stands before its parts, and between them."""
 
 
 def combined(condition: ConditionSpec, wording: Callable[[ConditionSpec], str], inside: bool = False) -> str:
@@ -25,13 +23,15 @@ def combined(condition: ConditionSpec, wording: Callable[[ConditionSpec], str], 
 
     Args:
         condition: what is put into words.
-        wording: gives the words of a condition other than All, Any and Not.
+        wording: gives the words of a condition that combines no others.
         inside: the words stand among others, so that several parts need parentheses.
     """
-    if condition.type not in _COMBINING:
+    if not condition.parts:
         return wording(condition)
-    before, between = _COMBINING[condition.type]
     parts = [combined(part, wording, inside=True) for part in condition.parts]
+    if condition.joined is None:
+        return f"{condition.type}({', '.join(parts)})"
+    before, between = condition.joined
     text = before + between.join(parts)
     return f"({text})" if inside and len(parts) > 1 else text
 
@@ -63,6 +63,10 @@ def parameters(part: Spec, always: bool) -> Iterator[str]:
         if value == field.default and not (always and isinstance(value, str)):
             continue
         alone = always and value is not None and (isinstance(value, str) or len(fields) == 1)
+        word = null_of(type(part), name)
+        if value is None and word:
+            yield f"{_spaced(name)} {word}"
+            continue
         yield _parameter("" if alone else name, value, unit_of(type(part), name))
 
 

@@ -96,7 +96,7 @@ class Registry(Mapping[str, type[T]]):
                 f"{spec.__module__}.{spec.__qualname__} calls itself {name!r}, which {taken.__module__}."
                 f"{taken.__qualname__} does already: choose another type"
             )
-        for member, word in spec.asked_of_runtime().items():
+        for member, word in spec.required_members().items():
             if not hasattr(runtime, member):
                 raise MachineError(
                     f"{spec.__qualname__} says that it is {word}, but {runtime.__qualname__} has no {member!r}: "

@@ -28,8 +28,8 @@ def schema(
         conditions: types of conditions by name.
 
     Returns:
-        Plain JSON values. Reading a file refuses all that the schema refuses, and also checks how the parts fit
-        together.
+        Plain JSON values. Reading a file refuses all that the schema refuses, but parameters of earlier versions
+        (`Spec.former`), and also checks how the parts fit together.
     """
     parts: dict[str, Any] = {"id": _ID}
     for name, state in states.items():
@@ -137,6 +137,7 @@ def _property(key: str, value: dict[str, Any], defs: Mapping[str, Any]) -> dict[
     if "$ref" in value:
         value = {**defs[value.pop("$ref").rpartition("/")[2]], **value}
     unit = value.pop("unit", "")
+    value.pop("null", "")
     if unit:
         value["description"] = f"{value.get('description', '')} [{unit}]"
         value["unit"] = unit

@@ -17,9 +17,18 @@ Side = Literal["left", "right"]
 SonarName = Literal["left", "front", "right"]
 
 
-def quantity(default: float | None, unit: str, description: str, **limits: Any) -> Any:
-    """A parameter with a default, a unit, a meaning and limits (`ge`, `gt`, `le`, `lt`)."""
-    return Field(default, description=description, json_schema_extra={"unit": unit}, **limits)
+def quantity(default: float | None, unit: str, description: str, *, null: str = "", **limits: Any) -> Any:
+    """A parameter with a default, a unit, a meaning and limits (`ge`, `gt`, `le`, `lt`).
+
+    Args:
+        default: value without one in the file.
+        unit: empty: none.
+        description: meaning, for the schema and the errors.
+        null: word for null in pictures; empty: "no" and the name of the parameter.
+        limits: as pydantic names them.
+    """
+    extra: dict[str, Any] = {"unit": unit, **({"null": null} if null else {})}
+    return Field(default, description=description, json_schema_extra=extra, **limits)
 
 
 def required(unit: str, description: str, **limits: Any) -> Any:
@@ -37,19 +46,22 @@ class Spec(BaseModel):
     needs: ClassVar[Mapping[str, str]] = {}
     """Parameter -> another one that it needs beside it."""
 
+    former: ClassVar[tuple[str, ...]] = ()
+    """Parameters of earlier versions: a file may give them, and they do nothing."""
+
     @classmethod
-    def asked_of_runtime(cls) -> Mapping[str, str]:
+    def required_members(cls) -> Mapping[str, str]:
         """Members that the class which runs this spec must have, and what the spec says that asks for each."""
         return {}
 
     @model_validator(mode="after")
-    def _together(self) -> Self:
-        for fault in self.faults_together({name: getattr(self, name) for name in type(self).model_fields}):
-            raise ValueError(fault)
+    def _check_together(self) -> Self:
+        for error in self.cross_field_errors({name: getattr(self, name) for name in type(self).model_fields}):
+            raise ValueError(error)
         return self
 
     @classmethod
-    def faults_together(cls, values: Mapping[str, Any]) -> Iterator[str]:
+    def cross_field_errors(cls, values: Mapping[str, Any]) -> Iterator[str]:
         """What is wrong with the parameters together, although each alone may be right.
 
         Args:
@@ -71,8 +83,17 @@ class Spec(BaseModel):
 
 def unit_of(spec: type[Spec], name: str) -> str:
     """Unit of a parameter; empty: none."""
+    return _extra(spec, name, "unit")
+
+
+def null_of(spec: type[Spec], name: str) -> str:
+    """Word for null of a parameter; empty: null means that there is none."""
+    return _extra(spec, name, "null")
+
+
+def _extra(spec: type[Spec], name: str, key: str) -> str:
     extra = spec.model_fields[name].json_schema_extra
-    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+    return str(extra.get(key, "")) if isinstance(extra, dict) else ""
 
 
 def type_name(spec: type[Spec]) -> str:

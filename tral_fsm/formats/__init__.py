@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from tral_env.errors import MachineError, nearest
 from tral_fsm.definition.checks import FormatError, Problem
@@ -37,6 +37,16 @@ class Format:
     reads: bool = True
     writes: Callable[[MachineDefinition], str] | None = None
     """Function from a definition to its text; None: the format can only be read."""
+
+
+class Content(NamedTuple):
+    """What a machine file holds."""
+
+    definition: MachineDefinition
+    places: Mapping[str, str]
+    """Places in the file as words, by JSON pointer; none for TRAL JSON."""
+    notes: tuple[str, ...]
+    """What was read and does nothing."""
 
 
 FORMATS = {
@@ -72,18 +82,23 @@ def read(content: str | bytes, source: str, suffix: str = "") -> MachineDefiniti
     Raises:
         FormatError: the content is no machine that can run; the error lists all problems.
     """
+    return _read(content, source, suffix).definition
+
+
+def _read(content: str | bytes, source: str, suffix: str) -> Content:
     problems = Problems()
     plain = Plain()
     try:
         text = content if isinstance(content, str) else _decoded(content)
-        if len(content) > MAX_BYTES:
-            raise xml_tree.XMLError(f"got {len(content)} bytes, at most {MAX_BYTES} are read")
+        size = len(content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content)
+        if size > MAX_BYTES:
+            raise xml_tree.XMLError(f"got {size} bytes, at most {MAX_BYTES} are read")
         plain = _plain(text, suffix, problems)
     except MachineError as error:
         raise FormatError(source, [Problem("", str(error))]) from error
     except EnoughProblemsError:
         raise FormatError(source, told(problems, plain.places)) from None
-    return definition(plain, source, problems)
+    return Content(definition(plain, source, problems), plain.places, tuple(problems.notes))
 
 
 def write(machine: MachineDefinition, name: str) -> str:
@@ -146,23 +161,14 @@ def _plain(text: str, suffix: str, problems: Problems) -> Plain:
     raise xml_tree.XMLError(f"got <{root.tag[:60]}> as the outermost element: {expected}")
 
 
-def places(path: Path) -> Mapping[str, str]:
-    """Places in a readable file as words, by JSON pointer; empty for TRAL JSON.
-
-    Raises:
-        MachineError: the file cannot be opened.
-    """
-    return _plain(_decoded(_content(path)), path.suffix, Problems()).places
-
-
-def read_file(path: Path) -> MachineDefinition:
-    """Read a file in any readable format.
+def read_file(path: Path) -> Content:
+    """Read a file in any readable format, once: it may be a pipe.
 
     Raises:
         MachineError: the file cannot be opened.
         FormatError: the file is no machine that can run.
     """
-    return read(_content(path), str(path), path.suffix)
+    return _read(_content(path), str(path), path.suffix)
 
 
 def _content(path: Path) -> bytes:

@@ -6,10 +6,8 @@ from functools import cache
 from pathlib import Path
 
 from tral_env.errors import MachineError, nearest
-from tral_fsm import formats
 from tral_fsm.definition import packaged
 from tral_fsm.definition.checks import FormatError, check
-from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.formats import FORMATS, read_file, tral_json
 from tral_fsm.formats.plain import located
@@ -37,23 +35,27 @@ def load(name_or_path: str | Path) -> MachineDefinition:
         MachineError: there is no such machine, or the file cannot be opened.
         FormatError: the file is no machine that can run; the error lists all problems.
     """
+    return load_with_notes(name_or_path)[0]
+
+
+def load_with_notes(name_or_path: str | Path) -> tuple[MachineDefinition, tuple[str, ...]]:
+    """Read a machine as `load` does, and tell what in its file was read and does nothing."""
     name = str(name_or_path)
     if name in packaged.names():
         definition = by_name(name)
         problems = check(definition, by_name, (name,))
         if problems:
             raise FormatError(name, problems)
-        return definition
+        return definition, ()
     path = Path(name_or_path)
     if path.suffix.lower() not in SUFFIXES and not _may_be_read(path):
         kinds = ", ".join(SUFFIXES)
         raise MachineError(f"{name[:80]!r} is no packaged machine and no file ({kinds}): {nearest(name, names())}")
-    definition = read_file(path)
+    definition, places, notes = read_file(path)
     problems = check(definition, by_name)
     if problems:
-        places = formats.places(path)
         raise FormatError(name, [located(problem, places) for problem in problems])
-    return definition
+    return definition, notes
 
 
 @cache
@@ -66,29 +68,6 @@ def by_name(name: str) -> MachineDefinition:
     if name not in packaged.names():
         raise MachineError(f"{name[:80]!r} is no packaged machine: {nearest(name, names())}")
     return tral_json.loads(packaged.text(name), f"{name}.json")
-
-
-def needed_readings(machine: MachineDefinition) -> frozenset[str]:
-    """Readings without which a machine cannot drive as its file says: those of all its parts, inner machines included.
-
-    Args:
-        machine: a definition that can run.
-
-    Returns:
-        Names out of `tral_env.interface.CORE_FIELDS`.
-    """
-    needed: set[str] = set()
-    for state in machine.states:
-        needed |= state.readings_needed
-        inner = by_name(state.inner) if isinstance(state.inner, str) else state.inner
-        if inner is not None:
-            needed |= needed_readings(inner)
-    conditions: list[ConditionSpec] = [transition.when for transition in machine.transitions]
-    while conditions:
-        condition = conditions.pop()
-        needed |= condition.readings_needed
-        conditions += condition.parts
-    return frozenset(needed)
 
 
 def _may_be_read(path: Path) -> bool:

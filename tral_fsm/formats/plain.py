@@ -28,6 +28,8 @@ class Problems:
     """Problems of a file, up to `MAX_PROBLEMS`."""
 
     found: list[Problem] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    """What is read and does nothing; no problem."""
     plain_chart: str = ""
     """What helps first with a chart in which no state has a type, such as one that another program drew."""
 

@@ -105,7 +105,7 @@ class Reader:
         spec = self._spec(raw, STATES, "state", pointer, depth)
         if spec is None:
             return None
-        members = dict(raw)
+        members = self._without_former(raw, spec, pointer)
         if spec.holds_machine:
             inner = members.get("machine")
             if isinstance(inner, Mapping):
@@ -131,7 +131,7 @@ class Reader:
         spec = self._spec(raw, CONDITIONS, "transition", pointer, depth, also)
         if spec is None:
             return None
-        members = dict(raw)
+        members = self._without_former(raw, spec, pointer)
         if "of" in spec.model_fields and isinstance(raw.get("of"), list):
             found = [self.condition(part, at, depth + 1) for at, part in self._array(raw, "of", pointer)]
             members["of"] = tuple(part or ConditionSpec(type="") for part in found)
@@ -185,11 +185,19 @@ class Reader:
         """Report keys that the class does not know, and required keys that are missing."""
         allowed = [*also, *(field.alias or name for name, field in spec.model_fields.items())]
         for key in raw:
-            if key not in allowed:
+            if key not in allowed and key not in spec.former:
                 self.complain(f"{pointer}/{_escape(key)}", f"unknown key {_cut(repr(key))}: {nearest(key, allowed)}")
         for key in required:
             if key not in raw:
                 self.complain(pointer, f"the key {key!r} is missing")
+
+    def _without_former(self, raw: dict[str, Any], spec: type[Spec], pointer: str) -> dict[str, Any]:
+        """The members of a part that still mean something; of the others there is a note."""
+        former = [key for key in raw if key in spec.former]
+        self.problems.notes += [
+            f"{pointer}/{key} is of an earlier version and does nothing: delete it" for key in former
+        ]
+        return {key: value for key, value in raw.items() if key not in former}
 
     def _build(self, spec: type[M], members: dict[str, Any], pointer: str) -> M | None:
         """An object of a class, or None and its problems; unknown keys were reported before."""
@@ -200,7 +208,7 @@ class Reader:
             return spec.model_validate(known)
         except ValidationError as error:
             faults = error.errors(include_url=False)
-        together = list(spec.faults_together(known))
+        together = list(spec.cross_field_errors(known))
         for fault in faults:
             misspelt = fault["type"] == "missing" and not whole
             if not misspelt and _of_validator(fault) not in together:

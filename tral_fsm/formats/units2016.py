@@ -6,7 +6,6 @@ knows metres alone.
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import re
 from collections.abc import Mapping
@@ -28,6 +27,8 @@ NAMES = {"WandFolgen": "BasicFollowWall"}
 """Name of a type in 2016 -> its name now."""
 
 _INTEGER = re.compile(r"-?\d{1,18}", re.ASCII)
+_NUMBER = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?\s*", re.ASCII)
+"""A decimal number. Python's `float` would also take 1_0, inf and nan."""
 _MAX_DEPTH = 40
 """Deepest nesting that is converted; the reader refuses deeper parts."""
 
@@ -89,8 +90,10 @@ def _number(spec: type[Spec], key: str, value: Any) -> Any:
     if field is None or key in ("id", "label"):
         return value
     if isinstance(value, str) and _holds_number(field.annotation):
-        with contextlib.suppress(ValueError):
-            value = int(value) if _INTEGER.fullmatch(value) else float(value)
+        if _INTEGER.fullmatch(value):
+            value = int(value)
+        elif _NUMBER.fullmatch(value):
+            value = float(value)
     in_hall = IN_HALL_UNITS.get(str(spec.model_fields["type"].default)) == key
     return value / HALL_UNITS if in_hall and type(value) in (int, float) else value
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from tral_env.se2 import clip
 from tral_fsm.control.command import IDLE, Command
 from tral_fsm.control.speed import SpeedController
-from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.definition.machine import Load, MachineDefinition, needed_readings
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.estimation.estimator import Estimator
 from tral_fsm.formats import library
@@ -19,19 +19,28 @@ from tral_fsm.runtime.watch import Watch
 class Driver:
     """A machine that drives one car."""
 
-    def __init__(self, definition: MachineDefinition, trace: Trace | None = None, *, checked: bool = False) -> None:
+    def __init__(
+        self,
+        definition: MachineDefinition,
+        trace: Trace | None = None,
+        *,
+        load: Load | None = None,
+        checked: bool = False,
+    ) -> None:
         """Build the machine.
 
         Args:
             definition: the machine.
             trace: called for each transition that fires.
+            load: for the packaged machines that the machine names; None: those of this package.
             checked: the definition has been checked already.
 
         Raises:
             FormatError: the definition cannot run.
         """
-        self.machine = Machine(definition, trace, checked=checked)
-        self.watch = Watch(library.needed_readings(definition))
+        load = load or library.by_name
+        self.machine = Machine(definition, trace, load=load, checked=checked)
+        self.watch = Watch(needed_readings(definition, load))
         self.reset()
 
     def reset(self) -> None:
@@ -43,7 +52,7 @@ class Driver:
         self.estimate = CarEstimate()
         """What the machine was given last."""
         self.command = IDLE
-        """What the machine answered last; after the watch has stopped the car, what it answered."""
+        """What the car was told last: the machine's answer, or that of the watch since it stopped the car."""
         self._throttle = 0.0
         self._direction = 1.0
 

@@ -7,21 +7,18 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from math import isfinite
-from typing import Any
+from typing import Any, cast
 
-from tral_env.errors import MachineRunError, reason
+from tral_env.errors import MachineError, MachineRunError, reason
 from tral_fsm.conditions.base import Condition, build
-from tral_fsm.control.command import Command
+from tral_fsm.control.command import Command, is_command
 from tral_fsm.definition.checks import FormatError, check
 from tral_fsm.definition.conditions import CONDITIONS
-from tral_fsm.definition.machine import STATES, MachineDefinition, StateSpec, TransitionSpec
+from tral_fsm.definition.machine import STATES, Load, MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.definition.validated import Id
 from tral_fsm.estimation.detections import Detection
 from tral_fsm.estimation.estimate import CarEstimate
-from tral_fsm.formats import library
-from tral_fsm.states.base import State, Targetable
-from tral_fsm.states.fsm_state import FSMState
+from tral_fsm.states.base import MachineHolder, State, Targetable
 
 
 @dataclass(frozen=True)
@@ -42,7 +39,7 @@ class Transit:
 Trace = Callable[[Transit], None]
 
 
-class _Way:
+class _Transition:
     """A transition at work."""
 
     __slots__ = ("condition", "spec", "target")
@@ -62,6 +59,7 @@ class Machine:
         trace: Trace | None = None,
         path: tuple[Id, ...] = (),
         *,
+        load: Load | None = None,
         checked: bool = False,
     ) -> None:
         """Build states and transitions.
@@ -70,36 +68,50 @@ class Machine:
             definition: what to run.
             trace: called for each transition that fires.
             path: ids of the states around this machine.
+            load: for the packaged machines that the machine names, such as `tral_fsm.load_machine`.
             checked: the definition has been checked already.
 
         Raises:
             FormatError: the definition cannot run.
             MachineRunError: the code of a state or a condition fails.
+            MachineError: it names a packaged machine, and there is no `load`.
         """
-        problems = [] if checked else check(definition, library.by_name)
+        problems = [] if checked else check(definition, load)
         if problems:
             raise FormatError(definition.name or "machine", problems)
         self.definition = definition
         self.trace = trace
         self.path = path
         index = {state.id: i for i, state in enumerate(definition.states)}
-        self._states: list[State[Any]] = [self._state(spec) for spec in definition.states]
-        self._ways: list[list[_Way]] = [[] for _ in self._states]
+        self._inner: dict[int, Machine] = {}
+        """Index of a state -> the machine that it holds."""
+        self._states = [self._state(i, spec, load) for i, spec in enumerate(definition.states)]
+        self._transitions: list[list[_Transition]] = [[] for _ in self._states]
         for spec in definition.transitions:
             source = index[spec.source]
             with self._blaming(spec, "when it was built"):
-                self._ways[source].append(_Way(spec, build(spec.when, self._states[source]), index[spec.target]))
-        self._asked = [[(way.condition.triggered, way) for way in ways] for ways in self._ways]
+                condition = build(spec.when, self._states[source])
+            self._transitions[source].append(_Transition(spec, condition, index[spec.target]))
+        self._guards = [[(each.condition.triggered, each) for each in leaving] for leaving in self._transitions]
+        """Of each state, the transitions that leave it, each behind the method that says whether it fires."""
         self._root = index[definition.root]
         self._active = -1
 
-    def _state(self, spec: StateSpec) -> State[Any]:
+    def _state(self, index: int, spec: StateSpec, load: Load | None) -> State[Any]:
         with self._blaming(spec, "when it was built"):
             runtime: State[Any] = STATES.runtime(spec.type)(spec)
-        if isinstance(runtime, FSMState):
-            inner = runtime.spec.machine
-            inner = library.by_name(inner) if isinstance(inner, str) else inner
-            runtime.machine = Machine(inner, self.trace, (*self.path, spec.id), checked=True)
+        inner = spec.inner
+        if isinstance(inner, str):
+            if load is None:
+                raise MachineError(
+                    f"state {spec.id!r} ({spec.type}) names the machine {inner!r}, and nothing loads it: "
+                    "give load=tral_fsm.load_machine"
+                )
+            inner = load(inner)
+        if inner is not None:
+            held = Machine(inner, self.trace, (*self.path, spec.id), load=load, checked=True)
+            self._inner[index] = held
+            cast(MachineHolder, runtime).hold_machine(held)
         return runtime
 
     @property
@@ -110,14 +122,15 @@ class Machine:
     @property
     def active_path(self) -> str:
         """Name of the active state: its label or id, then those of inner machines behind slashes."""
-        active = self.active
-        name = active.spec.label or str(active.spec.id)
-        return f"{name}/{active.machine.active_path}" if isinstance(active, FSMState) else name
+        index = self._active if self._active >= 0 else self._root
+        spec, inner = self._states[index].spec, self._inner.get(index)
+        name = spec.label or str(spec.id)
+        return name if inner is None else f"{name}/{inner.active_path}"
 
     @property
     def ended(self) -> bool:
         """Whether the active state may end the machine and has no transition that leaves it."""
-        return self._active >= 0 and self.active.spec.may_end and not self._ways[self._active]
+        return self._active >= 0 and self.active.spec.may_end and not self._transitions[self._active]
 
     def start(self, estimate: CarEstimate) -> Detection | None:
         """Enter the root; gives the gate that the root chose as its target by itself."""
@@ -133,19 +146,17 @@ class Machine:
     def restart(self) -> None:
         """Begin again at the root at the next tick. All is forgotten, and no `on_exit` is called."""
         self._active = -1
-        for state in self._states:
-            if isinstance(state, FSMState):
-                state.machine.restart()
-        for way in itertools.chain(*self._ways):
-            with self._blaming(way.spec, "when it was restarted"):
-                way.condition.restart()
+        for inner in self._inner.values():
+            inner.restart()
+        for transition in itertools.chain(*self._transitions):
+            with self._blaming(transition.spec, "when it was restarted"):
+                transition.condition.restart()
 
     def watch(self, trace: Trace | None) -> None:
         """Call `trace` for each transition that fires from now on, also in inner machines; None: call nothing."""
         self.trace = trace
-        for state in self._states:
-            if isinstance(state, FSMState):
-                state.machine.watch(trace)
+        for inner in self._inner.values():
+            inner.watch(trace)
 
     def tick(self, estimate: CarEstimate) -> Command:
         """Let the active state compute its command, then take the first of its transitions that fires.
@@ -160,30 +171,25 @@ class Machine:
             MachineRunError: the code of the state or of a condition raised an error, or the state answered no command,
                 or one with a number that is not finite.
         """
-        entered = None
+        target = None
         if self._active < 0:
-            entered = self.start(estimate)
+            target = self.start(estimate)
         fired, spec = None, self._states[self._active].spec
         try:
             command = self._states[self._active].tick(estimate)
-            if not isinstance(command, Command) or not isfinite(
-                (command.steering or 0.0) + (command.speed or 0.0) + (command.throttle or 0.0)
-            ):
+            if not is_command(command):
                 raise self._refused(command, estimate)
-            for triggered, way in self._asked[self._active]:
-                spec = way.spec
+            for triggered, transition in self._guards[self._active]:
+                spec = transition.spec
                 if triggered(estimate):
-                    fired = way
+                    fired = transition
                     break
         except MachineRunError:
             raise
         except Exception as error:
             raise self._failure(spec, _at(estimate), error) from error
-        if entered is not None:
-            command = command._replace(target=entered)
-        if fired is None:
-            return command
-        target = self._transit(fired, estimate)
+        if fired is not None:
+            target = self._transit(fired, estimate) or target
         return command if target is None else command._replace(target=target)
 
     def _refused(self, command: object, estimate: CarEstimate) -> MachineRunError:
@@ -192,7 +198,8 @@ class Machine:
         where = "/".join(str(part) for part in (*self.path, spec.id))
         return MachineRunError(
             f"state {where!r} ({spec.type}) answered {command!r} at {estimate.time:.4f} s: "
-            "expected a Command whose steering, speed and throttle are None or finite"
+            "expected a Command whose steering, speed, throttle and steering_trim are None or finite, and whose "
+            "wanted_side and wanted_clearance are finite or NaN"
         )
 
     def _failure(self, spec: StateSpec | TransitionSpec, when: str, error: Exception) -> MachineRunError:
@@ -216,23 +223,23 @@ class Machine:
         except Exception as error:
             raise self._failure(spec, when, error) from error
 
-    def _transit(self, way: _Way, estimate: CarEstimate) -> Detection | None:
-        """Leave the old state, enter the new one, hand it its target."""
-        spec, now = way.spec, _at(estimate)
+    def _transit(self, transition: _Transition, estimate: CarEstimate) -> Detection | None:
+        """Leave the old state, enter the new one, hand it its target; gives the gate that is now the target."""
+        spec, condition, now = transition.spec, transition.condition, _at(estimate)
         with self._blaming(spec, now):
             if self.trace is not None:
-                why = way.condition.why(estimate)
+                why = condition.why(estimate)
                 self.trace(Transit(estimate.time, self.path, spec.source, spec.target, spec.id, why))
-            found = way.condition.hand_over(estimate)
+            handed_over = condition.hand_over(estimate)
         with self._blaming(self.active.spec, now):
             self._states[self._active].on_exit(estimate)
-        aim = self._enter(way.target, estimate)
-        state = self._states[way.target]
-        if found is None or not isinstance(state, Targetable):
-            return aim
+        own_target = self._enter(transition.target, estimate)
+        state = self._states[transition.target]
+        if handed_over is None or not state.spec.takes_target:
+            return own_target
         with self._blaming(state.spec, now):
-            state.set_target(estimate, estimate.seen_from_here(found), gate=found.id)
-        return found
+            cast(Targetable, state).set_target(estimate, estimate.seen_from_here(handed_over), gate=handed_over.id)
+        return handed_over
 
     def _enter(self, index: int, estimate: CarEstimate) -> Detection | None:
         """Enter a state; gives the gate that the state chose as its target by itself."""
@@ -240,10 +247,10 @@ class Machine:
         state, now = self._states[index], _at(estimate)
         with self._blaming(state.spec, now):
             state.on_enter(estimate)
-        for way in self._ways[index]:
-            with self._blaming(way.spec, now):
-                way.condition.on_enter(estimate)
-        return state.aim
+        for transition in self._transitions[index]:
+            with self._blaming(transition.spec, now):
+                transition.condition.on_enter(estimate)
+        return state.own_target
 
 
 def _at(estimate: CarEstimate) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tral_env.errors import MachineError
 from tral_env.interface import CORE_LAYOUT
-from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.definition.machine import MachineDefinition, needed_readings
 from tral_fsm.formats import library
 from tral_fsm.runtime.driver import Driver
 from tral_fsm.runtime.machine import Trace
@@ -36,7 +36,7 @@ class MachinePolicy:
         self._trace = trace
         self._drivers: list[Driver] = []
         self.reset()
-        self.needed_readings = library.needed_readings(definition)
+        self.needed_readings = needed_readings(definition, library.by_name)
         """Names of the readings without which the machine cannot drive, see `tral_env.interface.check_readings`."""
 
     def reset(self, n: int = 1) -> None:
@@ -45,8 +45,11 @@ class MachinePolicy:
             self._drivers = [
                 Driver(self.definition, self._trace if row == 0 else None, checked=row > 0) for row in range(n)
             ]
-        for driver in self._drivers:
-            driver.reset()
+        else:
+            for driver in self._drivers:
+                driver.reset()
+        self._driving = False
+        """The cars have been driven since then."""
 
     def reset_rows(self, rows: NDArray[np.bool_]) -> None:
         """Start the cars again where `rows` (n,) is true.
@@ -77,7 +80,9 @@ class MachinePolicy:
             ConfigError: the observation is none: no array, of another shape, NaN, or out of its bounds.
         """
         commands = []
-        for row, driver in zip(checked_rows(observation, len(self._drivers)), self._drivers, strict=True):
+        rows = checked_rows(observation, len(self._drivers))
+        self._driving = True
+        for row, driver in zip(rows, self._drivers, strict=True):
             if row[_DISTANCE] < driver.estimate.distance:
                 driver.reset()
             commands.append(driver.act(row))
@@ -92,6 +97,8 @@ class MachinePolicy:
     ) -> tuple[NDArray[np.float32], Any]:
         """The signature of Stable-Baselines3's policies.
 
+        The number of cars is that of the first call after a `reset`; it may change where every car begins an episode.
+
         Args:
             observation: (d,) or (n, d).
             state: returned unchanged, since each machine keeps its own.
@@ -103,14 +110,15 @@ class MachinePolicy:
             Action (2,) or (n, 2), and the state.
 
         Raises:
-            ConfigError: the observation is none, see `act`.
+            ConfigError: the observation is none, see `act`, or has another number of cars in the middle of a drive.
             MachineError: `episode_start` is not one truth value for each car.
         """
         observation = as_array(observation)
-        n = 1 if observation.ndim == 1 else len(observation)
-        if n != len(self._drivers):
+        n = max(len(observation), 1) if observation.ndim > 1 else 1
+        if n != len(self._drivers) and (not self._driving or (episode_start is not None and np.all(episode_start))):
+            checked_rows(observation, n)
             self.reset(n)
-        elif episode_start is not None:
+        if n == len(self._drivers) and episode_start is not None:
             self.reset_rows(np.atleast_1d(episode_start))
         return self.act(observation), state
 

@@ -6,27 +6,21 @@ from collections.abc import Sequence
 
 from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT
 from tral_fsm.control.command import Command
+from tral_fsm.control.speed import BRAKE, MOVING_MPS, ROLLING_MPS, THROTTLE_DEAD
 from tral_fsm.definition.needs import HALL
-from tral_fsm.states.basic import ROLLING_MPS
 
 MAX_SILENCE_S = 0.5
 """An ultrasonic that the machine needs may be silent for so long. Source: the slowest cadence of the cars is 0.11 s, so
 that four rangings are lost; a reading is 0.18 s old at most when the next one comes. At 1 m/s the car needs 0.3 m to
 stop."""
-MOVING_MPS = 0.08
-"""A car that reads less, and counts no way, does not move. Source: ArduPilot Rover, CRASH_CHECK_VEL_MIN."""
 MIN_THROTTLE = 0.05
 """More throttle than this tells the car to drive. Source: ArduPilot Rover, CRASH_CHECK_THROTTLE_MIN."""
 MAX_STANDSTILL_S = 2.0
 """A car may stand for so long in all while it is told to drive. Source: ArduPilot Rover, CRASH_CHECK_TRIGGER_SEC."""
 ROLLING_ON_MPS = 0.3
 """A car that counted a hall tick at this speed, and is driven on, soon counts the next one. Source: choice."""
-DRIVEN_THROTTLE = 0.1
-"""More throttle than this drives a car on. Source: the throttle at which the wheels begin to turn."""
 MAX_PAUSE_S = 0.5
 """Such a car counts the next hall tick within this time, even at a sixth of the speed. Source: choice."""
-BRAKE = 0.3
-"""Throttle against the direction of travel with which the car stops. Source: that of the state Stop."""
 BLIND_BRAKE_S = 1.0
 """Time for which the car brakes when no speed can be trusted: enough for 1.5 m/s. A motor controller reverses only
 after brake and neutral, so a standing car stays. Source: choice."""
@@ -61,7 +55,7 @@ class Watch:
         """Watch what a machine needs.
 
         Args:
-            needed: names of readings, see `formats.library.needed_readings`.
+            needed: names of readings, see `definition.machine.needed_readings`.
         """
         self._ranges = tuple(
             (name, CORE_LAYOUT.column(f"{name}_age")) for name in sorted(needed) if name.startswith("ultrasonic_")
@@ -117,7 +111,7 @@ class Watch:
         driving = (throttle > MIN_THROTTLE or throttle < -MIN_THROTTLE) and self._is_driving(command)
         self._pushed += driving
         self._paused += 1
-        if not driving or throttle <= DRIVEN_THROTTLE:
+        if not driving or throttle <= THROTTLE_DEAD:
             self._rolled = 0.0
         if self._rolled >= ROLLING_ON_MPS and self._paused * CONTROL_PERIOD_S > MAX_PAUSE_S:
             self._blame_hall(f"no hall tick for {MAX_PAUSE_S:g} s of driving on from {self._rolled:.1f} m/s")

@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from tral_env.geometry import curvature
-from tral_env.se2 import Pose
+from tral_env.se2 import Pose, to_inner
 from tral_fsm.control.biarc import out_of_reach
 from tral_fsm.control.command import Command
 from tral_fsm.control.laws import line, pursuit
@@ -98,9 +98,9 @@ class ApproachPoint(DrivingState[ApproachPointSpec]):
             ahead = x
             steering = pursuit(x, y)
         else:
-            cos, sin = math.cos(heading), math.sin(heading)
-            ahead = cos * x + sin * y
-            steering = line(sin * x - cos * y, -heading, spec.length, math.radians(spec.max_angle_deg))
+            passed, offset = to_inner((x, y, heading), 0.0, 0.0)
+            ahead = -passed
+            steering = line(offset, -heading, spec.length, math.radians(spec.max_angle_deg))
         self.finished = ahead <= spec.tolerance
         return self.drive(steering)
 

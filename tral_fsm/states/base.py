@@ -7,7 +7,7 @@ with `register`.
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Protocol, TypeVar, runtime_checkable
+from typing import Any, ClassVar, Protocol, TypeVar
 
 from tral_env.se2 import Pose
 from tral_fsm.control.command import IDLE, Command
@@ -26,7 +26,6 @@ NO_GATE = -1
 """Id of a target that is no gate."""
 
 
-@runtime_checkable
 class Finishable(Protocol):
     """A state that can say that it is finished."""
 
@@ -36,7 +35,6 @@ class Finishable(Protocol):
         ...
 
 
-@runtime_checkable
 class Targetable(Protocol):
     """A state that can be handed a target point at run time."""
 
@@ -51,11 +49,43 @@ class Targetable(Protocol):
         ...
 
 
+class InnerMachine(Protocol):
+    """What a state may do with the machine that it holds. The engine makes it, restarts it and traces it."""
+
+    @property
+    def active(self) -> State[Any]:
+        """The active state; the root before the first tick."""
+        ...
+
+    @property
+    def ended(self) -> bool:
+        """The machine has come to its end."""
+        ...
+
+    def start(self, estimate: CarEstimate) -> Detection | None:
+        """Enter the root."""
+        ...
+
+    def tick(self, estimate: CarEstimate) -> Command:
+        """The active state's command; afterwards a transition may fire."""
+        ...
+
+    def leave(self, estimate: CarEstimate) -> None:
+        """Leave the active state."""
+
+
+class MachineHolder(Protocol):
+    """A state that holds a machine."""
+
+    def hold_machine(self, machine: InnerMachine) -> None:
+        """Keep the machine of the spec, before anything else is called."""
+
+
 class State(Runtime[S]):
     """Base of all states at work. `State[MySpec]` says which type of machine files a class runs."""
 
     spec_type: ClassVar[type[Spec]] = StateSpec
-    aim: Detection | None = None
+    own_target: Detection | None = None
     """A gate that the state chose as its target at entry by itself."""
 
     def __init__(self, spec: S) -> None:

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import ClassVar, Literal
 
 from tral_fsm.control.command import Command
+from tral_fsm.control.speed import BRAKE, ROLLING_MPS
 from tral_fsm.definition.machine import DrivingSpec, StateSpec
 from tral_fsm.definition.needs import DISTANCE, NOTHING
 from tral_fsm.definition.validated import quantity
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.base import DrivingState, State
-
-ROLLING_MPS = 0.1
-"""A faster car counts as rolling, m/s. Source: choice, near the slowest speed that the hall sensor can read."""
 
 
 class MotorSpec(DrivingSpec):
@@ -61,7 +59,7 @@ class StopSpec(StateSpec):
     """Stops the car: brakes while it rolls, then neutral."""
 
     type: Literal["Stop"] = "Stop"
-    brake: float = quantity(0.3, "", "throttle against the direction in which the car rolls", ge=0.0, le=1.0)
+    brake: float = quantity(BRAKE, "", "throttle against the direction in which the car rolls", ge=0.0, le=1.0)
     hold: float = quantity(
         0.0,
         "s",

@@ -20,6 +20,7 @@ from tral_fsm.definition.machine import DrivingSpec, StateSpec, steering_trim
 from tral_fsm.definition.needs import DISTANCE, NOTHING, SIDES, ultrasonic
 from tral_fsm.definition.validated import Side, quantity, required
 from tral_fsm.estimation.estimate import CarEstimate
+from tral_fsm.estimation.wall_filter import to_left
 from tral_fsm.states.base import NO_CLEARANCE, DrivingState, State
 
 _QUARTER = math.pi / 2.0
@@ -35,6 +36,7 @@ class FollowCorridorSpec(DrivingSpec):
     """Keeps a line in the corridor: a clearance to the wall on `side`, at most half of the free width."""
 
     needs: ClassVar[Mapping[str, str]] = {"slow_front": "speed", "unsure_speed": "speed"}
+    former: ClassVar[tuple[str, ...]] = ("learn_trim",)
 
     type: Literal["FollowCorridor"] = "FollowCorridor"
     side: Side = Field("right", description="the wall that the clearance is to")
@@ -46,7 +48,6 @@ class FollowCorridorSpec(DrivingSpec):
     slope: float = quantity(0.15, "", "the line shifts sideways by at most this per metre driven", gt=0.0, le=1.0)
     shift: float = quantity(5.0, "m", "the line shifts towards `side` by at most this in all", gt=0.0, le=5.0)
     max_angle_deg: float = quantity(18.0, "deg", "largest angle at which the car approaches the line", gt=0.0, le=60.0)
-    learn_trim: bool = Field(True, description="kept for old files: the estimator learns the trim itself")
     unsure_speed: float | None = quantity(
         None,
         "m/s",
@@ -111,8 +112,7 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
     def carry_line(self, estimate: CarEstimate) -> None:
         """Keep the line where it is in the frame of dead reckoning while the car moves."""
         x, y = self.place
-        along = estimate.along
-        self.offset -= math.cos(along) * (estimate.y - y) - math.sin(along) * (estimate.x - x)
+        self.offset -= to_left(estimate.x - x, estimate.y - y, estimate.along)
         self.place = (estimate.x, estimate.y)
 
     def shift_line(self, estimate: CarEstimate) -> float:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, ClassVar, Literal, Protocol
+from typing import ClassVar, Literal, cast
 
 from pydantic import Field
 
@@ -12,43 +11,7 @@ from tral_fsm.control.command import Command
 from tral_fsm.definition.machine import MachineDefinition, StateSpec
 from tral_fsm.estimation.detections import Detection
 from tral_fsm.estimation.estimate import CarEstimate
-from tral_fsm.states.base import NO_GATE, State, Targetable
-
-
-class InnerMachine(Protocol):
-    """What the state needs of its machine."""
-
-    @property
-    def active(self) -> State[Any]:
-        """The active state."""
-        ...
-
-    @property
-    def ended(self) -> bool:
-        """The machine has come to its end."""
-        ...
-
-    @property
-    def active_path(self) -> str:
-        """Name of the active state."""
-        ...
-
-    def start(self, estimate: CarEstimate) -> Detection | None:
-        """Enter the root."""
-        ...
-
-    def tick(self, estimate: CarEstimate) -> Command:
-        """The active state's command."""
-        ...
-
-    def leave(self, estimate: CarEstimate) -> None:
-        """Leave the active state."""
-
-    def restart(self) -> None:
-        """Begin again at the root at the next tick."""
-
-    def watch(self, trace: Callable[[Any], None] | None) -> None:
-        """Call this for each transition that fires."""
+from tral_fsm.states.base import NO_GATE, InnerMachine, State, Targetable
 
 
 class FSMStateSpec(StateSpec):
@@ -73,11 +36,6 @@ class FSMStateSpec(StateSpec):
         root = self.machine.root
         return any(state.id == root and state.takes_target for state in self.machine.states)
 
-    @property
-    def inner(self) -> MachineDefinition | str:
-        """Its machine."""
-        return self.machine
-
 
 class FSMState(State[FSMStateSpec]):
     """A whole machine as one state. It starts at its root at each entry and is finished when its machine has ended.
@@ -86,7 +44,10 @@ class FSMState(State[FSMStateSpec]):
     """
 
     machine: InnerMachine
-    """Set by the machine around it."""
+
+    def hold_machine(self, machine: InnerMachine) -> None:
+        """Run this machine."""
+        self.machine = machine
 
     def on_enter(self, estimate: CarEstimate) -> None:
         """Enter the inner root."""
@@ -97,15 +58,15 @@ class FSMState(State[FSMStateSpec]):
         return self.machine.tick(estimate)
 
     @property
-    def aim(self) -> Detection | None:  # type: ignore[override]
+    def own_target(self) -> Detection | None:  # type: ignore[override]
         """The gate that the inner root has chosen."""
-        return self.machine.active.aim
+        return self.machine.active.own_target
 
     def set_target(self, estimate: CarEstimate, target: Pose, gate: int = NO_GATE) -> None:
         """Hand the target on to the inner root, which has just been entered."""
         root = self.machine.active
-        if isinstance(root, Targetable):
-            root.set_target(estimate, target, gate)
+        if root.spec.takes_target:
+            cast(Targetable, root).set_target(estimate, target, gate)
 
     def unreachable(self, estimate: CarEstimate) -> str:
         """Why the active inner state cannot reach its target any more; empty: it can."""

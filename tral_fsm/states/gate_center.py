@@ -59,9 +59,9 @@ class ArucoGateCenter(DrivingState[ArucoGateCenterSpec]):
         """Nothing is known of the gate's side yet."""
         self.finished = False
         self.gate = target = estimate.target_gate
-        self.aim = None
+        self.own_target = None
         if target.id < 0 or target.age >= MAX_AGE_S or estimate.seen_from_here(target)[0] <= 0.0:
-            self.gate = self.aim = estimate.gate
+            self.gate = self.own_target = estimate.gate
         self.entry = estimate.distance
         self.side = 0.0
         self.error = math.nan

@@ -7,7 +7,7 @@ control, and plans it again from each detection of the gate.
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, NamedTuple
 
 from pydantic import Field
 
@@ -81,6 +81,17 @@ class SCurveSpec(DrivingSpec):
         return super().readings_needed | HALL
 
 
+class PathError(NamedTuple):
+    """The car beside its way."""
+
+    curvature: float
+    """Of the way, a lead ahead, 1/m."""
+    offset: float
+    """To the left of the way, m."""
+    heading: float
+    """Against the direction of the way, rad."""
+
+
 class SCurve(DrivingState[SCurveSpec]):
     """Follows two arcs and a straight end: their curvature ahead of time, and `control.laws.curvature_onto` for errors.
 
@@ -95,10 +106,10 @@ class SCurve(DrivingState[SCurveSpec]):
     """Where the arcs end, in the frame of dead reckoning."""
     arcs: Biarc | None = None
     """None: no two arcs lead to the target."""
-    begin: Pose = (0.0, 0.0, 0.0)
-    """Where the arcs begin, seen from the target."""
-    turning: Pose = (0.0, 0.0, 0.0)
-    """Where one arc meets the other, seen from the target."""
+    first_start: Pose = (0.0, 0.0, 0.0)
+    """Where the first arc begins, seen from the target."""
+    second_start: Pose = (0.0, 0.0, 0.0)
+    """Where the second arc begins, seen from the target."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
         """Plan the way to the spec's point, seen from the car now."""
@@ -123,10 +134,10 @@ class SCurve(DrivingState[SCurveSpec]):
         arcs = biarc(*estimate.from_here(self.target))
         self.arcs = arcs if arcs is not None and abs(arcs.curvature) * self.spec.radius <= 1.0 else None
         if self.arcs is not None:
-            self.begin = relative(self.target, estimate.pose)
-            self.turning = pose_on_arc(self.begin, self.arcs.first, self.arcs.curvature)
+            self.first_start = relative(self.target, estimate.pose)
+            self.second_start = pose_on_arc(self.first_start, self.arcs.first, self.arcs.curvature)
 
-    def take(self, estimate: CarEstimate, gate: Detection) -> None:
+    def replan(self, estimate: CarEstimate, gate: Detection) -> None:
         """Take a new detection of the gate: plan again or, near the end, move the plan."""
         old = self.arcs
         self.target = pose_on_arc((gate.x, gate.y, gate.heading), -self.spec.before - self.spec.straight)
@@ -139,29 +150,29 @@ class SCurve(DrivingState[SCurveSpec]):
         spec = self.spec
         gate, guess = estimate.gate, estimate.guessed_gate
         if spec.track and gate.new and gate.id == self.gate:
-            self.take(estimate, gate)
+            self.replan(estimate, gate)
         if spec.track and guess.new and guess.id == self.gate and not estimate.gate_seen_whole:
-            self.take(estimate, guess)
+            self.replan(estimate, guess)
         here = relative(self.target, estimate.pose)
         self.finished = here[0] >= spec.straight - spec.tolerance
-        ahead, offset, heading = self.beside_way(here, _LEAD_S * estimate.speed)
-        correction = curvature_onto(offset, heading, spec.length, math.radians(spec.max_angle_deg))
-        return self.drive(clipped_steering_for(ahead + correction))
+        error = self.path_error(here, _LEAD_S * estimate.speed)
+        correction = curvature_onto(error.offset, error.heading, spec.length, math.radians(spec.max_angle_deg))
+        return self.drive(clipped_steering_for(error.curvature + correction))
 
-    def beside_way(self, here: Pose, lead: float) -> Pose:
-        """Curvature of the way `lead` metres ahead, and the car beside the way: offset [m], heading [rad]."""
+    def path_error(self, here: Pose, lead: float) -> PathError:
+        """The car beside its way, with the curvature `lead` metres ahead."""
         arcs = self.arcs
         if arcs is None:
-            return 0.0, here[1], here[2]
-        x, y, heading = relative(self.begin, here)
+            return PathError(0.0, here[1], here[2])
+        x, y, heading = relative(self.first_start, here)
         s, offset, direction = arc_coordinates(x, y, arcs.curvature)
         if s < arcs.first:
-            return self.curvature(arcs, s + lead), offset, heading - direction
-        x, y, heading = relative(self.turning, here)
+            return PathError(self.curvature(arcs, s + lead), offset, heading - direction)
+        x, y, heading = relative(self.second_start, here)
         s, offset, direction = arc_coordinates(x, y, -arcs.curvature)
         if s < arcs.second:
-            return self.curvature(arcs, arcs.first + s + lead), offset, heading - direction
-        return 0.0, here[1], here[2]
+            return PathError(self.curvature(arcs, arcs.first + s + lead), offset, heading - direction)
+        return PathError(0.0, here[1], here[2])
 
     @staticmethod
     def curvature(arcs: Biarc, s: float) -> float:

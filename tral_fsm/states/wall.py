@@ -11,7 +11,7 @@ from pydantic import Field
 from tral_env.interface import NO_ECHO_M
 from tral_env.se2 import Pose, clip
 from tral_fsm.control.command import Command
-from tral_fsm.control.laws import damping, line, pid, pid_rate, ramp, slowed
+from tral_fsm.control.laws import MIN_DAMPED_MPS, damping, line, pid, pid_rate, ramp, slowed
 from tral_fsm.definition.machine import DrivingSpec
 from tral_fsm.definition.needs import DISTANCE, NOTHING, SIDES, ultrasonic
 from tral_fsm.definition.validated import Side, quantity
@@ -27,6 +27,7 @@ class WallSpec(DrivingSpec):
     """Base of the specs of states that keep a clearance to a wall."""
 
     needs: ClassVar[Mapping[str, str]] = {"slow_front": "speed"}
+    former: ClassVar[tuple[str, ...]] = ("learn_trim",)
 
     side: Side = Field("right", description="the wall that the car follows")
     p: float = quantity(1.2, "1/m", "steering per metre of deviation e", ge=0.0, le=1000.0)
@@ -35,6 +36,7 @@ class WallSpec(DrivingSpec):
         1.5,
         "s/m",
         "steering per m/s by which e grows; null: what gives p a damping ratio of 0.707 at the car's speed",
+        null="auto",
         ge=0.0,
         le=1000.0,
     )
@@ -57,9 +59,6 @@ class WallSpec(DrivingSpec):
         2.5, "m", "a longer range is no wall: the car then keeps the direction of the corridor", gt=0.0, le=NO_ECHO_M
     )
     at_most_half: bool = Field(False, description="the wanted clearance is at most half of the sum of both side ranges")
-    learn_trim: float = quantity(
-        0.0, "1/(m s)", "kept for old files: the estimator learns the trim itself", ge=0.0, le=10.0
-    )
     slow_front: float | None = quantity(None, "m", "front range below which the car slows down", gt=0.0, le=5.0)
     slow_speed: float = quantity(0.3, "m/s", "speed at half of slow_front and below", ge=0.0, le=5.0)
 
@@ -108,7 +107,7 @@ class WallState(DrivingState[W]):
         spec = self.spec
         sonar = estimate.left if self.is_left else estimate.right
         if sonar.new:
-            self.take(sonar)
+            self.take_reading(sonar)
         wanted = self.wanted(estimate)
         if self.range is None:
             y = self.sign * hold_course(estimate)
@@ -130,7 +129,7 @@ class WallState(DrivingState[W]):
         """Limit of e, m."""
         if self.steepest is None:
             return self.limit
-        return min(self.limit, self.steepest * d * max(speed, 0.2) / self.spec.p)
+        return min(self.limit, self.steepest * d * max(speed, MIN_DAMPED_MPS) / self.spec.p)
 
     def accepts(self, sonar: SonarReading) -> bool:
         """Whether to use a new reading."""
@@ -140,7 +139,7 @@ class WallState(DrivingState[W]):
         """Clearance wanted now, m."""
         raise NotImplementedError
 
-    def take(self, sonar: SonarReading) -> None:
+    def take_reading(self, sonar: SonarReading) -> None:
         """Take a new reading of the followed side."""
         spec = self.spec
         if sonar.range > spec.reach:
@@ -249,7 +248,7 @@ class FollowWallRamp(WallState[FollowWallRampSpec]):
 
     def __init__(self, spec: FollowWallRampSpec) -> None:
         super().__init__(spec)
-        self.start = self.target = spec.target
+        self.start = self.end_clearance = spec.target
         """Clearance at the beginning and at the end, m."""
         self.length = spec.distance
         """Distance over which it changes, m."""
@@ -262,7 +261,7 @@ class FollowWallRamp(WallState[FollowWallRampSpec]):
         self.entry = estimate.distance
         here = spec.target if self.range is None else self.range
         self.start = here if spec.start is None else spec.start
-        self.target = spec.target
+        self.end_clearance = spec.target
         self.length = spec.distance
 
     def set_target(self, estimate: CarEstimate, target: Pose, gate: int = NO_GATE) -> None:
@@ -274,12 +273,12 @@ class FollowWallRamp(WallState[FollowWallRampSpec]):
         if self.spec.along_wall:
             cos, sin = math.cos(estimate.heading), math.sin(estimate.heading)
             x, y = cos * x - sin * y, sin * x + cos * y
-        self.target = max(self.start - self.sign * y, 0.05)
+        self.end_clearance = max(self.start - self.sign * y, 0.05)
         self.length = max(x - self.spec.before, 0.05)
 
     def unreachable(self, estimate: CarEstimate) -> str:
         """Why the clearance cannot change so fast; empty: it can."""
-        slope = abs(self.target - self.start) / self.length
+        slope = abs(self.end_clearance - self.start) / self.length
         steepest = math.tan(math.radians(self.spec.max_angle_deg or 90.0))
         return f"a slope of {slope:.2f} is needed, {steepest:.2f} at most" if slope > steepest else ""
 
@@ -287,4 +286,4 @@ class FollowWallRamp(WallState[FollowWallRampSpec]):
         """Clearance wanted now, m."""
         driven = estimate.distance - self.entry
         self.finished = driven >= self.length
-        return ramp(self.start, self.target, self.length, driven)
+        return ramp(self.start, self.end_clearance, self.length, driven)

@@ -10,6 +10,9 @@ from tral_fsm.formats.umlet.elements import FULL_ZOOM, Diagram, Element
 from tral_fsm.formats.umlet.elements import plain as understand
 from tral_fsm.formats.umlet.uxf import ROOTS, element, number
 
+MAX_DEPTH = 20
+"""Deepest nesting of groups. Source: choice; UMLet's own files have one or two."""
+
 
 def is_one(value: Any) -> bool:
     """Whether plain JSON values come from a UMLet file."""
@@ -51,7 +54,13 @@ def _elements(root: dict[str, Any], problems: Problems, depth: int = 0) -> Itera
         else:
             problems.complain("/diagram/element", f"got {type(item).__name__}, expected an object")
     for group in _list(root.get("group")):
-        if isinstance(group, dict) and depth < 20:
+        if group is None:
+            continue  # an empty group among others
+        if not isinstance(group, dict):
+            problems.complain("", f"got {type(group).__name__} as a group, expected an object", "diagram")
+        elif depth >= MAX_DEPTH:
+            problems.complain("", f"groups nested more than {MAX_DEPTH} deep", "diagram")
+        else:
             yield from _elements(group, problems, depth + 1)
 
 

@@ -35,8 +35,11 @@ class DetectionSpec(ConditionSpec):
 G = TypeVar("G", bound=DetectionSpec)
 
 
-class Seen(Condition[G]):
-    """Fires when the camera sees something ahead that is near and fresh enough."""
+class DetectionCondition(Condition[G]):
+    """Fires when the camera sees something ahead that is near and fresh enough.
+
+    `detection` only looks up what the estimate holds, so it may be asked several times in a tick.
+    """
 
     counts = False
 
@@ -105,7 +108,7 @@ class ArucoGateFoundSpec(DetectionSpec):
         return GATE | MARKER if single else GATE
 
 
-class ArucoGateFound(Seen[ArucoGateFoundSpec]):
+class ArucoGateFound(DetectionCondition[ArucoGateFoundSpec]):
     """Fires when the car sees a gate, and hands the gate over."""
 
     def detection(self, estimate: CarEstimate) -> Detection:
@@ -120,16 +123,17 @@ class ArucoGateFound(Seen[ArucoGateFoundSpec]):
     def is_wanted(self, estimate: CarEstimate, seen: Detection) -> bool:
         """Whether the gate is as narrow as asked, and missed as asked."""
         limit = self.spec.narrower_than
-        return (limit is None or seen.opening < limit) and self.is_missed(estimate, seen)
+        return (limit is None or seen.opening < limit) and self._is_missed(estimate, seen)
 
-    def is_missed(self, estimate: CarEstimate, seen: Detection) -> bool:
+    def _is_missed(self, estimate: CarEstimate, seen: Detection) -> bool:
         """Whether the way straight on does not lead through the gate, or the file does not ask for that."""
-        aside = self.spec.missed_by
-        if aside is None:
+        if self.spec.missed_by is None:
             return True
         _, y, heading = estimate.seen_from_here(seen)
-        room = seen.room(_POST_MARGIN_M)
-        return abs(y) > (aside if math.isnan(room) else room) * abs(math.cos(heading))
+        half_opening = seen.room(_POST_MARGIN_M)
+        if math.isnan(half_opening):
+            half_opening = self.spec.missed_by
+        return abs(y) > half_opening * abs(math.cos(heading))
 
     def hand_over(self, estimate: CarEstimate) -> Detection | None:
         """The gate."""
@@ -147,7 +151,7 @@ class MarkerFoundSpec(DetectionSpec):
         return MARKER
 
 
-class MarkerFound(Seen[MarkerFoundSpec]):
+class MarkerFound(DetectionCondition[MarkerFoundSpec]):
     """Fires when a single marker is seen."""
 
     def detection(self, estimate: CarEstimate) -> Detection:
