@@ -219,3 +219,15 @@ def test_the_doctor_finds_the_core_working_and_says_a_remedy_for_all_that_is_not
     assert found["plugin: -"]["detail"] == "no entry point of the group tral_fsm.states"
     assert found["core: env without OpenGL"]["detail"].endswith("steps/s")
     assert all(finding["ok"] != bool(finding["remedy"]) for finding in report["findings"])
+
+
+def test_the_doctor_says_how_to_mend_a_mujoco_that_cannot_be_imported(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "mujoco").mkdir()
+    (tmp_path / "mujoco" / "__init__.py").write_text("import mujoco._specs")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    result = tral("doctor", "--json")
+    (physics,) = [each for each in json.loads(result.stdout)["findings"] if each["name"] == "env without OpenGL"]
+    assert (result.exit_code, physics["ok"]) == (3, False)
+    assert physics["remedy"] == "pip install --force-reinstall 'mujoco>=4.0'"
