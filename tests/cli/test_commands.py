@@ -334,3 +334,15 @@ def test_a_course_file_is_checked_and_drawn(tmp_path: Path, short: Path) -> None
     assert result.exit_code == 1
     assert result.stdout == ""
     assert not (tmp_path / "bad.png").exists()
+
+
+def test_the_doctor_says_how_to_mend_a_mujoco_that_cannot_be_imported(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "mujoco").mkdir()
+    (tmp_path / "mujoco" / "__init__.py").write_text("import mujoco._specs")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    result = tral("doctor", "--json")
+    (physics,) = [each for each in json.loads(result.stdout)["findings"] if each["name"] == "env without OpenGL"]
+    assert (result.exit_code, physics["ok"]) == (3, False)
+    assert physics["remedy"] == "pip install --force-reinstall 'mujoco>=4.0'"

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import ast
 import re
+import tomllib
 from itertools import pairwise
 from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 import pytest
+import yaml
 from pages import PAGES, ROOT, read, table
 
 from tral_env import randomization
@@ -97,3 +99,19 @@ def test_environment_page_names_every_key_of_info() -> None:
 
 def test_courses_page_describes_every_family() -> None:
     assert [row[0].strip("`") for row in table(read("docs/courses.md"), "| family |")] == [*FAMILIES]
+
+
+def test_install_page_has_a_line_for_each_extra() -> None:
+    extras = tomllib.loads(read("pyproject.toml"))["project"]["optional-dependencies"]
+    shown = {row[0].strip("`"): row[1] for row in table(read("docs/install.md"), "| extra |")}
+    assert shown == {extra: f"`pip install '.[{extra}]'`" for extra in extras}
+
+
+def test_the_citation_has_the_version_and_licence_of_the_package() -> None:
+    project = tomllib.loads(read("pyproject.toml"))["project"]
+    citation = yaml.safe_load(read("CITATION.cff"))
+    assert (citation["title"], citation["version"], citation["license"]) == (
+        project["name"],
+        project["version"],
+        project["license"],
+    )

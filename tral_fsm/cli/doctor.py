@@ -42,6 +42,9 @@ _NO_OPENGL = (
     "or do without it: tral drive --camera projected --no-video"
 )
 
+_NO_MUJOCO = "pip install --force-reinstall 'mujoco>=4.0'"
+"""An upgrade from MuJoCo 3 in place removes files that version 4 has in mujoco-core, so that it cannot be imported."""
+
 _PROBE = """
 import time
 import mujoco
@@ -155,6 +158,8 @@ def _physics() -> Finding:
     ok, said = _python(_DRIVE_A_SECOND, MUJOCO_GL="disable")
     detail = f"{float(said.split()[-1]):.0f} steps/s" if ok else said
     remedy = "" if ok else "pip install --force-reinstall tral-env"
+    if not ok and not _python("import mujoco")[0]:
+        remedy = _NO_MUJOCO
     return Finding(topic="core", name="env without OpenGL", ok=ok, needed=True, detail=detail, remedy=remedy)
 
 
