@@ -72,14 +72,15 @@ SKIPS_WITHOUT = {"benchmarks/compare.py": "stable_baselines3", "tpe": "optuna"}
 
 PAGE_SKIPS_WITHOUT = {"docs/learning.md": ("stable_baselines3", "skrl")}
 
-SHELL = [
-    (example, command)
+SHELL = {
+    command: example
     for page in PAGES
     for example in examples(page, read(page))
     if example.language in ("bash", "sh", "console")
     for command in commands(example)
     if not command.startswith(SET_UP)
-]
+}
+"""Command -> an example that shows it; what several pages show runs once."""
 
 PYTHON = {
     page: blocks
@@ -106,8 +107,8 @@ def test_python_examples_run_in_order(page: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("example", "command"), SHELL, ids=[command for _, command in SHELL])
-def test_shell_examples_run(example: Example, command: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("command", "example"), SHELL.items(), ids=list(SHELL))
+def test_shell_examples_run(command: str, example: Example, tmp_path: Path) -> None:
     assert command in CHEAPER or command in LITERAL, (
         f"{example.page}: no test runs `{command}`: name it in LITERAL, or in CHEAPER with options that make it quick"
     )
@@ -127,8 +128,7 @@ def test_shell_examples_run(example: Example, command: str, tmp_path: Path) -> N
 
 
 def test_no_command_is_listed_that_no_page_shows() -> None:
-    shown = {command for _, command in SHELL}
-    assert {*CHEAPER, *LITERAL} <= shown
+    assert {*CHEAPER, *LITERAL} <= SHELL.keys()
 
 
 def test_other_blocks_are_no_forgotten_programs() -> None:

@@ -84,7 +84,7 @@ def test_a_row_that_begins_anew_tells_its_new_car(monitor: bool) -> None:
     after = [info["car"] for info in env.reset_infos]
     assert after[0] != before[0]
     assert after[1] == before[1]
-    drawn = env.get_attr("world")[0].sim.parameters
+    drawn = env.get_attr("world")[0].sim.car_parameters.drawn
     assert after[0] == {name: float(values[0]) for name, values in drawn.items()}
 
 

@@ -59,7 +59,6 @@ def test_the_command_lists_them() -> None:
     (row,) = (line.split("│")[1:-1] for line in shown.stdout.splitlines() if " state[0].p " in line)
     cells = [cell.strip() for cell in row]
     assert cells == ["*", "state[0].p", "follow.p", "BasicFollowWall", "7.519", "1/m", "0.2 to 20, by factors"]
-    assert "state[0].learn_trim=LOW:HIGH" in shown.stdout
 
 
 def test_the_command_lists_them_as_json() -> None:
@@ -70,4 +69,3 @@ def test_the_command_lists_them_as_json() -> None:
         "range": [0.3, 1.6], "default": False,
     }  # fmt: skip
     assert by_path["state[0].side"]["range"] == ["left", "right"]
-    assert by_path["state[0].learn_trim"]["range"] is None
