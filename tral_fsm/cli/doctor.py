@@ -104,7 +104,7 @@ def examine() -> list[Finding]:
 
 def _packages() -> tuple[list[Finding], list[Finding]]:
     """Whether each package is there that the installed distribution asks for: for the core, and for extras."""
-    core, extras = [_package(DISTRIBUTION, "core", _INSTALL)], []
+    core, extras = [_package(DISTRIBUTION, "core", _INSTALL)], list[Finding]()
     if not core[0].ok:
         return core, extras
     for text in metadata.requires(DISTRIBUTION) or ():
