@@ -29,8 +29,8 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
 
     ## Description
     The car is an Ackermann car of 0.4 m, simulated in MuJoCo. It starts in a corridor that is new in every episode,
-    passes all gates in order, and reaches the goal line without touching anything. It is told readings that are
-    noisy, late and sometimes wrong, as those of the real car are. Frame: x forward, y left, z up, angles
+    passes all gates in order, and reaches the goal line without touching anything. Its readings are noisy,
+    late and sometimes wrong, as those of the real car are. Frame: x forward, y left, z up, angles
     counter-clockwise, origin on the ground below the middle of the rear axle. A step takes 1/80 s.
 
     ## Action Space

@@ -61,7 +61,8 @@ class MissingExtraError(TralError, ImportError):
 
     def __init__(self, package: str, extra: str, purpose: str) -> None:
         super().__init__(
-            f"{purpose} needs the package '{package}', which is not installed: pip install 'tral-env[{extra}]'"
+            f"{purpose} needs the package '{package}', which is not installed: "
+            f"in the clone of the repository, run: pip install '.[{extra}]'"
         )
 
 

@@ -92,7 +92,7 @@ def test_what_was_driven_is_not_driven_again(tmp_path: Path, capsys: pytest.Capt
 
 def test_a_missing_learner_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "torch", None)
-    with pytest.raises(MissingExtraError, match=r"torch.*pip install 'tral-env\[rl\]'"):
+    with pytest.raises(MissingExtraError, match=r"torch.*pip install '\.\[rl\]'"):
         compare.train("straight", "none", 1, 0)
 
 

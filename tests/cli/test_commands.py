@@ -3,8 +3,10 @@ from __future__ import annotations
 import inspect
 import json
 import os
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -21,6 +23,7 @@ from tral_fsm.cli.drive import command as drive_command
 
 SHORT = {"name": "short", "segments": [{"length": 4.0}]}
 """A course that is driven in a few seconds."""
+ROOT = Path(__file__).parents[2]
 CALM = ["--policy", "wall", "--scenario", "straight", "--camera", "projected", "--randomization", "none"]
 
 
@@ -224,12 +227,15 @@ def test_courses_are_drawn(arguments: list[str], name: str, tmp_path: Path) -> N
 def test_the_doctor_finds_the_core_working_and_says_a_remedy_for_all_that_is_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("tral_fsm.cli.doctor.EXTRAS", {"rl": ("no-such-package",)})
+    asks = ["numpy>=2.0", "no-such-package[all]>=3.2; extra == 'rl'", "ruff>=0.17; extra == 'dev'"]
+    monkeypatch.setattr("tral_fsm.cli.doctor.metadata.requires", {"tral-env": asks}.get)
     result = tral("doctor", "--json")
     report = json.loads(result.stdout)
     assert (result.exit_code, report["core_works"]) == (0, True)
     found = {f"{finding['topic']}: {finding['name']}": finding for finding in report["findings"]}
-    assert found["extra rl: no-such-package"]["remedy"] == "pip install 'tral-env[rl]'"
+    assert found["extra rl: no-such-package"]["remedy"] == "pip install 'no-such-package[all]>=3.2'"
+    assert found["core: numpy"]["ok"]
+    assert not any("ruff" in name for name in found)
     assert found["plugin: -"]["detail"] == "no entry point of the group tral_fsm.states"
     assert found["core: env without OpenGL"]["detail"].endswith("steps/s")
     assert all(finding["ok"] != bool(finding["remedy"]) for finding in report["findings"])
@@ -334,6 +340,18 @@ def test_a_course_file_is_checked_and_drawn(tmp_path: Path, short: Path) -> None
     assert result.exit_code == 1
     assert result.stdout == ""
     assert not (tmp_path / "bad.png").exists()
+
+
+def test_the_doctor_examines_what_the_distribution_asks_for() -> None:
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        project = tomllib.load(file)["project"]
+    extras = {name: asks for name, asks in project["optional-dependencies"].items() if name != "dev"}
+    expected = {("core", re.split(r"[\[>]", ask)[0]) for ask in project["dependencies"]} | {
+        (f"extra {extra}", re.split(r"[\[>]", ask)[0]) for extra, asks in extras.items() for ask in asks
+    }
+    findings = json.loads(tral("doctor", "--json").stdout)["findings"]
+    assert expected <= {(finding["topic"], finding["name"]) for finding in findings}
+    assert not any("tral-env" in finding["remedy"] for finding in findings)
 
 
 def test_the_doctor_says_how_to_mend_a_mujoco_that_cannot_be_imported(

@@ -68,6 +68,9 @@ LITERAL = (
 IN_CHECKOUT = ("ruff", "mypy")
 """Programs that look at the checkout; everything else runs in a folder of its own, with links to the checkout."""
 
+FOLLOWED_ELSEWHERE = "docs/tutorial.md"
+"""Its examples are files and commands that need one another: test_tutorial_page.py follows it in order."""
+
 SKIPS_WITHOUT = {"benchmarks/compare.py": "stable_baselines3", "tpe": "optuna"}
 
 PAGE_SKIPS_WITHOUT = {"docs/learning.md": ("stable_baselines3", "skrl")}
@@ -78,7 +81,7 @@ SHELL = {
     for example in examples(page, read(page))
     if example.language in ("bash", "sh", "console")
     for command in commands(example)
-    if not command.startswith(SET_UP)
+    if not command.startswith(SET_UP) and page != FOLLOWED_ELSEWHERE
 }
 """Command -> an example that shows it; what several pages show runs once."""
 
@@ -86,6 +89,7 @@ PYTHON = {
     page: blocks
     for page in PAGES
     if (blocks := [example for example in examples(page, read(page)) if example.language == "python"])
+    and page != FOLLOWED_ELSEWHERE
 }
 """Page -> its Python examples."""
 

@@ -10,7 +10,9 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from pages import ROOT, examples, read
+from pages import ROOT, examples, read, table
+
+from tral_fsm import CarEstimate
 
 PAGE = read("docs/extending.md")
 
@@ -66,6 +68,15 @@ def test_its_policy_is_driven_by_the_command_and_arrives(tmp_path: Path) -> None
     out = run(tmp_path, "-c", "from tral_fsm.cli import app; app()", *drive, "--no-video", "--out", "out")
     assert "yes" in out
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"summary.json", "trace.csv", "trajectory.png"}
+
+
+def test_the_table_of_the_estimate_has_each_field_once() -> None:
+    rows = table(PAGE, "| field | what it holds |")
+    assert sorted(re.findall(r"`(\w+)`", " ".join(row[0] for row in rows))) == sorted(CarEstimate._fields)
+    for name, value in CarEstimate()._asdict().items():
+        (meaning,) = [row[1] for row in rows if f"`{name}`" in row[0]]
+        if isinstance(value, tuple):
+            assert [word for word in re.findall(r"`(\w+)`", meaning) if not hasattr(value, word)] == []
 
 
 def test_the_tests_that_it_names_are_there() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import re
 import tomllib
 from itertools import pairwise
@@ -115,3 +116,13 @@ def test_the_citation_has_the_version_and_licence_of_the_package() -> None:
         project["version"],
         project["license"],
     )
+
+
+def test_policy_page_says_where_to_import_what() -> None:
+    rows = table(read("docs/policy.md"), "| name | from |")
+    assert len(rows) > 5
+    for names, module in rows:
+        if module == "`tral_env.sb3`":
+            pytest.importorskip("stable_baselines3", exc_type=ImportError)
+        for name in re.findall(r"`(\w+)`", names):
+            assert hasattr(importlib.import_module(module.strip("`")), name), name

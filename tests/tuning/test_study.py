@@ -264,7 +264,7 @@ def test_failed_drives_weigh_the_same_in_the_search_and_in_the_front() -> None:
 
 def test_without_optuna_the_remedy_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "optuna", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'tral-env\[tune\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install '\.\[tune\]'"):
         search(None, settings=replace(SETTINGS, sampler="tpe"))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import asdict, dataclass
@@ -17,22 +18,10 @@ from tral_env.perception import opengl
 from tral_fsm.cli.console import MACHINE_LACKS
 from tral_fsm.definition import plugins
 
-_CORE = (
-    "mujoco",
-    "gymnasium",
-    "numpy",
-    "opencv-python-headless",
-    "pyyaml",
-    "pydantic",
-    "typer",
-    "rich",
-    "matplotlib",
-    "jinja2",
-    "cmaes",
-    "imageio-ffmpeg",
-)
-EXTRAS = {"rl": ("torch", "stable-baselines3"), "car": ("smbus2",), "tune": ("optuna",)}
-"""Extra of the distribution -> packages that it brings."""
+DISTRIBUTION = "tral-env"
+_FOR_TESTS = "dev"
+"""The extra that is not examined: it brings the tools of those that change this package."""
+_REQUIREMENT = re.compile(r"(?P<name>[\w.-]+)[^;]*(;.*extra == ['\"](?P<extra>[\w-]+)['\"])?")
 _PROBE_TIMEOUT_S = 60.0
 _MAX_LENGTH = 100
 """Number of characters of a message that are shown."""
@@ -41,6 +30,9 @@ _NO_OPENGL = (
     "install OpenGL that needs no screen (Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri), "
     "or do without it: tral drive --camera projected --no-video"
 )
+
+_INSTALL = "in the clone of the repository: pip install ."
+_AGAIN = "in the clone of the repository: pip install --force-reinstall --no-deps ."
 
 _NO_MUJOCO = "pip install --force-reinstall 'mujoco>=4.0'"
 """An upgrade from MuJoCo 3 in place removes files that version 4 has in mujoco-core, so that it cannot be imported."""
@@ -98,19 +90,32 @@ def command(
 def examine() -> list[Finding]:
     """Check Python, packages, physics, OpenGL, encoder, plugins and extras."""
     python = ".".join(str(part) for part in sys.version_info[:3])
+    core, extras = _packages()
     return [
         Finding(topic="core", name="python", ok=sys.version_info >= (3, 11), needed=True, detail=python),
-        *(_package(name, "core", "pip install tral-env") for name in _CORE),
+        *core,
         _physics(),
         *_opengl(),
         _encoder(),
         *_plugins(),
-        *(
-            _package(name, f"extra {extra}", f"pip install 'tral-env[{extra}]'", needed=False)
-            for extra, names in EXTRAS.items()
-            for name in names
-        ),
+        *extras,
     ]
+
+
+def _packages() -> tuple[list[Finding], list[Finding]]:
+    """Whether each package is there that the installed distribution asks for: for the core, and for extras."""
+    core, extras = [_package(DISTRIBUTION, "core", _INSTALL)], list[Finding]()
+    if not core[0].ok:
+        return core, extras
+    for text in metadata.requires(DISTRIBUTION) or ():
+        found = _REQUIREMENT.match(text)
+        assert found is not None, text
+        extra, remedy = found["extra"], f"pip install '{text.partition(';')[0].strip()}'"
+        if extra is None:
+            core.append(_package(found["name"], "core", remedy))
+        elif extra != _FOR_TESTS:
+            extras.append(_package(found["name"], f"extra {extra}", remedy, needed=False))
+    return core, extras
 
 
 def _package(name: str, topic: str, remedy: str, needed: bool = True) -> Finding:
@@ -157,7 +162,7 @@ print("steps/s", 80 / (time.perf_counter() - start))
 def _physics() -> Finding:
     ok, said = _python(_DRIVE_A_SECOND, MUJOCO_GL="disable")
     detail = f"{float(said.split()[-1]):.0f} steps/s" if ok else said
-    remedy = "" if ok else "pip install --force-reinstall tral-env"
+    remedy = "" if ok else _AGAIN
     if not ok and not _python("import mujoco")[0]:
         remedy = _NO_MUJOCO
     return Finding(topic="core", name="env without OpenGL", ok=ok, needed=True, detail=detail, remedy=remedy)
