@@ -181,12 +181,13 @@ def _draw_inset(image: Image, onboard: Image) -> None:
 def _draw_state(image: Image, tick: Tick, colour: tuple[int, int, int]) -> None:
     info = tick.info
     _shade(image, 12, 12, 360, 86)
-    cv2.rectangle(image, (12, 12), (22, 86), colour, cv2.FILLED)
-    _text(image, tick.state or "no states", (32, 40), 0.75, weight=2)
+    cv2.rectangle(image, (12, 12), (24, 86), colour, cv2.FILLED)
+    cv2.rectangle(image, (12, 12), (24, 86), _WHITE, 1)  # dark colours stand out from the shade
+    _text(image, tick.state or "no states", (34, 40), 0.75, weight=2)
     line = f"{info['time_s']:5.1f} s   {100 * info['progress']:3.0f} %   {info['speed_mps']:.2f} m/s"
     if info["gates_total"]:
         line += f"   gates {info['gates_passed']}/{info['gates_total']}"
-    _text(image, line, (32, 70))
+    _text(image, line, (34, 70))
 
 
 def _draw_outcome(image: Image, tick: Tick, over: bool) -> None:
