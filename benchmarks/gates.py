@@ -224,9 +224,13 @@ def draw(paths: list[Path], to: Path) -> None:
     if to.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise ConfigError(f"--plot {to}: unknown suffix '{to.suffix}'. Allowed: .png, .svg, .pdf")
     prepare_folder(to.parent, f"--plot {to}")
-    figure = Figure(figsize=(9.0, 2.9 * len(paths)), layout="constrained")
-    panels = figure.subplots(len(paths), 1, squeeze=False)[:, 0]
-    for panel, path in zip(panels, paths, strict=True):
+    columns = min(len(paths), 2)
+    rows = -(-len(paths) // columns)
+    figure = Figure(figsize=(5.5 * columns, 3.2 * rows), layout="constrained")
+    panels = list(figure.subplots(rows, columns, squeeze=False).flat)
+    for unused in panels[len(paths) :]:
+        unused.axis("off")
+    for panel, path in zip(panels, paths, strict=False):
         settings, drives = read(path)
         for one in drives:
             for gate in one["gates"]:

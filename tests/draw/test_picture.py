@@ -5,6 +5,7 @@ from dataclasses import replace
 from itertools import combinations
 from xml.etree import ElementTree as ET
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -14,6 +15,7 @@ from tral_fsm.conditions.simple import TimerSpec
 from tral_fsm.definition.machine import MachineDefinition, TransitionSpec
 from tral_fsm.draw import text
 from tral_fsm.draw.layered.shapes import Rect
+from tral_fsm.draw.panels import TONES, state_tones
 from tral_fsm.draw.picture import Line, Outline, Picture, Words, arrow_head, picture
 from tral_fsm.draw.png import png
 from tral_fsm.draw.svg import svg
@@ -157,3 +159,22 @@ def test_letters_that_the_font_lacks_are_no_error() -> None:
 def test_a_huge_picture_becomes_an_image_that_can_be_opened() -> None:
     image = Image.open(io.BytesIO(png(Picture(60000, 100, (Words((10, 50), "far"),), "long"))))
     assert image.size == (12000, 20)
+
+
+def test_a_state_has_the_colour_in_its_picture_that_it_has_in_a_drive() -> None:
+    machine = holding(INNER, "gate")
+    outlines = [mark.colour for mark in pictured(machine).marks if isinstance(mark, Outline) and mark.fill != "none"]
+    tones = state_tones(machine, load_machine)
+    assert list(tones)[:2] == ["0/halt", "1/follow"]
+    # Two states of the outer machine come first, then the inner machines.
+    assert outlines == [*TONES[:2], *tones.values()]
+
+
+def test_colours_of_states_differ_and_are_readable_on_white() -> None:
+    assert len(set(TONES)) == len(TONES)
+    for tone in TONES:
+        linear = [
+            (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4)
+            for c in np.frombuffer(bytes.fromhex(tone[1:]), np.uint8) / 255
+        ]
+        assert 1.05 / (np.dot([0.2126, 0.7152, 0.0722], linear) + 0.05) > 4.5

@@ -1,5 +1,6 @@
 """Machine files that are shipped: each machine also as a diagram, and the palette to draw machines with."""
 
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,50 @@ def test_each_machine_is_also_a_diagram(name: str) -> None:
 
 def test_each_diagram_is_also_a_machine() -> None:
     assert sorted(path.stem for path in FOLDER.glob("*.uxf")) == machine_names()
+
+
+def sides(node: Node) -> list[float]:
+    """x, y, width, height of an element."""
+    (place,) = node.all("coordinates")
+    return [float(place.child_text(side)) for side in "xywh"]
+
+
+def arrow_points(node: Node) -> list[tuple[float, float]]:
+    x, y, *_ = sides(node)
+    numbers = [float(number) for number in node.child_text("additional_attributes").split(";")]
+    return [(x + a, y + b) for a, b in zip(numbers[::2], numbers[1::2], strict=True)]
+
+
+def label_room(node: Node) -> tuple[float, float, float, float]:
+    """Left, top, right, bottom of an arrow's text: UMLet centres its lines of 18 px on the arrow's middle line."""
+    lines = node.child_text("panel_attributes").split("\n")[1:]
+    pieces = list(pairwise(arrow_points(node)))
+    (x0, y0), (x1, y1) = pieces[len(pieces) // 2]
+    filled = [index for index, line in enumerate(lines) if line.strip()]
+    top = (y0 + y1) / 2 - 18 * len(lines) / 2
+    half = 7.5 * max(map(len, lines)) / 2
+    middle = (x0 + x1) / 2
+    return middle - half, top + 18 * filled[0] + 2, middle + half, top + 18 * (filled[-1] + 1) - 2
+
+
+def meet(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
+
+
+@pytest.mark.parametrize("name", machine_names())
+def test_no_label_of_a_diagram_lies_over_another_under_an_arrow_or_over_a_state(name: str) -> None:
+    nodes = list(parse((FOLDER / f"{name}.uxf").read_text("utf-8")).all("element"))
+    arrows = [node for node in nodes if node.child_text("id") == "Relation"]
+    labels = [label_room(node) for node in arrows if "type" in node.child_text("panel_attributes")]
+    lines = [
+        (min(a[0], b[0]), min(a[1], b[1]), max(a[0], b[0]), max(a[1], b[1]))
+        for node in arrows
+        for a, b in pairwise(arrow_points(node))
+    ]
+    states = [(x, y, x + w, y + h) for x, y, w, h in map(sides, (node for node in nodes if node not in arrows))]
+    assert len(labels) == len(load_machine(name).transitions)
+    assert not [pair for pair in combinations(labels, 2) if meet(*pair)]
+    assert not [(label, other) for label in labels for other in [*lines, *states] if meet(label, other)]
 
 
 def test_the_palette_is_in_step_with_the_definition() -> None:

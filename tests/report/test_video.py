@@ -12,10 +12,13 @@ from lane import Cruiser, Lane
 
 from tral_env.errors import RenderError
 from tral_env.interface import MAX_AGE_S
+from tral_fsm.draw.panels import TONES
 from tral_fsm.evaluation.episode import Tick
 from tral_fsm.evaluation.rollout import drive
-from tral_fsm.report.drive.state_colours import COLOURS, StateColours
-from tral_fsm.report.drive.video import FPS, HEIGHT, INSET_WIDTH, WIDTH, DriveVideo, compose, gate_line
+from tral_fsm.report.drive.state_colours import StateColours
+from tral_fsm.report.drive.video import FPS, HEIGHT, INSET_WIDTH, WIDTH, DriveVideo, compose, sight_line
+
+RED = (200, 30, 40)
 
 
 class Painted:
@@ -38,7 +41,7 @@ def last_tick(ending: str = "success") -> Tick:
 
 def picture(tick: Tick) -> np.ndarray:
     views = Painted()
-    return compose(views.render_view("chase", WIDTH, HEIGHT), views.render_view("onboard", 288, 216), tick, COLOURS[1])
+    return compose(views.render_view("chase", WIDTH, HEIGHT), views.render_view("onboard", 288, 216), tick, RED)
 
 
 def test_a_video_has_twenty_frames_a_second_and_holds_its_end_for_one(tmp_path: Path) -> None:
@@ -94,7 +97,7 @@ def test_the_onboard_view_is_inset_at_the_upper_right() -> None:
 
 
 def test_the_active_state_shows_its_colour() -> None:
-    assert tuple(picture(last_tick())[50, 16]) == COLOURS[1]
+    assert tuple(picture(last_tick())[50, 16]) == RED
 
 
 def test_a_range_with_an_echo_is_green_and_one_without_is_grey() -> None:
@@ -109,7 +112,7 @@ def test_a_drive_that_is_over_says_how_it_ended(ending: str) -> None:
     middle = slice(HEIGHT // 2 - 40, HEIGHT // 2 + 5), slice(WIDTH // 2 - 110, WIDTH // 2 + 110)
     views, tick = Painted(), last_tick(ending)
     image = compose(
-        views.render_view("chase", WIDTH, HEIGHT), views.render_view("onboard", 288, 216), tick, COLOURS[1], over=True
+        views.render_view("chase", WIDTH, HEIGHT), views.render_view("onboard", 288, 216), tick, RED, over=True
     )
     colour = (90, 220, 90) if ending == "success" else (240, 60, 50)
     assert (image[middle] == colour).all(axis=-1).sum() > 500
@@ -120,15 +123,38 @@ def test_a_drive_that_goes_on_says_no_outcome() -> None:
     assert (picture(ticks()[0])[middle] == 90).all()
 
 
-def test_the_gate_is_told_with_its_age() -> None:
-    readings = {"gate_id": 2.0, "gate_x": 1.5, "gate_y": -0.25, "gate_heading": 0.0, "gate_age": 0.4}
-    assert gate_line(readings) == "gate 2: 1.50 m ahead, -0.25; 0.4 s ago"
-    assert gate_line({**readings, "gate_age": MAX_AGE_S}) == "no gate in sight"
+NOTHING = {
+    f"{what}_{name}": value
+    for what in ("gate", "marker")
+    for name, value in (("id", -1.0), ("x", 0.0), ("y", 0.0), ("age", MAX_AGE_S))
+}
+GATE = {"gate_id": 2.0, "gate_x": 1.5, "gate_y": -0.25, "gate_age": 0.4}
+SIGN = {"marker_id": 40.0, "marker_x": 2.0, "marker_y": 0.7, "marker_age": 0.1}
 
 
-def test_states_keep_the_colour_of_their_first_appearance() -> None:
+@pytest.mark.parametrize(
+    ("seen", "told"),
+    [
+        ({}, "no gate or sign in sight"),
+        (GATE, "gate 2: 1.50 m ahead, -0.25; 0.4 s ago"),
+        (SIGN, "sign 40, 2.1 m; 0.1 s ago"),
+        (SIGN | {"marker_id": 7.0}, "marker 7, 2.1 m; 0.1 s ago"),
+        (GATE | SIGN, "sign 40, 2.1 m; 0.1 s ago"),
+        (GATE | SIGN | {"marker_age": 0.4}, "gate 2: 1.50 m ahead, -0.25; 0.4 s ago"),
+    ],
+)
+def test_the_newer_of_gate_and_sign_is_told_with_its_age(seen: dict[str, float], told: str) -> None:
+    assert sight_line(NOTHING | seen) == told
+
+
+def test_states_take_the_next_colours_in_the_order_of_their_first_tick() -> None:
     colours = StateColours(["a", "b", "a"])
     assert colours.states == ("a", "b")
-    assert colours.rgb("a") == COLOURS[0]
-    assert colours.rgb("c") == COLOURS[2]
-    assert max(colours.unit("b")) <= 1.0
+    assert [colours.tone(name) for name in "cba"] == [TONES[2], TONES[1], TONES[0]]
+    assert colours.rgb("a") == (0x0B, 0x5C, 0xAD)
+
+
+def test_given_colours_are_kept_and_other_states_take_none_of_them() -> None:
+    colours = StateColours(given={"b": TONES[0], "a": TONES[1]})
+    assert [colours.tone(name) for name in "abc"] == [TONES[1], TONES[0], TONES[2]]
+    assert colours.states == ("a", "b", "c")

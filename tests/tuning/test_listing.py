@@ -56,9 +56,15 @@ def test_all_that_is_listed_with_a_range_can_be_searched(name: str) -> None:
 def test_the_command_lists_them() -> None:
     shown = CliRunner().invoke(app, ["tune", "--list-params", "--policy", "wall"])
     assert shown.exit_code == 0
-    (row,) = (line.split("│")[1:-1] for line in shown.stdout.splitlines() if " state[0].p " in line)
-    cells = [cell.strip() for cell in row]
-    assert cells == ["*", "state[0].p", "follow.p", "BasicFollowWall", "7.519", "1/m", "0.2 to 20, by factors"]
+    rows = [line.split() for line in shown.stdout.splitlines()]
+    assert ["*", "follow.p", "7.519", "1/m", "0.2", "to", "20,", "by", "factors"] in rows
+    assert ["follow.side", "right", "left,", "right"] in rows
+
+
+def test_what_has_no_range_says_how_to_give_one() -> None:
+    shown = CliRunner().invoke(app, ["tune", "--list-params", "--policy", "known_route"])
+    (row,) = (line for line in shown.stdout.splitlines() if " gate.heading_deg " in line)
+    assert row.rstrip().endswith("give one: NAME=LOW:HIGH")
 
 
 def test_the_command_lists_them_as_json() -> None:
@@ -69,3 +75,5 @@ def test_the_command_lists_them_as_json() -> None:
         "range": [0.3, 1.6], "default": False,
     }  # fmt: skip
     assert by_path["state[0].side"]["range"] == ["left", "right"]
+    route = CliRunner().invoke(app, ["tune", "--list-params", "--json", "--policy", "known_route"])
+    assert {each["range"] is None for each in json.loads(route.stdout) if each["name"] == "gate.heading_deg"} == {True}

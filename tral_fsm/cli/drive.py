@@ -227,17 +227,20 @@ def _prepare(out: Path) -> None:
 
 
 def _drive_one(env: gym.Env[Any, Any], policy: Policy, seed: int, folder: Path, arguments: DriveArguments) -> Episode:
+    from tral_fsm import MachinePolicy, load_machine
     from tral_fsm.cli.show import DriveProgress
+    from tral_fsm.draw.panels import state_tones
     from tral_fsm.evaluation.rollout import drive
     from tral_fsm.report.drive.trace import TraceFile
     from tral_fsm.report.drive.trajectory import save_trajectory
     from tral_fsm.report.drive.video import DriveVideo
 
     world: Any = env.unwrapped
+    tones = state_tones(policy.definition, load_machine) if isinstance(policy, MachinePolicy) else None
     with contextlib.ExitStack() as stack:
         watchers: list[Callable[[Tick], None]] = [stack.enter_context(DriveProgress(f"{arguments.name}, seed {seed}"))]
         if arguments.video:
-            watchers.append(stack.enter_context(DriveVideo(folder / "drive.mp4", world)))
+            watchers.append(stack.enter_context(DriveVideo(folder / "drive.mp4", world, tones)))
         if arguments.trace:
             watchers.append(stack.enter_context(TraceFile(folder / "trace.csv")))
 
@@ -247,5 +250,5 @@ def _drive_one(env: gym.Env[Any, Any], policy: Policy, seed: int, folder: Path, 
 
         options = {"car": arguments.car} if arguments.car else None
         episode = drive(env, policy, seed, options, on_step, scenario=arguments.name)
-    save_trajectory(episode, world.plan, folder / "trajectory.png")
+    save_trajectory(episode, world.plan, folder / "trajectory.png", tones)
     return episode

@@ -115,7 +115,7 @@ def _short(parameter: Mapping[str, Any]) -> str:
 def _show_one(entry: Mapping[str, Any]) -> None:
     from rich.console import Console
 
-    typer.echo(f"{entry['type']}: {entry['description']}")
+    Console(highlight=False).print(f"{entry['type']}: {entry['description']}", markup=False)
     if entry.get("finishable"):
         typer.echo("It can say that it is finished.")
     if entry.get("targetable"):

@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
-from rich.table import Table
-from rich.text import Text
+
+from tral_fsm.cli.terminal import narrow_table
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from tral_fsm.evaluation.episode import Tick
 
 _EVERY = 16
@@ -54,7 +55,7 @@ def table_of_episodes(report: Mapping[str, Any]) -> Table:
     arguments = report["arguments"]
     name = report["episodes"][0]["scenario"]
     title = f"{arguments['policy']} on {name}, {arguments['camera']} camera"
-    table = Table(title=Text(title), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    table = narrow_table(title)
     for heading in ("seed", "success"):
         table.add_column(heading, no_wrap=True)
     for heading in ("progress", "time", "mean\nspeed", "clearance\nRMSE", "gates", "collisions"):

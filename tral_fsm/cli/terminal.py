@@ -11,6 +11,19 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
+def narrow_table(title: str = "", caption: str = "") -> Table:
+    """A table without vertical lines and with little room between them, so that 80 characters hold much."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    return Table(
+        title=Text(title) if title else None, title_justify="left",
+        caption=Text(caption) if caption else None, caption_justify="left",
+        box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, collapse_padding=True,
+    )  # fmt: skip
+
+
 def print_figures(table: Table) -> None:
     """Print a table of figures at its full width, even if the terminal is narrower."""
     from rich.console import Console

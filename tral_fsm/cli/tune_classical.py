@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from tral_fsm.cli.terminal import print_figures
+from tral_fsm.cli.terminal import narrow_table, print_figures
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -72,14 +72,15 @@ def _record(state: WallGains) -> dict[str, Any]:
 
 
 def _table(title: str, states: Sequence[WallGains]) -> Table:
-    from rich.table import Table
     from rich.text import Text
 
     from tral_fsm.tuning.tables import MARGIN_HEADER, margin_cells
 
-    table = Table(title=Text(title), title_justify="left")
+    table = narrow_table(title)
     for heading in MARGIN_HEADER:
-        table.add_column(Text(heading), justify="left" if heading == "gains" else "right", no_wrap=True)
+        table.add_column(
+            Text(heading.replace(" ", "\n")), justify="left" if heading == "gains" else "right", no_wrap=True
+        )
     for state in states:
         table.add_row(*(Text(cell) for cell in margin_cells(state)))
     return table

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import typer
 
-from tral_fsm.cli.terminal import print_figures
+from tral_fsm.cli.terminal import narrow_table, print_figures
 from tral_fsm.tuning.folder import MACHINE, PAGE, STUDY
 
 if TYPE_CHECKING:
@@ -117,7 +118,7 @@ def show_parameters(machine: MachineDefinition, *, as_json: bool) -> None:
         machine: the machine.
         as_json: print a JSON list instead of a table.
     """
-    from rich.table import Table
+    from rich.console import Console
     from rich.text import Text
 
     from tral_fsm.tuning.listing import listing
@@ -127,15 +128,19 @@ def show_parameters(machine: MachineDefinition, *, as_json: bool) -> None:
     if as_json:
         typer.echo(json.dumps([_listed_record(each) for each in found], indent=2))
         return
-    caption = "* is searched without --params. --params takes a path, a name, or a pattern such as *.p."
-    table = Table(caption=Text(caption), caption_justify="left")
-    for heading in ("", "path", "name", "type", "value", "unit", "range"):
+    caption = "* is searched without --params. --params takes a name, a path (--json has it), or a pattern such as *.p."
+    table = narrow_table(caption=caption)
+    table.add_column("")
+    table.add_column("name", overflow="fold", max_width=40)
+    for heading in ("value", "unit"):
         table.add_column(heading, justify="right" if heading == "value" else "left", no_wrap=True)
+    table.add_column("range")
+    names = Counter(each.name for each in found)
     for each in found:
-        ends = f"give one: {each.path}=LOW:HIGH" if each.parameter is None else range_cell(each.parameter)
-        cells = (each.path, each.name, each.where, value_cell(each.value), each.unit, ends)
-        table.add_row("*" if each.is_default else "", *map(Text, cells))
-    print_figures(table)
+        name = each.name if names[each.name] == 1 else each.path
+        ends = "give one: NAME=LOW:HIGH" if each.parameter is None else range_cell(each.parameter)
+        table.add_row("*" if each.is_default else "", *map(Text, (name, value_cell(each.value), each.unit, ends)))
+    Console().print(table)
 
 
 def _listed_record(each: Listed) -> dict[str, Any]:
@@ -151,37 +156,39 @@ def print_result(tuned: Tuned, out: Path) -> None:
     if tuned.values is not None:
         print_figures(_parameters(tuned))
     if tuned.comparison is not None:
-        print_figures(_held_out(tuned.comparison))
+        print_figures(check_table(tuned.comparison))
     typer.echo(tuned.verdict)
     machine = "the tuned machine" if tuned.kept is tuned.new and tuned.values is not None else "the machine as it was"
     typer.echo(f"{out / MACHINE} is {machine}; {out / PAGE} shows more.")
 
 
 def _parameters(tuned: Tuned) -> Table:
-    from rich.table import Table
     from rich.text import Text
 
     from tral_fsm.tuning.tables import before_cell
 
-    table = Table(title=Text("Parameters"), title_justify="left")
-    for heading in ("parameter", "was", "now"):
-        table.add_column(heading, justify="left" if heading == "parameter" else "right")
+    table = narrow_table("Parameters")
+    table.add_column("parameter", overflow="fold", max_width=50)
+    for heading in ("was", "now"):
+        table.add_column(heading, justify="right", max_width=13)
     for each, value in zip(tuned.parameters, tuned.values or (), strict=True):
         unit = f" [{each.unit}]" if each.unit else ""
         table.add_row(Text(each.label + unit), before_cell(each), str(value))
     return table
 
 
-def _held_out(comparison: Comparison) -> Table:
-    from rich.table import Table
+def check_table(comparison: Comparison) -> Table:
+    """Table of the check on hold-out courses, each interval below its figure."""
     from rich.text import Text
 
     from tral_fsm.tuning.tables import CHECK_HEADER, check_rows
 
-    title = f"On {comparison.courses} drives that nothing was tuned on, with 95 % intervals"
-    table = Table(title=Text(title), title_justify="left", caption=Text(_CAPTION), caption_justify="left")
+    title = f"On {comparison.courses} drives that nothing was tuned on, with 95 % intervals below"
+    table = narrow_table(title, _CAPTION)
     for heading in CHECK_HEADER:
         table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
     for row in check_rows(comparison):
-        table.add_row(*(Text(cell) for cell in row), end_section=row[0] in ("collisions", "steering [1/m]"))
+        # The interval stands below its figure, and what happened to single drives below their share.
+        cells = [cell.replace(" (", "\n", 1).rstrip(")").replace(" lost, ", " lost,\n", 1) for cell in row]
+        table.add_row(*map(Text, cells), end_section=row[0] in ("collisions", "steering [1/m]"))
     return table

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from tral_env.errors import MachineError
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.draw import text
 from tral_fsm.draw.layered.content import ordinals
 from tral_fsm.draw.layered.shapes import Arrangement, Direction, Point
 from tral_fsm.draw.layout import layout
+from tral_fsm.draw.panels import Panel, Resolve, panels
 
 INK, PALE, INNER = "#22272e", "#f6f8fa", "#eef4ff"
-_TONES = ("#0b5cad", "#b3261e", "#1b7f3b", "#7a3db8", "#a85a00", "#00707a", "#a3195b", "#5a6472", "#5f6b00", "#3f3fbf")
-"""Colours of the arrows that leave a state, one state after the other; each is readable on white."""
 _MARGIN = 20
 """Room beside a heading, px."""
 _HEADING, _BELOW_HEADING = 30, 10
@@ -30,8 +28,6 @@ _INSET = 3
 """Distance of the two outlines of a final state, px."""
 _HEAD_LENGTH, _HEAD_HALF = 9, 4
 """Length and half width of an arrow's head, px."""
-
-Resolve = Callable[[str], MachineDefinition]
 
 
 @dataclass(frozen=True)
@@ -119,47 +115,22 @@ def picture(machine: MachineDefinition, resolve: Resolve | None = None, directio
     """
     marks: list[Mark] = []
     width, height = 0, 0
-    panels = list(_panels(machine, resolve))
-    for number, (heading, part) in enumerate(panels, 1):
-        laid = layout(part, direction=direction)
+    shown = panels(machine, resolve)
+    for number, panel in enumerate(shown, 1):
+        laid, heading = layout(panel.machine, direction=direction), panel.heading
         top = height
-        if len(panels) > 1:
+        if len(shown) > 1:
             marks.append(Words((_MARGIN, top + _HEADING - _HEADING_DESCENT), text.printable(heading), bold=True))
             top += _HEADING - _BELOW_HEADING
-        marks += [mark.moved(top) for mark in _marks(part, laid)]
-        width = max(width, laid.width, text.width(heading, bold=True) + 2 * _MARGIN if len(panels) > 1 else 0)
-        height = top + laid.height + (_BETWEEN if number < len(panels) else 0)
-    return Picture(width, height, tuple(marks), text.printable(panels[0][0]))
+        marks += [mark.moved(top) for mark in _marks(panel, laid)]
+        width = max(width, laid.width, text.width(heading, bold=True) + 2 * _MARGIN if len(shown) > 1 else 0)
+        height = top + laid.height + (_BETWEEN if number < len(shown) else 0)
+    return Picture(width, height, tuple(marks), text.printable(shown[0].heading))
 
 
-def _panels(machine: MachineDefinition, resolve: Resolve | None) -> Iterator[tuple[str, MachineDefinition]]:
-    """Headings and machines, outer ones first; each machine comes once."""
-    front: list[tuple[str, MachineDefinition]] = [(machine.name or "machine", machine)]
-    seen: set[str] = set()
-    inline: set[int] = set()
-    """Identities of machines that stand in a state."""
-    while front:
-        heading, here = front.pop(0)
-        yield heading, here
-        for state in here.states:
-            inner = state.inner
-            if isinstance(inner, MachineDefinition):
-                if id(inner) in inline:
-                    continue
-                inline.add(id(inner))
-                front.append((f"{inner.name or 'inline'}, in state {text.state_name(state)}", inner))
-            elif inner is not None and inner not in seen:
-                seen.add(inner)
-                if resolve is None:
-                    raise MachineError(
-                        f"state {text.state_name(state)} names the machine {inner!r}, and nothing says which one that "
-                        "is: give picture(..., resolve=tral_fsm.load_machine)"
-                    )
-                front.append((inner, resolve(inner)))
-
-
-def _marks(machine: MachineDefinition, laid: Arrangement) -> Iterator[Mark]:
-    tone = {state.id: _TONES[i % len(_TONES)] for i, state in enumerate(machine.states)}
+def _marks(panel: Panel, laid: Arrangement) -> Iterator[Mark]:
+    machine = panel.machine
+    tone = {state.id: tone for state, tone in zip(machine.states, panel.tones, strict=True)}
     place = ordinals(machine)
     start, end = laid.root
     yield Line((start, end), INK, title="root")

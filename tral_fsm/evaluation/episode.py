@@ -70,6 +70,8 @@ class EpisodeTrace:
     """(T, d) observations, in the columns of the env's `Layout`."""
     action: Array
     """(T, 2) steering, throttle."""
+    wanted: Array
+    """(T, 2) side of the followed wall, +1 left, -1 right, and the wanted clearance [m]; NaN: none."""
     states: tuple[str, ...]
     """(T,) name of the state that acted."""
     transits: tuple[tuple[int, Transit], ...]
@@ -102,6 +104,7 @@ class TickRecorder:
             gates_passed=column("gates_passed").astype(np.int64),
             readings=np.array([tick.observation for tick in ticks], float),
             action=np.array([tick.action for tick in ticks], float),
+            wanted=np.array([tick.wanted for tick in ticks], float),
             states=tuple(tick.state for tick in ticks),
             transits=tuple((tick.index, transit) for tick in ticks for transit in tick.transits),
         )

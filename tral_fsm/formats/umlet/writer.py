@@ -188,11 +188,23 @@ def _state_size(state: StateSpec) -> tuple[int, int]:
 
 
 def _label_size(transitions: Sequence[TransitionSpec], places: Sequence[str]) -> tuple[int, int]:
-    return size("\n".join(_transition_text(transition, 1) for transition in transitions))  # "lt=->" is not drawn
+    lines = [line for t in transitions for line in _transition_text(t, 1).split("\n")[1:]]  # "lt=->" is not drawn
+    return _round_up(_wide(lines)), _high(lines)
 
 
 def size(text: str) -> tuple[int, int]:
-    """Width and height of a box for a text without its last line, px, in steps of 10."""
+    """Width and height of a box for a text without its last line, px, in steps of 10; it is not wider than 600 px."""
     lines = [line for line in text.split("\n")[:-1] if not line.startswith("//")]
-    width = max((len(line) for line in lines), default=0) * _LETTER + 20
-    return int(max(100.0, min(width, 600.0))) // 10 * 10, (len(lines) * _LINE + 10) // 10 * 10 + 10
+    return int(max(100.0, min(_wide(lines), 600.0))) // 10 * 10, _high(lines)
+
+
+def _wide(lines: Sequence[str]) -> float:
+    return max((len(line) for line in lines), default=0) * _LETTER + 20
+
+
+def _high(lines: Sequence[str]) -> int:
+    return (len(lines) * _LINE + 10) // 10 * 10 + 10
+
+
+def _round_up(length: float) -> int:
+    return -int(-length // 10) * 10

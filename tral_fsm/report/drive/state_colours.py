@@ -1,54 +1,38 @@
-"""Colours of states, the same in all pictures of a drive."""
+"""Colours of states, the same in all pictures of a drive and in the picture of its machine."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
-COLOURS: tuple[tuple[int, int, int], ...] = (
-    (31, 119, 180),
-    (255, 127, 14),
-    (44, 160, 44),
-    (214, 39, 40),
-    (148, 103, 189),
-    (140, 86, 75),
-    (227, 119, 194),
-    (23, 190, 207),
-    (188, 189, 34),
-    (65, 68, 81),
-    (120, 170, 220),
-    (255, 187, 120),
-    (152, 223, 138),
-    (255, 152, 150),
-    (197, 176, 213),
-    (196, 156, 148),
-    (247, 182, 210),
-    (130, 220, 230),
-    (219, 219, 141),
-    (150, 153, 168),
-)
-"""RGB colours, 0 to 255: ten full tones, then ten light ones."""
+from tral_fsm.draw.panels import TONES
 
 
 class StateColours:
-    """Colours of states, in the order of their first tick."""
+    """Colours of states: those that are given, and for other states the next ones, in the order of their first tick."""
 
-    def __init__(self, states: Iterable[str] = ()) -> None:
-        """Give the first colours to these states."""
-        self._index: dict[str, int] = {}
+    def __init__(self, states: Iterable[str] = (), given: Mapping[str, str] | None = None) -> None:
+        """Take given colours, and give the next ones to other states.
+
+        Args:
+            states: names of states, in the order of their first tick.
+            given: name -> colour such as "#0b5cad", as `tral_fsm.draw.panels.state_tones` gives them for a machine.
+        """
+        self._tones = dict(given or {})
+        self._states: dict[str, None] = {}
         for state in states:
-            self.rgb(state)
+            self.tone(state)
 
     @property
     def states(self) -> tuple[str, ...]:
         """The states so far."""
-        return tuple(self._index)
+        return tuple(self._states)
+
+    def tone(self, state: str) -> str:
+        """Colour of a state, such as "#0b5cad"; colours repeat if there are more states."""
+        self._states[state] = None
+        return self._tones.setdefault(state, TONES[len(self._tones) % len(TONES)])
 
     def rgb(self, state: str) -> tuple[int, int, int]:
-        """RGB colour of a state, 0 to 255; colours repeat if there are more states."""
-        index = self._index.setdefault(state, len(self._index))
-        return COLOURS[index % len(COLOURS)]
-
-    def unit(self, state: str) -> tuple[float, float, float]:
-        """RGB colour of a state, 0 to 1."""
-        r, g, b = self.rgb(state)
-        return r / 255, g / 255, b / 255
+        """RGB colour of a state, 0 to 255."""
+        r, g, b = bytes.fromhex(self.tone(state)[1:])
+        return r, g, b

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.text import Annotation
 from numpy.typing import NDArray
 
 from tral_env.course.draw import draw_plan
@@ -20,39 +22,54 @@ from tral_env.course.plan import Plan
 from tral_env.interface import CORE_LAYOUT, NO_ECHO_M
 from tral_fsm.evaluation.episode import Episode, EpisodeTrace
 from tral_fsm.evaluation.files import write_figure
+from tral_fsm.report.drive.labels import Label, place_labels
 from tral_fsm.report.drive.state_colours import StateColours
 
 SIDES = {"left": "#0b3c8c", "front": "black", "right": "#a30000"}
 """Colour of each ultrasonic's range."""
 
-_WIDTH_IN = 12.0
-_MAX_STATES, _MAX_TRANSITS = 12, 18
-"""Number of states and of transitions that the legends name."""
+_WIDTH_IN, _RANGES_IN = 12.0, 3.2
+_DPI = 120
+_LINE_IN = 0.16
+"""Height of a line of a legend."""
+_CHARACTER_IN = 0.07
+"""Width of a character of a legend."""
+_MAX_TRANSITS = 90
+"""Number of transitions that the legend names."""
+_MAX_CHARACTERS = 60
+"""Length from which on a name in a legend is cut."""
 
 
-def save_trajectory(episode: Episode, plan: Plan, path: Path) -> None:
-    """Draw an episode on its course into a PNG file."""
-    figure = trajectory_figure(episode, plan)
-    write_figure(path, figure, 120)
+def save_trajectory(episode: Episode, plan: Plan, path: Path, tones: Mapping[str, str] | None = None) -> None:
+    """Draw an episode on its course into a PNG file; `tones` as in `trajectory_figure`."""
+    write_figure(path, trajectory_figure(episode, plan, tones), _DPI)
 
 
-def trajectory_figure(episode: Episode, plan: Plan) -> Figure:
-    """Figure of an episode on its course."""
+def trajectory_figure(episode: Episode, plan: Plan, tones: Mapping[str, str] | None = None) -> Figure:
+    """Figure of an episode on its course.
+
+    Args:
+        episode: the episode.
+        plan: its course.
+        tones: colours of states by name, see `tral_fsm.draw.panels.state_tones`; None: by first tick.
+    """
     trace = episode.trace
-    colours = StateColours(trace.states)
-    height = _map_height(plan)
-    figure = Figure(figsize=(_WIDTH_IN, height + 3.6), layout="constrained")
+    colours = StateColours(trace.states, tones)
+    named = _named_transits(trace)
+    parts = [_map_height(plan), _LINE_IN * _lines(_shown(colours), 11), _RANGES_IN, _LINE_IN * _lines(named, 0)]
+    figure = Figure(figsize=(_WIDTH_IN, sum(parts) + 1.2), dpi=_DPI, layout="constrained")
     FigureCanvasAgg(figure)
-    above, below = figure.subplots(2, 1, height_ratios=[height, 3.0])
+    above, legend, below, names = figure.subplots(4, 1, height_ratios=[max(part, 0.01) for part in parts])
     draw_plan(plan, above)
     _draw_path(above, trace, colours)
-    _draw_transits(above, below, trace)
     _draw_events(above, episode)
     above.set_aspect("equal")
-    above.set_title(title(episode), loc="left", parse_math=False)
-    _legend_of_states(above, colours)
+    above.set_title(textwrap.fill(title(episode), 130), loc="left", fontsize=11, parse_math=False)
     _draw_bands(below, trace, colours)
     _draw_ranges(below, trace)
+    _draw_legend(legend, above, below, colours)
+    _draw_names(names, named)
+    _number_transits(above, below, trace)
     return figure
 
 
@@ -93,7 +110,7 @@ def _draw_path(ax: Axes, trace: EpisodeTrace, colours: StateColours) -> None:
     stretches = [(name, xy[first : last + 1]) for name, first, last in runs(trace.states)]
     lines = LineCollection(
         [points for _, points in stretches],
-        colors=[colours.unit(name) for name, _ in stretches],
+        colors=[colours.tone(name) for name, _ in stretches],
         linewidths=2.2,
         capstyle="round",
         zorder=6,
@@ -101,21 +118,38 @@ def _draw_path(ax: Axes, trace: EpisodeTrace, colours: StateColours) -> None:
     ax.add_collection(lines)
 
 
-def _draw_transits(above: Axes, below: Axes, trace: EpisodeTrace) -> None:
-    """Number the transitions of the outermost machine, on the path and over the time."""
-    marked: list[NDArray[np.float64]] = []
-    last = -math.inf
-    for number, tick, _ in outer_transits(trace):
-        here, now = trace.pose[tick, :2], trace.time[tick]
-        above.plot(*here, "o", color="white", markeredgecolor="black", markersize=4, zorder=7)
-        # A number that would cover another one is left out.
-        if all(np.hypot(*(here - other)) > np.ptp(above.get_xlim()) / 60.0 for other in marked):
-            above.annotate(str(number), (here[0], here[1]), (4, 4), textcoords="offset points", fontsize=7, zorder=9)
-            marked.append(here)
-        below.axvline(now, color="black", linewidth=0.6, linestyle=":")
-        if now - last >= trace.time[-1] / 60.0:
-            below.annotate(str(number), (now, 5.2), (1, -8), textcoords="offset points", fontsize=7)
-            last = now
+def _number_transits(above: Axes, below: Axes, trace: EpisodeTrace) -> None:
+    """Number the transitions of the outermost machine over the time and on the path, clear of the labels of the map."""
+    transits = outer_transits(trace)
+    for _, tick, _ in transits:
+        above.plot(*trace.pose[tick, :2], "o", color="white", markeredgecolor="black", markersize=4, zorder=7)
+        below.axvline(trace.time[tick], color="black", linewidth=0.6, linestyle=":")
+    labels = [Label(note.get_text(), note.xy, str(note.get_color())) for note in _notes(above)]
+    for note in _notes(above):
+        note.remove()
+    _number_times(below, [(number, float(trace.time[tick])) for number, tick, _ in transits])
+    figure: Any = above.figure
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    numbers = [Label(str(number), (trace.pose[tick, 0], trace.pose[tick, 1])) for number, tick, _ in transits]
+    place_labels(above, [*labels, *numbers])
+
+
+def _notes(ax: Axes) -> list[Annotation]:
+    return [text for text in ax.texts if isinstance(text, Annotation)]
+
+
+def _number_times(ax: Axes, numbers: Sequence[tuple[int, float]]) -> None:
+    """Numbers above the axes, in the lowest row that has room; what finds no room in four rows is left out."""
+    ends = [-math.inf] * 4
+    for number, time in numbers:
+        row = next((row for row, end in enumerate(ends) if time >= end), None)
+        if row is not None:
+            ends[row] = time + ax.get_xlim()[1] * (0.006 + 0.006 * len(str(number)))
+            ax.annotate(
+                str(number), (time, 1.0), (0, 2 + 8 * row), xycoords=("data", "axes fraction"),
+                textcoords="offset points", ha="center", fontsize=7,
+            )  # fmt: skip
 
 
 def outer_transits(trace: EpisodeTrace) -> list[tuple[int, int, str]]:
@@ -124,20 +158,43 @@ def outer_transits(trace: EpisodeTrace) -> list[tuple[int, int, str]]:
     return [(number, tick, name) for number, (tick, name) in enumerate(outer, 1)]
 
 
-def _legend_of_ranges(ax: Axes, trace: EpisodeTrace) -> None:
-    """The ultrasonics, and the names of the numbered transitions."""
-    handles, labels = ax.get_legend_handles_labels()
+def _named_transits(trace: EpisodeTrace) -> list[str]:
+    """Numbers and names of the transitions, for their legend."""
     transits = outer_transits(trace)
-    for number, _, name in transits[:_MAX_TRANSITS]:
-        handles.append(Patch(alpha=0.0))
-        labels.append(f"{number} {name if len(name) <= 26 else name[:24] + '...'}")
-    if len(transits) > _MAX_TRANSITS:
-        handles.append(Patch(alpha=0.0))
-        labels.append(f"and {len(transits) - _MAX_TRANSITS} more")
-    place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.005, 1.0)}
-    legend = ax.legend(handles, labels, fontsize=7, frameon=False, labelspacing=0.25, handlelength=1.2, **place)
+    named = [f"{number} {_cut(name)}" for number, _, name in transits[:_MAX_TRANSITS]]
+    return [*named, f"and {len(transits) - _MAX_TRANSITS} more"] if len(transits) > _MAX_TRANSITS else named
+
+
+def _cut(name: str) -> str:
+    return name if len(name) <= _MAX_CHARACTERS else f"{name[: _MAX_CHARACTERS - 3]}..."
+
+
+def _columns(texts: Sequence[str]) -> int:
+    """Number of columns in which texts fill the width of the figure."""
+    widest = max(map(len, texts), default=0) + 6
+    return max(1, int(0.95 * _WIDTH_IN / (_CHARACTER_IN * widest)))
+
+
+def _lines(texts: Sequence[str], more: int) -> int:
+    """Number of lines that texts, and some more of them, need in columns."""
+    return -(-(len(texts) + more) // _columns(texts))
+
+
+def _draw_names(ax: Axes, named: Sequence[str]) -> None:
+    """The names of the numbered transitions."""
+    ax.axis("off")
+    if named:
+        _legend(ax, [Patch(alpha=0.0)] * len(named), named, handlelength=0.0, handletextpad=0.0)
+
+
+def _legend(ax: Axes, handles: Sequence[Any], labels: Sequence[str], **style: Any) -> None:
+    """A legend in columns that fills its axes."""
+    legend = ax.legend(
+        handles, labels, ncols=_columns(labels), loc="upper left", fontsize=8, frameon=False,
+        labelspacing=0.3, borderaxespad=0.0, borderpad=0.0, **style,
+    )  # fmt: skip
     for text in legend.get_texts():
-        text.set_parse_math(False)  # names of transitions are no formulas
+        text.set_parse_math(False)  # names are no formulas
 
 
 def _draw_events(ax: Axes, episode: Episode) -> None:
@@ -162,31 +219,39 @@ def _draw_events(ax: Axes, episode: Episode) -> None:
     )
 
 
-def _legend_of_states(ax: Axes, colours: StateColours) -> None:
-    handles, _ = ax.get_legend_handles_labels()
-    patches = [Patch(color=colours.unit(name), label=name) for name in colours.states[:_MAX_STATES] if name]
-    place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.005, 1.0)}
-    legend = ax.legend(handles=[*patches, *handles], fontsize=8, frameon=False, **place)
-    for text in legend.get_texts():
-        text.set_parse_math(False)  # names of states are no formulas
+def _shown(colours: StateColours) -> list[str]:
+    return [_cut(name) for name in colours.states if name]
+
+
+def _draw_legend(ax: Axes, above: Axes, below: Axes, colours: StateColours) -> None:
+    """The states, and what else the map and the ranges show."""
+    ax.axis("off")
+    drawn = [above.get_legend_handles_labels(), below.get_legend_handles_labels()]
+    handles = [handle for found, _ in drawn for handle in found]
+    labels = [label for _, found in drawn for label in found]
+    patches = [Patch(color=colours.tone(name)) for name in colours.states if name]
+    _legend(ax, [*patches, *handles], [*_shown(colours), *labels], handlelength=1.4)
 
 
 def _draw_bands(ax: Axes, trace: EpisodeTrace, colours: StateColours) -> None:
     edges = np.concatenate([[0.0], trace.time])
     for name, first, last in runs(trace.states):
-        ax.axvspan(edges[first], edges[last], color=colours.unit(name), alpha=0.18, linewidth=0)
+        ax.axvspan(edges[first], edges[last], color=colours.tone(name), alpha=0.18, linewidth=0)
 
 
 def _draw_ranges(ax: Axes, trace: EpisodeTrace) -> None:
     for side, colour in SIDES.items():
-        ax.plot(trace.time, _echoes(trace, side), color=colour, linewidth=1.0, label=side)
+        ax.plot(trace.time, _echoes(trace, side), color=colour, linewidth=1.0, label=f"range {side}")
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        wanted = np.where(trace.wanted[:, 0] == sign, trace.wanted[:, 1], np.nan)
+        if np.isfinite(wanted).any():
+            ax.plot(trace.time, wanted, color=SIDES[side], linewidth=2.5, alpha=0.45, label=f"wanted clearance {side}")
     for t in trace.time[np.diff(trace.gates_passed, prepend=0) > 0]:
         ax.axvline(t, color="limegreen", linewidth=1.5, linestyle="--")
     ax.set_xlim(0.0, float(trace.time[-1]))
     ax.set_ylim(0.0, 5.2)
     ax.set_xlabel("time [s]   (bands: active state; dotted: transitions; gaps: no echo)")
     ax.set_ylabel("ultrasonic range [m]")
-    _legend_of_ranges(ax, trace)
     ax.grid(alpha=0.3)
 
 

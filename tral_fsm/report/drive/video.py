@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Generator
+import math
+from collections.abc import Generator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.errors import RenderError
-from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, MAX_AGE_S, NO_ECHO_M, STEERING, THROTTLE
+from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, MAX_AGE_S, NO_ECHO_M, STEERING, THROTTLE, TURN_MARKER_IDS
 from tral_fsm.evaluation.episode import Tick
 from tral_fsm.report.drive.state_colours import StateColours
 
@@ -27,6 +28,7 @@ FPS = 20
 INSET_EVERY = 2
 """Number of frames for which an inset stays: 10 insets for a second. Source: choice; near the camera's own rate."""
 
+NOTHING_SEEN = "no gate or sign in sight"
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _WHITE = (255, 255, 255)
 _GREY = (170, 170, 170)
@@ -52,15 +54,20 @@ class DriveVideo:
             drive(env, policy, seed, on_step=video)
     """
 
-    def __init__(self, path: Path, views: Views) -> None:
+    def __init__(self, path: Path, views: Views, tones: Mapping[str, str] | None = None) -> None:
         """Write an mp4 file; an existing file is replaced once the video is complete.
+
+        Args:
+            path: the file.
+            views: the env that renders the views.
+            tones: colours of states by name, see `StateColours`.
 
         Raises:
             RenderError: there is no encoder.
         """
         self._views = views
         self._path, self._part = path, path.with_suffix(f".part{path.suffix}")
-        self._colours = StateColours()
+        self._colours = StateColours(given=tones)
         self._last: Tick | None = None
         self._frames = 0
         self._onboard = np.zeros((INSET_HEIGHT, INSET_WIDTH, 3), np.uint8)
@@ -174,12 +181,13 @@ def _draw_inset(image: Image, onboard: Image) -> None:
 def _draw_state(image: Image, tick: Tick, colour: tuple[int, int, int]) -> None:
     info = tick.info
     _shade(image, 12, 12, 360, 86)
-    cv2.rectangle(image, (12, 12), (22, 86), colour, cv2.FILLED)
-    _text(image, tick.state or "no states", (32, 40), 0.75, weight=2)
+    cv2.rectangle(image, (12, 12), (24, 86), colour, cv2.FILLED)
+    cv2.rectangle(image, (12, 12), (24, 86), _WHITE, 1)  # dark colours stand out from the shade
+    _text(image, tick.state or "no states", (34, 40), 0.75, weight=2)
     line = f"{info['time_s']:5.1f} s   {100 * info['progress']:3.0f} %   {info['speed_mps']:.2f} m/s"
     if info["gates_total"]:
         line += f"   gates {info['gates_passed']}/{info['gates_total']}"
-    _text(image, line, (32, 70))
+    _text(image, line, (34, 70))
 
 
 def _draw_outcome(image: Image, tick: Tick, over: bool) -> None:
@@ -208,7 +216,7 @@ def _draw_ranges(image: Image, readings: dict[str, float]) -> None:
 
 
 def _draw_gauges(image: Image, tick: Tick, readings: dict[str, float]) -> None:
-    """Draw steering and throttle as bars, and the last detection of a gate."""
+    """Draw steering and throttle as bars, and the last detection."""
     left, top = WIDTH - 272, HEIGHT - 102
     _shade(image, left, top, WIDTH - 12, HEIGHT - 12)
     for row, (name, value, sign) in enumerate(
@@ -219,13 +227,18 @@ def _draw_gauges(image: Image, tick: Tick, readings: dict[str, float]) -> None:
         middle = left + 170
         cv2.line(image, (middle, y - 12), (middle, y + 4), _GREY, 1)
         cv2.rectangle(image, (middle, y - 9), (middle + int(70 * sign * value), y + 1), _GREEN, cv2.FILLED)
-    seen = readings["gate_age"] < MAX_AGE_S
-    _text(image, gate_line(readings), (left + 10, top + 78), 0.42, _WHITE if seen else _GREY)
+    line = sight_line(readings)
+    _text(image, line, (left + 10, top + 78), 0.42, _GREY if line == NOTHING_SEEN else _WHITE)
 
 
-def gate_line(readings: dict[str, float]) -> str:
-    """The last detection of a gate, and its age."""
-    if readings["gate_age"] >= MAX_AGE_S:
-        return "no gate in sight"
-    gate, x, y, age = (readings[f"gate_{name}"] for name in ("id", "x", "y", "age"))
-    return f"gate {gate:.0f}: {x:.2f} m ahead, {y:+.2f}; {age:.1f} s ago"
+def sight_line(readings: Mapping[str, float]) -> str:
+    """The last detection of a gate or of a single marker, the newer of the two, and its age."""
+    gate, marker = readings["gate_age"], readings["marker_age"]
+    if min(gate, marker) >= MAX_AGE_S:
+        return NOTHING_SEEN
+    what, age = ("gate", gate) if gate <= marker else ("marker", marker)
+    number, x, y = (readings[f"{what}_{name}"] for name in ("id", "x", "y"))
+    if what == "gate":
+        return f"gate {number:.0f}: {x:.2f} m ahead, {y:+.2f}; {age:.1f} s ago"
+    name = "sign" if int(number) in TURN_MARKER_IDS.values() else "marker"
+    return f"{name} {number:.0f}, {math.hypot(x, y):.1f} m; {age:.1f} s ago"
