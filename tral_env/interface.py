@@ -327,7 +327,9 @@ def check_readings(policy: Policy, env: Any) -> None:
     provided = getattr(getattr(env, "unwrapped", env), "provided_readings", None)
     if needed is None or provided is None:
         return
-    missing = [field.name for field in CORE_FIELDS if field.name in needed and field.name not in provided]
+    lacking = set(needed) - set(provided)
+    core = [field.name for field in CORE_FIELDS if field.name in lacking]
+    missing = [*core, *sorted(lacking.difference(core))]
     if missing:
         has = [name for name in provided if not name.endswith("_age") and name not in ("steering", "throttle")]
         raise ConfigError(

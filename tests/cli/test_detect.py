@@ -140,3 +140,12 @@ def test_an_image_that_does_not_fit_the_lens_is_named(tmp_path: Path) -> None:
     result = tral(tmp_path / "wide.png", "--lens", "default")
     assert result.exit_code == 2
     assert "wide.png: the image is 640 x 360 px" in " ".join(result.stderr.split())
+
+
+def test_an_image_is_never_drawn_over(photo: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.png"
+    other.write_bytes(photo.read_bytes())
+    result = tral(photo, other, "--out", other)
+    assert result.exit_code == 2
+    assert "is one of the images: choose another name" in result.stderr
+    assert other.read_bytes() == photo.read_bytes()

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -364,10 +365,25 @@ def test_a_group_that_the_sensors_provide_is_read():
     env.close()
 
 
-def test_a_reset_has_no_options():
+@pytest.mark.parametrize(
+    ("arguments", "error", "told"),
+    [({"options": {"course": "x"}}, ConfigError, "course"), ({"seed": -1}, gym.error.Error, "Seed")],
+)
+def test_a_reset_that_is_refused_stops_a_car_that_drives(
+    arguments: dict[str, Any], error: type[Exception], told: str
+) -> None:
     env, _ = car()
-    with pytest.raises(ConfigError, match="course"):
-        env.reset(options={"course": "x"})
+    env.reset()
+    for _ in range(40):
+        info = env.step([0.0, 0.8])[-1]
+    neutral = env.unwrapped.calibration.neutral_us
+    assert info["throttle_us"] != neutral[1]
+    with pytest.raises(error, match=told):
+        env.reset(**arguments)
+    last = env.unwrapped.output.sent[-1]
+    assert (last.steering_us, last.throttle_us) == pytest.approx(tuple(neutral), abs=1e-9)
+    with pytest.raises(ResetNeeded):
+        env.step([0.0, 0.8])
 
 
 def test_sensors_are_stopped_at_the_end():
@@ -423,3 +439,12 @@ def test_a_policy_that_needs_a_missing_sensor_is_refused_before_the_first_reset(
     env, _ = car(sensors=SonarArray(FakeSmbus({})))
     with pytest.raises(ConfigError, match="needs distance, which this car does not read; it reads ultrasonic_front"):
         check_readings(NeedsHall(), env)
+
+
+def test_a_reading_of_an_optional_group_that_is_missing_is_named_too():
+    class Turner:
+        needed_readings = frozenset({"imu_gyro_z", "distance"})
+
+    env, _ = car()
+    with pytest.raises(ConfigError, match=r"the policy needs distance, imu_gyro_z, which this car does not read"):
+        check_readings(Turner(), env)

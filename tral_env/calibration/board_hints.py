@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.calibration.boards import Board, search_copy
+from tral_env.errors import ConfigError
 from tral_env.perception.aruco import fitting_dictionaries
 
 Image = NDArray[np.uint8]
@@ -38,8 +40,8 @@ def other_board(board: Board, grey: Image) -> str:
 
 def _other_chessboard(board: Board, grey: Image) -> str:
     inner = f"{board.columns} x {board.rows}"
-    more = replace(board, columns=board.columns + 1, rows=board.rows + 1)
-    if len(more.find(grey)[0]):
+    more = _changed(board, columns=board.columns + 1, rows=board.rows + 1)
+    if more and len(more.find(grey)[0]):
         return f"{inner} inner corners are {more.columns} x {more.rows} squares: {_options(board, more)}"
     if fitting_dictionaries(grey, MIN_MARKERS):
         return "the image shows markers: is it --board charuco?"
@@ -48,12 +50,20 @@ def _other_chessboard(board: Board, grey: Image) -> str:
 
 def _alike(board: Board) -> Iterator[Board]:
     """Boards with the same markers whose squares are arranged or counted in another way."""
-    turned = replace(board, columns=board.rows, rows=board.columns)
-    more = replace(board, columns=board.columns + 1, rows=board.rows + 1, dictionary=board.dictionary)
+    turned = _changed(board, columns=board.rows, rows=board.columns)
+    more = _changed(board, columns=board.columns + 1, rows=board.rows + 1)
     for one in (board, turned, more):
         for legacy in (board.legacy, not board.legacy):
-            if one is not board or legacy != board.legacy:
+            if one is not None and (one is not board or legacy != board.legacy):
                 yield replace(one, legacy=legacy)
+
+
+def _changed(board: Board, **changes: Any) -> Board | None:
+    """The board with other values; None if there is none, such as one with more markers than its dictionary."""
+    try:
+        return replace(board, **changes)
+    except ConfigError:
+        return None
 
 
 def _other_markers(board: Board, grey: Image) -> str:
@@ -64,8 +74,8 @@ def _other_markers(board: Board, grey: Image) -> str:
     if name == board.dictionary:
         return f"the image shows {fitting[name]} markers of {name}: are --columns and --rows those of the board?"
     for legacy in (board.legacy, not board.legacy):
-        other = replace(board, dictionary=name, legacy=legacy)
-        if len(other.find(grey)[0]):
+        other = _changed(board, dictionary=name, legacy=legacy)
+        if other and len(other.find(grey)[0]):
             return f"the image shows another board: {_options(board, other)}"
     return f"the image shows {fitting[name]} markers of {name}: try --dictionary {name.removeprefix('DICT_')}"
 

@@ -160,16 +160,16 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         """Command neutral and start the sensors at once; put the car in its place before.
 
         Raises:
-            ConfigError: an option was given; there are none.
+            ConfigError: an option was given; there are none. Neutral has been commanded.
             HardwareError: a device does not answer.
         """
-        super().reset(seed=seed)
-        if options:
-            raise ConfigError(f"unknown reset option(s) {', '.join(options)}: the real car has none")
-        self._running = False
-        self._episode = _Episode(start_s=self._clock())
         with self._neutral_if_it_fails():
+            self._running = False
             self._neutral()
+            super().reset(seed=seed)
+            if options:
+                raise ConfigError(f"unknown reset option(s) {', '.join(options)}: the real car has none")
+            self._episode = _Episode(start_s=self._clock())
             if self.sensors is not None:
                 self.sensors.start()
             observation = self._observe()

@@ -8,6 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from tral_env.errors import (
+    CalibrationError,
     CourseError,
     HardwareError,
     LostWorkerError,
@@ -36,7 +37,11 @@ class Guarded(TyperGroup):
             raise typer.Exit(_exit_code(error)) from None
 
 
+_BAD_FILES = (SimulationError, FormatError, CourseError, PolicyError, CalibrationError)
+"""A drive or a file is bad, not the command."""
+
+
 def _exit_code(error: TralError) -> int:
     if isinstance(error, RenderError | MissingExtraError | HardwareError | LostWorkerError):
         return MACHINE_LACKS
-    return FAILED if isinstance(error, SimulationError | FormatError | CourseError | PolicyError) else BAD_USAGE
+    return FAILED if isinstance(error, _BAD_FILES) else BAD_USAGE

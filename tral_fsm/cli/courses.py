@@ -34,7 +34,7 @@ def command(
 ) -> None:
     """List families and courses, check a course file, draw courses, or write a course file.
 
-    A seed gives the same course here as in `tral drive`.
+    A seed gives the same course here as in `tral drive`, but for `--randomization hard`, which draws harder courses.
     """
     if scenario is not None:
         check_families([scenario])

@@ -56,19 +56,25 @@ def command(
     if out:
         suffix_of(out, _PICTURES)
     camera = None if lens is None else load_lens(lens)
-    told, seen_any = 0, False
+    found = find_sources(sources)
+    originals = {Path(name).resolve() for name in found}
+    drawn, seen_any = 0, False
     before: tuple[str, tuple[int, ...]] = "", ()
     with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C is the usual end of a camera
-        for name, image in read_images(find_sources(sources), every):
+        for name, image in read_images(found, every):
             sight = _looked_at(name, image, camera)
             video, _, frame = name.rpartition(":")
             now = video if frame.isdigit() else "", tuple(sorted(marker.id for marker in sight.markers))
             if now == before and now[0]:
                 continue
-            before, told, seen_any = now, told + 1, seen_any or bool(sight.markers)
+            before, seen_any = now, seen_any or bool(sight.markers)
             typer.echo(json.dumps(_record(name, sight)) if as_json else _text(name, sight))
             if out and image is not None:
-                _draw(image, sight, out if told == 1 else out.with_stem(f"{out.stem}_{told}"), quiet=as_json)
+                drawn += 1
+                picture = out if drawn == 1 else out.with_stem(f"{out.stem}_{drawn}")
+                if picture.resolve() in originals:
+                    raise ConfigError(f"--out {picture} is one of the images: choose another name, or another folder")
+                _draw(image, sight, picture, quiet=as_json)
     if not seen_any:
         raise typer.Exit(FAILED)
 

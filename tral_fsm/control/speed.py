@@ -84,9 +84,9 @@ class SpeedController:
             return self._released(throttle, speed)
         self._integral = 0.0
         if command.throttle is not None and command.throttle < 0.0 and command.speed is None:
-            return self._released(command.throttle, speed)
+            return self._released(clip(command.throttle), speed)
         self._stalled_ticks = 0
-        return command.throttle or 0.0
+        return clip(command.throttle or 0.0)
 
     def _released(self, throttle: float, speed: float) -> float:
         """Neutral for a while when the car stands although it is told to drive.
