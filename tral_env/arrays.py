@@ -11,3 +11,5 @@ Index = NDArray[np.int64]
 """Rows, ids or counts."""
 Flags = NDArray[np.bool_]
 """Yes or no."""
+Image = NDArray[np.uint8]
+"""Pixels."""

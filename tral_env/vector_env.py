@@ -13,15 +13,13 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from tral_env.errors import ConfigError, nearest
-from tral_env.interface import CONTROL_RATE_HZ, action_space
+from tral_env.interface import CONTROL_RATE_HZ, FloatArray, action_space
 from tral_env.options import CorridorConfig, check_counts, option_parameters, takes
 from tral_env.world import Step, World, check_pictures
 
-Array = NDArray[np.floating]
-
 
 @takes(option_parameters())
-class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
+class TralCorridorVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
     """`TralCorridor-v0`, n at once: ``gym.make_vec("TralCorridor-v0", num_envs=64)``.
 
     Row i, reset with seed s + i, is bit for bit the single environment reset with that seed, whatever the other rows
@@ -82,7 +80,7 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Array, dict[str, Any]]:
+    ) -> tuple[FloatArray, dict[str, Any]]:
         """Start new episodes, in all rows or in those of ``options["reset_mask"]``.
 
         Args:
@@ -140,7 +138,7 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
             raise ConfigError(f"{len(seeds)} seeds for {self.num_envs} environments")
         return [None if each is None else int(each) for each in seeds]
 
-    def step(self, actions: Array) -> tuple[Array, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
+    def step(self, actions: FloatArray) -> tuple[FloatArray, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Drive all cars for 12.5 ms.
 
         Args:
@@ -197,7 +195,7 @@ class TralCorridorVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
 
     def _after_next_step_reset(
         self, step: Step, again: NDArray[np.bool_]
-    ) -> tuple[Array, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
+    ) -> tuple[FloatArray, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Start the rows anew that ended in the step before; this step does nothing else with them."""
         cars = self.world.reset(self.world.request(np.flatnonzero(again)), self._rngs)
         terminated, truncated = step.terminated & ~again, step.truncated & ~again

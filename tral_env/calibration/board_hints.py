@@ -6,14 +6,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from tral_env.arrays import Image
 from tral_env.calibration.boards import Board, search_copy
 from tral_env.errors import ConfigError
 from tral_env.perception.aruco import fitting_dictionaries
-
-Image = NDArray[np.uint8]
 
 MIN_MARKERS = 3
 """An image with fewer markers of a dictionary may show a window that looks like one."""

@@ -11,11 +11,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.arrays import Array
+from tral_env.arrays import Array, Image
 from tral_env.errors import ConfigError, nearest
 from tral_env.perception.dictionaries import dictionary, dictionary_name, marker_count, marker_modules
 
-Image = NDArray[np.uint8]
 Kind = Literal["charuco", "chessboard"]
 
 DICTIONARY = "DICT_5X5_50"

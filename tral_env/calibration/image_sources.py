@@ -8,11 +8,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from tral_env.arrays import Image
 from tral_env.errors import ConfigError, HardwareError
-
-Image = NDArray[np.uint8]
 
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp")
 """A file with one of these suffixes is an image."""

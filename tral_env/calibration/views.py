@@ -10,11 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.arrays import Array
+from tral_env.arrays import Array, Image
 from tral_env.calibration.board_hints import other_board
 from tral_env.calibration.boards import Board
-
-Image = NDArray[np.uint8]
 
 GRID = (9, 6)
 """The coverage map has so many cells across and down: three by two in each ninth of the image."""

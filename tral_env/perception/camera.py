@@ -14,13 +14,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.arrays import Image
 from tral_env.config import CameraConfig
 from tral_env.errors import ConfigError, RenderError, nearest
 from tral_env.perception import opengl
 from tral_env.perception.lens import mounting_turn
 from tral_env.perception.rays import pixel_rays
 
-Image = NDArray[np.uint8]
 """(height, width, 3) RGB."""
 
 MAX_GEOMS = 5000

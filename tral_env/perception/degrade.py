@@ -12,9 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.arrays import Image
 from tral_env.errors import ConfigError
-
-Image = NDArray[np.uint8]
 
 _MAX_AT_LEVEL_1 = {"exposure": 1.0, "blur_px": 100.0, "glare": 255.0, "noise": 255.0, "streak_px": 1000.0, "patch": 1.0}
 """A level of 1 may bring at most this much of each fault."""

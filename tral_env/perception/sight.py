@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.arrays import Array
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.errors import ConfigError
 from tral_env.interface import GATE_MARKER_IDS, TURN_MARKER_IDS
 from tral_env.perception.aruco import DICTIONARY, Detector, MarkerCorners, fitting_dictionaries, marker_poses
 from tral_env.perception.gate import nearest_gate_and_marker
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,11 @@ import cv2
 import mujoco
 import numpy as np
 
+from tral_env.arrays import Image
 from tral_env.calibration.board_poses import BoardPose, seeded_poses
 from tral_env.calibration.boards import Board
 from tral_env.config import CameraConfig
-from tral_env.perception.camera import Image, OnboardCamera, SceneRenderer
+from tral_env.perception.camera import OnboardCamera, SceneRenderer
 from tral_env.perception.degrade import degrade
 
 MARGIN = 0.02

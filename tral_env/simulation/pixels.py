@@ -6,11 +6,10 @@ from collections import deque
 
 import numpy as np
 
-from tral_env.arrays import Array, Index
+from tral_env.arrays import Array, Image, Index
 from tral_env.config import CameraConfig
 from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool
-from tral_env.perception.camera import Image
 from tral_env.perception.camera_pipeline import has_arrived
 from tral_env.perception.degrade import ImageCorruption
 from tral_env.simulation.vision import Webcam

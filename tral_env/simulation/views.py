@@ -6,9 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.arrays import Image
 from tral_env.course.scene import PREFIX
 from tral_env.errors import ConfigError, nearest
-from tral_env.perception.camera import Image, SceneRenderer
+from tral_env.perception.camera import SceneRenderer
 from tral_env.simulation.render_scene import RenderScene
 from tral_env.simulation.sim import Simulation
 from tral_env.simulation.vision import Webcam

@@ -6,13 +6,13 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from tral_env.arrays import Array, Index
+from tral_env.arrays import Array, Image, Index
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool
 from tral_env.noise import NoiseTape
 from tral_env.perception.aruco import Detector, marker_poses
-from tral_env.perception.camera import Image, OnboardCamera
+from tral_env.perception.camera import OnboardCamera
 from tral_env.perception.degrade import ImageCorruption, degrade
 from tral_env.perception.gate import Detection, nearest_gate_and_marker
 from tral_env.perception.projected import NOISE_PLACES, NORMALS, UNIFORMS, Scenery, project
