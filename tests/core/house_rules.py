@@ -16,17 +16,21 @@ from pathlib import Path
 Imports = Mapping[str, Set[str]]
 Rule = Callable[[Imports], list[str]]
 
-WAIST = {f"tral_env.{room}" for room in ("interface", "geometry", "se2", "errors", "json_text", "arrays")}
+WAIST = {
+    f"tral_env.{room}" for room in ("interface", "geometry", "se2", "errors", "json_text", "arrays", "speed_control")
+}
 WAIST_NEEDS = {"numpy", "gymnasium.spaces"}
 
 PHYSICS = {"mujoco"}
 HEAVY = PHYSICS | {"torch", "stable_baselines3", "matplotlib"}
 LAWS = {f"tral_env.{room}" for room in ("sensors", "actuation", "task", "noise", "config")}
-ON_THE_CAR = {f"tral_env.{room}" for room in ("hardware", "recording", "learned", "ros")}
+ON_THE_CAR = {f"tral_env.{room}" for room in ("hardware", "recording", "learner", "learned", "ros")}
 CAR_NEEDS = WAIST | ON_THE_CAR | LAWS - {"tral_env.task"} | {"tral_env.perception"}
-OPTIONS_NEED = {f"tral_env.{room}" for room in ("config", "randomization", "course", "perception", "calibration")}
+OPTIONS_NEED = {
+    f"tral_env.{room}" for room in ("config", "randomization", "course", "perception", "calibration", "learner")
+}
 SHELLS = {f"tral_env.{room}" for room in ("env", "vector_env", "sb3")}
-STEPS = {"tral_env.simulation", "tral_env.world"} | SHELLS
+STEPS = {"tral_env.simulation", "tral_env.world", "tral_env.decisions"} | SHELLS
 SIMULATION_NEEDS = (
     WAIST
     | LAWS - {"tral_env.task"}
