@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
+from tral_env.decisions import Decisions
 from tral_env.errors import ConfigError
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space
 from tral_env.options import CorridorConfig, is_count, option_parameters, takes
@@ -140,6 +141,13 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     | `lens` | `None` | The camera's lens: a `CameraConfig`, `"default"`, `"wide"`, or the path of a calibration file (.yaml, .yml). |
     | `task` | `None` | A `TaskConfig`: the weights of the reward, the time limit and the speed of a crash. |
     | `image_faults` | `None` | An `ImageCorruption`: how much of each fault an `image_degradation` of 1 brings to a rendered image. Streaks and covered patches are off by default. |
+    | `decision_hz` | `80.0` | Decisions a second: each takes a whole number of ticks of 1/80 s, in which the command is held and rewards add up. A step of the environment is a decision. |
+    | `observation` | `'readings'` | `"readings"`: what the car measures, in SI units. `"features"`: the same, made ready for a network, see `tral_env.learner.LearnerView`. |
+    | `history` | `1` | Number of frames in an observation, the oldest first. At a reset all of them are the first one. |
+    | `spacing_s` | `None` | Time between two frames, a whole number of ticks, s. `None`: that between two decisions. |
+    | `action` | `'throttle'` | What the second action is: `"throttle"`, or `"speed"`, which is regulated on the hall sensor as the machines' speed is. |
+    | `drive_range` | `None` | What -1 and 1 of the second action stand for: throttles, or speeds in m/s. `None`: -1 and 1, or 0 and 1.2 m/s. |
+    | `detections` | `True` | Whether features tell gates and turn signs. A network is smaller without them. |
 
     `None` for `car`, `lens`, `task` and `image_faults` is the configuration's own default. These and `randomization`
     also take a mapping of values.
@@ -177,9 +185,11 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         config = CorridorConfig.of(
             options, allowed=inspect.signature(type(self)).parameters, image_size=self._image_size
         )
+        self.metadata = {**type(self).metadata, "render_fps": round(config.decision_hz)}
         self.world = World(1, config)
+        self._decisions = Decisions(self.world)
         self.action_space = action_space()
-        self.observation_space: spaces.Space[Any] = self.world.layout.space()
+        self.observation_space: spaces.Space[Any] = self._decisions.space()
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start a new episode.
@@ -197,10 +207,10 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         """
         request = self.world.request(_ROW, options)
         super().reset(seed=seed)
-        car = self.world.reset(request, [self.np_random])
+        car = self._decisions.reset(request, [self.np_random])
         info = self._info(self.world.info())
         info["car"] = {name: float(values[0]) for name, values in car.items()}
-        return self._observation(self.world.observation()[0]), info
+        return self._observation(self._decisions.observation()[0]), info
 
     def step(self, action: NDArray[np.floating]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive for 12.5 ms.
@@ -215,7 +225,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         action = np.asarray(action, np.float64)
         if action.shape != (2,) or not np.isfinite(action).all():
             raise ConfigError(f"action {action!r}: expected two finite numbers: steering, throttle")
-        step = self.world.step(action[None])
+        step = self._decisions.step(action[None])
         info = self._info(step.info)
         info["reward_terms"] = {name: values.item() for name, values in step.reward_terms.items()}
         terminated, truncated = bool(step.terminated[0]), bool(step.truncated[0])

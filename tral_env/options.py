@@ -17,6 +17,7 @@ from tral_env.course.generate import SCENARIOS
 from tral_env.course.layout import Course, example_names, example_path
 from tral_env.errors import ConfigError, CourseError, UnknownOptionError, nearest
 from tral_env.interface import Layout, group_names
+from tral_env.learner import LearnerConfig
 from tral_env.perception.degrade import ImageCorruption
 from tral_env.randomization import Randomization, level
 
@@ -26,10 +27,11 @@ CAMERAS = ("projected", "rendered")
 
 
 @dataclass(frozen=True, kw_only=True)
-class CorridorConfig:
-    """What to drive, with which car and which eyes. The environments take each field but `image_size` as an option.
+class CorridorConfig(LearnerConfig):
+    """What to drive, with which car and which eyes, and how a learner meets it.
 
-    An option is read by the function in its field's metadata; without one it is taken as it is.
+    The environments take each field but `image_size` as an option, those of `LearnerConfig` too. An option is read by
+    the function in its field's metadata; without one it is taken as it is.
     """
 
     scenario: str = "office"
@@ -64,6 +66,7 @@ class CorridorConfig:
     """Width and height of the image in the observation, px; `TralCorridorPixels-v0` sets it. `None`: there is none."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.scenario not in tuple(SCENARIOS):  # a tuple, so that a list is told as any other wrong name
             raise ConfigError(f"unknown scenario '{self.scenario}': {nearest(self.scenario, SCENARIOS)}")
         if self.camera not in CAMERAS:
@@ -79,13 +82,32 @@ class CorridorConfig:
             )
         level(self.randomization)
         Layout.of(self.groups)
+        self._check_learner()
         for place in fields(CarConfig):
             got, has = getattr(self.car, place.name), getattr(CarConfig(), place.name)
             if place.name != "full_lock_deg" and got != has:
                 raise ConfigError(f"CarConfig.{place.name} = {got!r}: the car of assets/car.xml has {has!r}")
 
+    def _check_learner(self) -> None:
+        """Refuse observations that cannot be: features show the core readings, and images have no history."""
+        if self.observation == "features" and self.groups:
+            raise ConfigError(
+                f"groups = {self.groups!r} with observation='features', which are of the core readings alone: expected "
+                "observation='readings', or no groups"
+            )
+        if self.image_size is not None and (self.observation != "readings" or self.history != 1):
+            raise ConfigError(
+                f"observation='{self.observation}', history={self.history} with images, which have neither features "
+                "nor history: expected observation='readings' and history=1, or TralCorridor-v0"
+            )
+
+    @property
+    def learner(self) -> LearnerConfig:
+        """The options of how a learner meets the car."""
+        return LearnerConfig(**{place.name: getattr(self, place.name) for place in fields(LearnerConfig)})
+
     @classmethod
-    def of(
+    def of(  # type: ignore[override]
         cls, options: Mapping[str, Any], *, allowed: Iterable[str] = (), image_size: tuple[int, int] | None = None
     ) -> CorridorConfig:
         """The configuration that the options of an environment ask for.
@@ -114,8 +136,10 @@ class CorridorConfig:
 
 
 def option_fields() -> list[Field[Any]]:
-    """The fields of `CorridorConfig` that are options, in order."""
-    return [place for place in fields(CorridorConfig) if place.metadata.get("is_option", True)]
+    """The fields of `CorridorConfig` that are options, in order; those of how a learner meets the car come last."""
+    of_learner = [place.name for place in fields(LearnerConfig)]
+    options = [place for place in fields(CorridorConfig) if place.metadata.get("is_option", True)]
+    return sorted(options, key=lambda place: place.name in of_learner)
 
 
 def _read(name: str, read: Callable[[Any], Any], value: object) -> Any:
