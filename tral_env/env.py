@@ -131,7 +131,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     | `view` | `'chase'` | What `render()` shows: `"chase"`, `"top"`, or `"onboard"`, the image of the car's camera with its lens, mounting error and faults. |
     | `width` | `640` | Width of the picture, px. |
     | `height` | `480` | Height of the picture, px. |
-    | `scenario` | `'office'` | Family of the generated courses: one of `tral_env.course.generate.SCENARIOS`, which `tral courses` lists. |
+    | `scenario` | `'office'` | Family of the generated courses: one of `tral_env.course.generate.SCENARIOS`, which `tral courses` lists. Several in a tuple: every episode draws one of them. |
     | `course` | `None` | Every episode drives this `Course` instead of generated ones. Also its name, one of those that `tral courses` lists, or the path of its JSON file. |
     | `courses` | `None` | Every episode draws one of so many courses, 1 or more. Each is built when it is first driven and then kept (up to 40 kB); course k is the one that `reset(seed=k)` gives without this option. `None`: every episode builds a new course, which takes most of a reset. |
     | `camera` | `'projected'` | `"projected"`: the corners of the markers are projected through the lens, without OpenGL. `"rendered"`: OpenCV's detector searches a rendered image. |

@@ -32,6 +32,10 @@ class PolicyError(TralError, RuntimeError):
     """A policy failed while it drove: its code raised an error, or its answer is no command."""
 
 
+class PolicyFileError(TralError, ValueError):
+    """A policy file cannot be read, or was made for other readings."""
+
+
 class MachineRunError(PolicyError, MachineError):
     """A state or a condition of a machine failed while the machine drove."""
 

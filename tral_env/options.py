@@ -17,7 +17,7 @@ from tral_env.course.generate import SCENARIOS
 from tral_env.course.layout import Course, example_names, example_path
 from tral_env.errors import ConfigError, CourseError, UnknownOptionError, nearest
 from tral_env.interface import Layout, group_names
-from tral_env.learner import LearnerConfig
+from tral_env.learner import LearnerConfig, pair
 from tral_env.perception.degrade import ImageCorruption
 from tral_env.randomization import Randomization, level
 
@@ -34,8 +34,9 @@ class CorridorConfig(LearnerConfig):
     the function in its field's metadata; without one it is taken as it is.
     """
 
-    scenario: str = "office"
-    """Family of the generated courses: one of `tral_env.course.generate.SCENARIOS`, which `tral courses` lists."""
+    scenario: str | tuple[str, ...] = field(default="office", metadata={"read": pair})
+    """Family of the generated courses: one of `tral_env.course.generate.SCENARIOS`, which `tral courses` lists. Several
+    in a tuple: every episode draws one of them."""
     course: Course | str | Path | None = None
     """Every episode drives this `Course` instead of generated ones. Also its name, one of those that `tral courses`
     lists, or the path of its JSON file."""
@@ -67,8 +68,9 @@ class CorridorConfig(LearnerConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.scenario not in tuple(SCENARIOS):  # a tuple, so that a list is told as any other wrong name
-            raise ConfigError(f"unknown scenario '{self.scenario}': {nearest(self.scenario, SCENARIOS)}")
+        for name in self.scenarios or (self.scenario,):
+            if name not in tuple(SCENARIOS):  # a tuple, so that a list is told as any other wrong name
+                raise ConfigError(f"unknown scenario '{name}': {nearest(name, SCENARIOS)}")
         if self.camera not in CAMERAS:
             raise ConfigError(f"unknown camera '{self.camera}': {nearest(self.camera, CAMERAS)}")
         if self.courses is not None and not is_count(self.courses):
@@ -100,6 +102,11 @@ class CorridorConfig(LearnerConfig):
                 f"observation='{self.observation}', history={self.history} with images, which have neither features "
                 "nor history: expected observation='readings' and history=1, or TralCorridor-v0"
             )
+
+    @property
+    def scenarios(self) -> tuple[str, ...]:
+        """The families, one or several."""
+        return self.scenario if isinstance(self.scenario, tuple) else (self.scenario,)
 
     @property
     def learner(self) -> LearnerConfig:

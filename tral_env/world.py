@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -119,7 +120,8 @@ class World:
         fixed = config.fixed_course()
         self._fixed = None if fixed is None else (fixed, build_plan(fixed))
         self._near = 0 if self._fixed is None else max_boxes_in_reach(self._fixed[1])
-        own = Pool.for_scenario(config.scenario) if self._fixed is None else Pool.of(self._fixed[1])
+        families = reduce(Pool.union, map(Pool.for_scenario, config.scenarios))
+        own = families if self._fixed is None else Pool.of(self._fixed[1])
         self.sim = self._simulation(own if pool is None else own.union(pool))
         self.track = task.empty_track(n)
         self._started = False
@@ -253,13 +255,19 @@ class World:
 
     def _generate(self, rng: np.random.Generator) -> tuple[Course, Plan]:
         """A new course, or one of those that are kept."""
-        scenario, hard, count = self.config.scenario, self._hard, self.config.courses
+        count = self.config.courses
         if count is None:
-            return generate_plan(scenario, rng, hard=hard)
+            return self._build(rng)
         k = int(rng.integers(count))
         if k not in self.kept:
-            self.kept[k] = generate_plan(scenario, np.random.default_rng(k), hard=hard)
+            self.kept[k] = self._build(np.random.default_rng(k))
         return self.kept[k]
+
+    def _build(self, rng: np.random.Generator) -> tuple[Course, Plan]:
+        """A new course of the family, or of one of several."""
+        families = self.config.scenarios
+        scenario = families[0] if len(families) == 1 else families[int(rng.integers(len(families)))]
+        return generate_plan(scenario, rng, hard=self._hard)
 
     def _needed(self, plans: Sequence[Plan], rows: Index, near: int) -> Pool | None:
         """The pool of the simulation that the rows need for their plans; None: the one at hand will do.

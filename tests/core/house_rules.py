@@ -24,8 +24,10 @@ WAIST_NEEDS = {"numpy", "gymnasium.spaces"}
 PHYSICS = {"mujoco"}
 HEAVY = PHYSICS | {"torch", "stable_baselines3", "matplotlib"}
 LAWS = {f"tral_env.{room}" for room in ("sensors", "actuation", "task", "noise", "config")}
-ON_THE_CAR = {f"tral_env.{room}" for room in ("hardware", "recording", "learner", "learned", "ros")}
-CAR_NEEDS = WAIST | ON_THE_CAR | LAWS - {"tral_env.task"} | {"tral_env.perception"}
+ON_THE_CAR = {
+    f"tral_env.{room}" for room in ("hardware", "recording", "learner", "learned", "policy_file", "tensors", "ros")
+}
+CAR_NEEDS = WAIST | ON_THE_CAR | LAWS - {"tral_env.task"} | {"tral_env.perception", "tral_env.atomic"}
 OPTIONS_NEED = {
     f"tral_env.{room}" for room in ("config", "randomization", "course", "perception", "calibration", "learner")
 }
@@ -182,7 +184,11 @@ def the_environment_knows_no_state_machine(imports: Imports) -> list[str]:
 
 
 def policies_know_the_waist_alone(imports: Imports) -> list[str]:
-    return _outside(imports, POLICY, WAIST | POLICY)
+    """The runtime, which runs policies, also knows trained ones."""
+    runs = {"tral_fsm.runtime"}
+    return _outside(imports, POLICY - runs, WAIST | POLICY) + _outside(
+        imports, runs, WAIST | POLICY | {"tral_env.learned", "tral_env.policy_file"}
+    )
 
 
 def nobody_imports_report_and_cli(imports: Imports) -> list[str]:

@@ -28,7 +28,7 @@ from tral_env.vector_env import TralCorridorVectorEnv
         ({"courses": 0}, "courses = 0: expected a whole number, 1 or more"),
         ({"courses": True}, "courses = True: expected a whole number"),
         ({"courses": 2**70}, "expected a whole number"),
-        ({"scenario": ["corners"]}, "unknown scenario"),
+        ({"scenario": ["corners", "corner"]}, "did you mean 'corners'"),
         ({"groups": "imu"}, r"groups = 'imu': expected names in a tuple"),
         ({"groups": None}, "groups = None: expected names in a tuple"),
         ({"courses": 5, "course": "mine.json"}, "courses = 5 with a course of your own"),
