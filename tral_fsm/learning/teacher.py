@@ -24,7 +24,6 @@ from tral_env.learned import Network
 from tral_env.learner import Actuation, LearnerConfig, LearnerView, inverse
 from tral_env.speed_control import SPEED_PER_THROTTLE, THROTTLE_DEAD
 from tral_env.vector_env import TralCorridorVectorEnv
-from tral_fsm.evaluation.host import versions
 from tral_fsm.learning.choices import positive, read_settings, sees_detections
 from tral_fsm.learning.networks import as_network, perceptron
 from tral_fsm.learning.run import TrainingRun
@@ -133,7 +132,7 @@ class Student:
             loss.backward()  # type: ignore[no-untyped-call]
             self._optimizer.step()
             self._follow()
-            total += float(loss)
+            total += loss.item()
         return total / updates
 
     @torch.no_grad()
@@ -146,11 +145,7 @@ class Student:
 
     def network(self) -> Network:
         """The running mean as it is now."""
-        provenance = {
-            "algorithm": "teacher",
-            "teacher": self._machine,
-            "versions": versions() | {"torch": torch.__version__},
-        }
+        provenance = {"algorithm": "teacher", "teacher": self._machine}
         return as_network(list(self._mean), self.settings.learner, output="clip", provenance=provenance)
 
     def state(self) -> dict[str, Any]:
