@@ -187,8 +187,8 @@ class Lessons:
         self._wanted = np.zeros((n, 2))
         self._taught = np.ones(n, bool)
         """(n,) the machine itself drives the car."""
-        self.taught_share = 1.0
-        """Share of the episodes that the machine drives."""
+        self._helped = np.ones(n, bool)
+        """(n,) the machine has driven the car in this episode."""
         self.outcomes: deque[bool] = deque(maxlen=RECENT)
         """Success of the latest episodes that the network drove."""
         self.episodes = 0
@@ -196,6 +196,14 @@ class Lessons:
         machine.reset(n)
         self._observation, _ = env.reset(seed=seed)
         self._view.reset(np.ones(n, bool), self._observation)
+
+    def begin_round(self, taught_share: float) -> None:
+        """Draw the cars that the machine drives, wherever they are on their courses.
+
+        Args:
+            taught_share: probability of each car.
+        """
+        self._taught = self._rng.random(len(self._taught)) < taught_share
 
     def tick(self, network: Network, samples: Samples) -> int:
         """Drive for a tick; gives the number of decisions."""
@@ -208,6 +216,7 @@ class Lessons:
             knows = self._knows()[due]
             samples.add(inputs[knows], self._answers(told)[due][knows])
         driven = self._actuation.command(self._wanted, observation[:, _SPEED])
+        self._helped |= self._taught
         command = np.where(self._taught[:, None], told, driven)
         self._observation, _, terminated, truncated, info = self._env.step(command)
         self._view.update(self._observation)
@@ -232,11 +241,10 @@ class Lessons:
 
     def _begin(self, rows: Flags, success: Flags) -> None:
         """Begin new episodes."""
-        for row in np.flatnonzero(rows):
-            if not self._taught[row]:
-                self.outcomes.append(bool(success[row]))
-                self.episodes += 1
-            self._taught[row] = self._rng.random() < self.taught_share
+        alone = success[rows & ~self._helped].tolist()
+        self.outcomes.extend(alone)
+        self.episodes += len(alone)
+        self._helped[rows] = False
         self._observation, _ = self._env.reset(options={"reset_mask": rows})
         self._view.reset(rows, self._observation)
         self._actuation.reset(rows)
@@ -284,7 +292,7 @@ def _rounds(
     # A resumed training has no decisions yet: it gathers some before it learns on.
     enough = RESUMED_ROUNDS * reserve if done else 1
     while not run.is_over:
-        lessons.taught_share = max(1.0 - done / settings.teacher_rounds, 0.0)
+        lessons.begin_round(max(1.0 - done / settings.teacher_rounds, 0.0))
         for tick in range(ticks):
             run.steps += lessons.tick(network, samples)
             if tick % 40 == 0:
