@@ -6,9 +6,10 @@ The sources of the car are told in `tral_env.geometry`; "SRF08" is the data shee
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from numbers import Integral, Real
+from pathlib import Path
 from typing import Any, TypeVar
 
 from tral_env.errors import ConfigError, nearest
@@ -85,6 +86,24 @@ def check_number(where: str, value: object, unit: str = "", *, whole: bool = Fal
     kind, expected = (Integral, "a whole number") if whole else (Real, "a finite number")
     if isinstance(value, bool) or not isinstance(value, kind) or not _is_finite(value):
         raise ConfigError(f"{where} = {value!r}: expected {expected}{f' of {unit}' if unit else ''}")
+
+
+def one_of(name: str, value: object, allowed: Iterable[str], hint: str = "") -> None:
+    """Refuse what is none of some names; a list of names, too, is none.
+
+    Args:
+        name: what is chosen.
+        value: what was given.
+        allowed: the names.
+        hint: end of the error.
+
+    Raises:
+        ConfigError: none of the names; the error tells the nearest.
+    """
+    names = tuple(allowed)
+    if not isinstance(value, str) or value not in names:
+        got = f"'{value}'" if isinstance(value, str | Path) else repr(value)
+        raise ConfigError(f"unknown {name} {got}: {nearest(value, names)}{hint}")
 
 
 def _is_finite(value: Real) -> bool:
@@ -323,8 +342,7 @@ class UltrasonicConfig:
         )
         if self.rays < 2:
             raise ConfigError(f"UltrasonicConfig.rays = {self.rays!r}: expected 2 or more")
-        if self.mode not in ("us", "cm"):
-            raise ConfigError(f"UltrasonicConfig.mode = {self.mode!r}. Allowed: us, cm")
+        one_of("UltrasonicConfig.mode", self.mode, ("us", "cm"))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -295,6 +295,28 @@ def action_space() -> spaces.Box:
     return spaces.Box(-1.0, 1.0, (2,), np.float32)
 
 
+def as_command(action: object, n: int | None = None) -> NDArray[np.float64]:
+    """The command that an action is: numbers of the right shape.
+
+    Args:
+        action: (2,) steering, throttle; with `n` (n, 2).
+        n: number of cars; None: one car on its own.
+
+    Raises:
+        ConfigError: text, a bool, another shape, or a number that is not finite.
+    """
+    shape = (2,) if n is None else (n, 2)
+    try:
+        numbers = np.asarray(action)
+    except (TypeError, ValueError):  # rows of several lengths
+        numbers = np.empty(0, object)
+    if numbers.dtype.kind not in "fiu" or numbers.shape != shape or not np.isfinite(numbers).all():
+        if n is None:
+            raise ConfigError(f"action {str(action)[:200]!r}: expected two finite numbers: steering, throttle")
+        raise ConfigError(f"actions of {numbers.dtype} {numbers.shape}: expected ({n}, 2) finite numbers")
+    return numbers.astype(np.float64)
+
+
 class Policy(Protocol):
     """Anything that drives: a state machine, a trained network, a person with a controller."""
 
