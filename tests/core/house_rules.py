@@ -138,7 +138,9 @@ def _top(names: Set[str]) -> set[str]:
 
 
 def course_needs_the_waist_and_config(imports: Imports) -> list[str]:
-    return _outside(imports, {"tral_env.course"}, WAIST | {f"tral_env.{room}" for room in ("config", "assets", "atomic")})
+    return _outside(
+        imports, {"tral_env.course"}, WAIST | {f"tral_env.{room}" for room in ("config", "assets", "atomic")}
+    )
 
 
 def the_car_needs_little(imports: Imports) -> list[str]:

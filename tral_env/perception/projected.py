@@ -160,7 +160,8 @@ def project(
     level = np.zeros(len(near.row)) if degradation is None else degradation[near.row]
     chance = uniform[near.row, near.place % NOISE_PLACES, 0]
     ids = scenery.ids[rows[near.row], near.place]
-    index = np.flatnonzero(_in_image(pixels, camera, model) & (chance < model.found(size, ids, level)))
+    found = chance < model.found(size, ids, level, max(camera.width, camera.height))
+    index = np.flatnonzero(_in_image(pixels, camera, model) & found)
     index = index[~_hidden(scenery, rows, near, index)]
     where = near.row[index], near.place[index]
     blur = _Blur(_extent(pixels[index]), level[index], normal[where[0], where[1] % NOISE_PLACES])
