@@ -27,6 +27,7 @@ from tral_env.geometry import (
     WHEELBASE_M,
     WIDTH_M,
 )
+from tral_env.interface import CONTROL_RATE_HZ
 
 Config = TypeVar("Config")
 
@@ -301,8 +302,8 @@ class UltrasonicConfig:
     """An edge or a slim post on the boresight is heard no farther than this, m. Source: choice, after the SRF04's data
     sheet: a stick of 3 cm is detected at more than 2 m."""
     corner_tolerance: float = 0.26
-    """Two walls are an inner corner if the cosine of the angle between them is at most this: 90 +- 15 deg. Source:
-    choice."""
+    """Two walls are an inner corner if the cosine of the angle between them is at most this, 0 to 0.9: 90 +- 15 deg.
+    Source: choice."""
     min_range: float = 0.03
     """Nearer echoes are lost in the ringing of the transducer, m. Source: SRF08."""
     max_range: float = 5.0
@@ -328,8 +329,9 @@ class UltrasonicConfig:
         _check(
             self,
             positive=("beam_deg", "incidence_limit_deg", "max_range", "cadence_s", "metres_per_us"),
-            unit_interval=("jitter_share", "crosstalk_share", "corner_tolerance"),
+            unit_interval=("jitter_share", "crosstalk_share"),
             plausible={
+                "corner_tolerance": (0.0, 0.9, ""),
                 "beam_deg": (1.0, 180.0, "deg"),
                 "incidence_limit_deg": (1.0, 90.0, "deg"),
                 "incidence_spread_deg": (0.0, 45.0, "deg"),
@@ -448,7 +450,8 @@ class CameraConfig:
     distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
     """Coefficients k1, k2, p1, p2, k3 of OpenCV's model."""
     rate_hz: float = 15.0
-    """Frames per second. Source: choice, webcams of the era gave 10 to 30."""
+    """Frames per second, at most the control rate: a camera is asked once a tick. Source: choice, webcams of the era
+    gave 10 to 30."""
     marker_size: float = MARKER_SIZE_M
     """Edge of an ArUco marker's black square, m. Source: era."""
 
@@ -460,7 +463,7 @@ class CameraConfig:
                 **dict.fromkeys(("width", "height"), (1, 20000, "px")),
                 **dict.fromkeys(("fx", "fy"), (1.0, 1e5, "px")),
                 **dict.fromkeys(("cx", "cy"), (-1e5, 1e5, "px")),
-                "rate_hz": (0.1, 1000.0, "Hz"),
+                "rate_hz": (0.1, CONTROL_RATE_HZ, "Hz"),
                 "marker_size": (0.005, 2.0, "m"),
             },
         )

@@ -42,6 +42,8 @@ STRONG_GATES = (1, 2, 3, 10, 11, 12, 15, 16)
 others; use them first on yours. Source: `DetectionModel.weakness`, benchmarks/false_sightings.py."""
 TURN_MARKER_IDS: Mapping[str, int] = {"left": 40, "right": 41, "straight": 42}
 """Markers that tell a turn at a crossing."""
+DICTIONARY_SIZE = 50
+"""The dictionary of the markers, DICT_4X4_50, has so many ids."""
 MARKER_IDS = (*GATE_MARKER_IDS, *TURN_MARKER_IDS.values())
 """A course has no other markers: those of gates and those that tell a turn."""
 
@@ -72,7 +74,7 @@ def _detection(prefix: str, what: str, axis: str) -> tuple[Field, ...]:
             name=f"{prefix}_id",
             unit="",
             low=-1.0,
-            high=49.0,
+            high=DICTIONARY_SIZE - 1.0,
             missing=NOTHING_SEEN_ID,
             meaning=f"id of {what}; -1: none yet",
         ),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Array
-from tral_env.perception.gate import DICTIONARY_SIZE
+from tral_env.interface import DICTIONARY_SIZE
 
 Figures = tuple[float, ...]
 """One figure at each level of `DetectionModel.levels`."""
