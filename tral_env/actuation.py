@@ -31,7 +31,7 @@ WAIT = 2
 """Phase of a motor controller that got neutral after a brake that was long enough."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class ActuationParameters:
     """What differs from car to car; each an array (n,). Write into the arrays, then call `Actuation.reset`."""
 
@@ -68,7 +68,7 @@ class ActuationParameters:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class ActuatorInputs:
     """What the model's actuators get for one control tick; each (n,)."""
 

@@ -39,7 +39,7 @@ def _checked(options: Mapping[str, Any]) -> Mapping[str, Any]:
     return options
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ResetRequest:
     """A reset that `World.request` has checked."""
 
@@ -74,7 +74,7 @@ class Drawn(NamedTuple):
     """Parameters of the car, name -> value; see `Randomization`."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Step:
     """What n cars got in a tick, as arrays of (n, ...)."""
 

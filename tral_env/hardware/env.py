@@ -284,7 +284,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             raise
 
 
-@dataclass(kw_only=True)
+@dataclass(kw_only=True, eq=False)
 class _Episode:
     """What an episode counts up."""
 

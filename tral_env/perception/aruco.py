@@ -25,7 +25,7 @@ TILT_PX = 1.0
 """A pose that leans by an angle a counts as worse by sin(a) times this, px: a marker stands upright."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MarkerCorners:
     """Markers found in one image."""
 
@@ -35,7 +35,7 @@ class MarkerCorners:
     """(m, 4, 2) px: upper left, upper right, lower right, lower left corner of the black square, as printed."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MarkerPoses:
     """Where the markers of one image stand, in the car's frame."""
 

@@ -12,7 +12,7 @@ from tral_env.interface import DICTIONARY_SIZE, GATE_MARKER_IDS, NOTHING_SEEN_ID
 from tral_env.se2 import wrap
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Detection:
     """What n images show, each array (n,), m and rad in the car's frame; where nothing is seen: id -1, the rest 0.
 

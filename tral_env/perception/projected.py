@@ -82,7 +82,7 @@ class Scenery:
             self.footprints = np.pad(self.footprints, ((0, 0), (0, 0), (0, more)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ProjectedMarkers:
     """Markers that k cars see, each array (k, M), in the car's frame; meaningless where not valid."""
 
@@ -97,7 +97,7 @@ class ProjectedMarkers:
     """Whether the marker is seen."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Candidates:
     """Markers that may be seen, each array (c, ...)."""
 
@@ -115,7 +115,7 @@ class _Candidates:
     """(c,) direction into the marker, in the camera's frame, rad."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Blur:
     """What makes the sight of c markers inexact."""
 
