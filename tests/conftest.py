@@ -22,8 +22,8 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
         terminalreporter.section("golden drives", yellow=True)
         terminalreporter.write_line(
             f"NOT compared: {len(skipped)} tests of tests/golden. Their digests were written where arithmetic rounds "
-            "otherwise. To know whether a change keeps drives: before it `python tests/golden/drives.py --write`, after "
-            "it `python tests/golden/drives.py`; do not commit that drives.json."
+            "otherwise. To know whether a change keeps drives: before it `python tests/golden/drives.py --write`, "
+            "after it `python tests/golden/drives.py`; do not commit that drives.json."
         )
 
 
