@@ -17,15 +17,15 @@ from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
 from tral_env.decisions import Decisions
 from tral_env.errors import ConfigError
-from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space
-from tral_env.options import CorridorConfig, is_count, option_parameters, takes
+from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space, as_command
+from tral_env.options import CorridorConfig, JsonSpec, is_count, is_seed, option_parameters, takes
 from tral_env.world import World, check_pictures
 
 _ROW = np.zeros(1, np.int64)
 
 
 @takes(option_parameters())
-class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
+class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
     """A 1:10 car drives a university corridor with three ultrasonics, a hall sensor and a camera.
 
     ## Description
@@ -132,7 +132,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     | `width` | `640` | Width of the picture, px. |
     | `height` | `480` | Height of the picture, px. |
     | `scenario` | `'office'` | Family of the generated courses: one of `tral_env.course.generate.SCENARIOS`, which `tral courses` lists. Several in a tuple: every episode draws one of them. |
-    | `course` | `None` | Every episode drives this `Course` instead of generated ones. Also its name, one of those that `tral courses` lists, or the path of its JSON file. |
+    | `course` | `None` | Every episode drives this `Course` instead of generated ones. Also its name, one of those that `tral courses` lists, the path of its JSON file, or a mapping of what that file would hold. |
     | `courses` | `None` | Every episode draws one of so many courses, 1 or more. Each is built when it is first driven and then kept (up to 40 kB); course k is the one that `reset(seed=k)` gives without this option. `None`: every episode builds a new course, which takes most of a reset. |
     | `camera` | `'projected'` | `"projected"`: the corners of the markers are projected through the lens, without OpenGL. `"rendered"`: OpenCV's detector searches a rendered image. |
     | `randomization` | `'default'` | How much cars differ from one another: `"none"`, `"default"`, `"hard"`, the path of a file of ranges (.json, .yaml, .yml), or a `Randomization` of other ranges. |
@@ -150,14 +150,15 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     | `detections` | `True` | Whether features tell gates and turn signs. A network is smaller without them. |
 
     `None` for `car`, `lens`, `task` and `image_faults` is the configuration's own default. These and `randomization`
-    also take a mapping of values.
+    also take a mapping of values, so `spec.to_json()` works with all of them. "hard" also makes the courses harder, see
+    `hard_courses` of `Randomization`; a level of your own on the base "hard" keeps that.
 
     ## Reset Options
     `reset(seed=k, options={...})` takes:
 
     | option | what it is |
     | --- | --- |
-    | `course` | a `tral_env.course.layout.Course`, or its name or the path of its file, for this episode; car and noise stay those of the seed |
+    | `course` | a `tral_env.course.layout.Course`, or its name, the path of its file or a mapping, for this episode; car and noise stay those of the seed |
     | `car` | values of `Randomization` parameters that are not to be drawn, such as `{"friction": 0.6}` |
     | `reset_mask` | (n,) bool, in a vector environment with `autoreset_mode="Disabled"` alone: the rows to reset |
 
@@ -202,11 +203,13 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
             The first observation, and the info of a reset.
 
         Raises:
-            ConfigError: an option is unknown or not allowed.
+            ConfigError: the seed or an option is unknown or not allowed.
             CourseError: the course cannot be built, or its file is no course.
         """
+        if not is_seed(seed):
+            raise ConfigError(f"seed = {seed!r}: expected a whole number, 0 or more, or None")
         request = self.world.request(_ROW, options)
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else int(seed))
         car = self._decisions.reset(request, [self.np_random])
         info = self._info(self.world.info())
         info["car"] = {name: float(values[0]) for name, values in car.items()}
@@ -222,10 +225,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
             ConfigError: the action is not two finite numbers, or there was no reset.
             SimulationError: the physics became unstable; the next reset mends it.
         """
-        action = np.asarray(action, np.float64)
-        if action.shape != (2,) or not np.isfinite(action).all():
-            raise ConfigError(f"action {action!r}: expected two finite numbers: steering, throttle")
-        step = self._decisions.step(action[None])
+        step = self._decisions.step(as_command(action)[None])
         info = self._info(step.info)
         info["reward_terms"] = {name: values.item() for name, values in step.reward_terms.items()}
         terminated, truncated = bool(step.terminated[0]), bool(step.truncated[0])
@@ -291,7 +291,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
             (height, width, 3) uint8.
 
         Raises:
-            ConfigError: unknown view.
+            ConfigError: an unknown view, a size that is none, or there was no reset.
             RenderError: no OpenGL on this machine.
         """
         return self.world.render(view, 0, width, height)

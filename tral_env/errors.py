@@ -24,6 +24,10 @@ class CourseError(TralError, ValueError):
     """A course file cannot be read, or the course that it describes cannot be built or driven."""
 
 
+class UnreadableCourseError(CourseError):
+    """A course file cannot be opened."""
+
+
 class MachineError(TralError, ValueError):
     """A machine file cannot be read, or the machine that it describes cannot run."""
 

@@ -12,15 +12,16 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from tral_env.config import one_of
 from tral_env.decisions import Decisions
-from tral_env.errors import ConfigError, nearest
-from tral_env.interface import CONTROL_RATE_HZ, FloatArray, action_space
-from tral_env.options import CorridorConfig, check_counts, option_parameters, takes
+from tral_env.errors import ConfigError
+from tral_env.interface import CONTROL_RATE_HZ, FloatArray, action_space, as_command
+from tral_env.options import CorridorConfig, JsonSpec, check_counts, is_seed, option_parameters, takes
 from tral_env.world import Step, World, check_pictures
 
 
 @takes(option_parameters())
-class TralCorridorVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
+class TralCorridorVectorEnv(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
     """`TralCorridor-v0`, n at once: ``gym.make_vec("TralCorridor-v0", num_envs=64)``.
 
     Row i, reset with seed s + i, is bit for bit the single environment reset with that seed, whatever the other rows
@@ -129,13 +130,15 @@ class TralCorridorVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         """One seed for each row."""
-        if seed is None or isinstance(seed, int | np.integer):
-            return [None if seed is None else int(seed) + i for i in range(self.num_envs)]
+        if seed is None:
+            return [None] * self.num_envs
+        if is_seed(seed):
+            return [int(seed) + i for i in range(self.num_envs)]  # type: ignore[arg-type]
         wrong = f"seed = {seed!r}: expected a whole number, or one for each of {self.num_envs} environments, 0 or more"
         if not isinstance(seed, Iterable):
             raise ConfigError(wrong)
         seeds = list(seed)
-        if not all(each is None or isinstance(each, int | np.integer) for each in seeds):
+        if not all(map(is_seed, seeds)):
             raise ConfigError(wrong)
         if len(seeds) != self.num_envs:
             raise ConfigError(f"{len(seeds)} seeds for {self.num_envs} environments")
@@ -154,11 +157,9 @@ class TralCorridorVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
             ConfigError: actions of another shape or not finite, or there was no reset.
             SimulationError: the physics of a row became unstable; it has to be reset.
         """
-        actions = np.asarray(actions, np.float64)
-        if actions.shape != (self.num_envs, 2) or not np.isfinite(actions).all():
-            raise ConfigError(f"actions of shape {actions.shape}: expected ({self.num_envs}, 2) finite numbers")
+        command = as_command(actions, self.num_envs)
         ended = self._done.copy()
-        step = self._decisions.step(actions, np.flatnonzero(~ended) if ended.any() else None)
+        step = self._decisions.step(command, np.flatnonzero(~ended) if ended.any() else None)
         if ended.any():
             if self._mode is AutoresetMode.NEXT_STEP:
                 return self._after_next_step_reset(step, ended)
@@ -239,9 +240,8 @@ class TralCorridorVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
 
 
 def _autoreset_mode(mode: str | AutoresetMode) -> AutoresetMode:
-    modes = [each.value for each in AutoresetMode]
-    if not isinstance(mode, AutoresetMode) and mode not in modes:
-        raise ConfigError(f"unknown autoreset_mode '{mode}': {nearest(mode, modes)}")
+    if not isinstance(mode, AutoresetMode):
+        one_of("autoreset_mode", mode, (each.value for each in AutoresetMode))
     return AutoresetMode(mode)
 
 

@@ -13,7 +13,7 @@ from tral_env.learned import Network
 from tral_env.learner import LearnerConfig
 
 try:
-    import torch
+    import torch as torch  # run.py takes it from here, behind the word about the extra
     from torch import nn
 except ImportError as error:
     raise MissingExtraError("torch", "rl", "tral train") from error
