@@ -23,7 +23,6 @@ from tral_env.course.plan import BOX_KINDS, Plan
 from tral_env.errors import ConfigError, TralError
 from tral_env.se2 import relative, to_inner, to_outer
 from tral_fsm import load_machine, load_policy
-from tral_fsm.cli.terminal import drives_bar
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.choices import Camera, Randomization
 from tral_fsm.evaluation.episode import EpisodeRequest, Tick, outcome
@@ -32,6 +31,7 @@ from tral_fsm.evaluation.pool import stop_check
 from tral_fsm.evaluation.records import begin_run, collect, digest, made_with, read_lines
 from tral_fsm.evaluation.seeds import parse_seeds, stretches
 from tral_fsm.evaluation.statistics import wilson
+from tral_fsm.terminal import drives_bar
 
 CHUNK = 8
 """Number of drives in a batch."""

@@ -19,7 +19,6 @@ import typer
 from tral_env.course.generate import SCENARIOS
 from tral_env.errors import TralError
 from tral_fsm import load_machine
-from tral_fsm.cli.terminal import drives_bar
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.choices import Randomization, families
@@ -28,6 +27,7 @@ from tral_fsm.evaluation.pool import stop_check
 from tral_fsm.evaluation.records import begin_run, collect, digest, made_with, read_lines
 from tral_fsm.evaluation.seeds import parse_seeds, stretches
 from tral_fsm.evaluation.summary import rmse_of, summarize
+from tral_fsm.terminal import drives_bar
 
 MADE_FOR = {
     "straight": "wall",

@@ -17,12 +17,12 @@ from run_settings import RunSettings
 from tral_env.course.generate import SCENARIOS
 from tral_env.errors import TralError
 from tral_fsm import load_policy
-from tral_fsm.cli.terminal import drives_bar
 from tral_fsm.evaluation.choices import Camera, Randomization, families
 from tral_fsm.evaluation.pool import stop_check
 from tral_fsm.evaluation.records import begin_run, collect, made_with, read_lines
 from tral_fsm.evaluation.seeds import parse_seeds, stretches
 from tral_fsm.evaluation.summary import Summary, summarize
+from tral_fsm.terminal import drives_bar
 
 
 def main(

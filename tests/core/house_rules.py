@@ -181,10 +181,15 @@ def policies_know_the_waist_alone(imports: Imports) -> list[str]:
     return _outside(imports, POLICY, WAIST | POLICY)
 
 
-def nobody_imports_report_and_cli(imports: Imports) -> list[str]:
-    """Only the command line, which is thin, hands work to the report."""
-    rooms = {room_of(module) for module in imports} - {"tral_fsm.cli"}
-    return _among(imports, rooms, {"tral_fsm.report", "tral_fsm.cli"})
+LAST = ("tral_fsm.report", "tral_fsm.programs", "tral_fsm.cli")
+"""Rooms that only the rooms behind them in this order import."""
+
+
+def only_programs_and_cli_import_the_report_and_only_cli_the_programs(imports: Imports) -> list[str]:
+    rooms = {room_of(module) for module in imports}
+    return [
+        problem for place, room in enumerate(LAST) for problem in _among(imports, rooms - set(LAST[place:]), {room})
+    ]
 
 
 def report_drives_nothing(imports: Imports) -> list[str]:
@@ -252,7 +257,7 @@ RULES: tuple[Rule, ...] = (
     the_two_environments_do_not_know_each_other,
     the_environment_knows_no_state_machine,
     policies_know_the_waist_alone,
-    nobody_imports_report_and_cli,
+    only_programs_and_cli_import_the_report_and_only_cli_the_programs,
     report_drives_nothing,
     report_reaches_no_physics,
     no_circle_of_rooms,
@@ -267,15 +272,14 @@ LOADING = {
 
 
 def imports_of(root: Path, *, types: bool = True) -> dict[str, set[str]]:
-    """Imports of every module of both packages, also those inside functions.
+    """Imports of every module of both packages and of every benchmark, also those inside functions.
 
     Args:
-        root: folder of the packages.
+        root: folder that holds them.
         types: whether imports under `if TYPE_CHECKING` count.
     """
-    trees = {
-        _module(path, root): path for package in ("tral_env", "tral_fsm") for path in (root / package).rglob("*.py")
-    }
+    folders = ("tral_env", "tral_fsm", "benchmarks")
+    trees = {_module(path, root): path for folder in folders for path in (root / folder).rglob("*.py")}
     return {
         module: {_known(name, trees) for name in _imported(path, root, types)} - {module}
         for module, path in trees.items()
