@@ -11,6 +11,7 @@ import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, as_completed
+from contextlib import AbstractContextManager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from tral_fsm.definition.machine import MachineDefinition
 
 Record = dict[str, Any]
+Bar = Callable[[int], AbstractContextManager[Callable[[], None]]]
+"""Shows so many drives while they run; within it, a call counts one drive."""
 
 
 def digest(machine: MachineDefinition) -> str:
@@ -140,3 +143,42 @@ def collect(
             for line in future.result():
                 append(out, line)
                 on_line()
+
+
+def drive_missing(
+    wanted: Mapping[str, Sequence[Any]],
+    drive: Callable[[str, Sequence[Any], Any], list[Record]],
+    job_of: Callable[[Record], tuple[str, Any]],
+    *,
+    out: Path,
+    settings: Any,
+    machines: Mapping[str, str] | None = None,
+    chunk: int,
+    processes: int,
+    bar: Bar,
+) -> None:
+    """Drive what a file does not hold yet, and append the lines of each chunk as it ends; a run begins with its line.
+
+    Args:
+        wanted: family -> its jobs.
+        drive: function of family, jobs and settings that returns a line for each job; workers call it.
+        job_of: function that gives family and job of the line of a drive.
+        out: the file.
+        settings: settings of all its drives, a dataclass.
+        machines: digests of the machines, by name.
+        chunk: largest number of jobs of a call.
+        processes: number of workers.
+        bar: shows how many drives have ended.
+
+    Raises:
+        ConfigError: see `made_with`.
+    """
+    done = {job_of(line) for line in made_with(out, settings, machines) if line["kind"] != "run"}
+    calls: list[tuple[str, Sequence[Any], Any]] = []
+    for family, jobs in wanted.items():
+        missing = [job for job in jobs if (family, job) not in done]
+        calls += [(family, missing[k : k + chunk], settings) for k in range(0, len(missing), chunk)]
+    if calls:
+        begin_run(out, settings, machines)
+        with bar(sum(len(jobs) for _, jobs, _ in calls)) as count:
+            collect(drive, calls, processes, out, count)
