@@ -32,10 +32,12 @@ SIMULATION_NEEDS = (
     | LAWS - {"tral_env.task"}
     | {f"tral_env.{room}" for room in ("simulation", "course", "perception", "calibration", "randomization", "assets")}
 )
-POLICY = {
+POLICY_FLOORS = tuple(
     f"tral_fsm.{room}"
-    for room in ("definition", "estimation", "control", "states", "conditions", "runtime", "formats", "draw")
-}
+    for room in ("definition", "estimation", "control", "states", "conditions", "runtime", "draw", "formats")
+)
+"""Each of the rooms of a policy imports of the others only those before it."""
+POLICY = set(POLICY_FLOORS)
 DRIVES = STEPS | {f"tral_fsm.{room}" for room in ("runtime", "live", "bench")}
 
 
@@ -181,6 +183,18 @@ def policies_know_the_waist_alone(imports: Imports) -> list[str]:
     return _outside(imports, POLICY, WAIST | POLICY)
 
 
+def policies_are_built_floor_by_floor(imports: Imports) -> list[str]:
+    return [
+        problem
+        for place, room in enumerate(POLICY_FLOORS)
+        for problem in _among(imports, {room}, set(POLICY_FLOORS[place:]))
+    ]
+
+
+def pictures_of_machines_know_the_definition_alone(imports: Imports) -> list[str]:
+    return _among(imports, {"tral_fsm.draw"}, POLICY - {"tral_fsm.definition"})
+
+
 LAST = ("tral_fsm.report", "tral_fsm.programs", "tral_fsm.cli")
 """Rooms that only the rooms behind them in this order import."""
 
@@ -257,6 +271,8 @@ RULES: tuple[Rule, ...] = (
     the_two_environments_do_not_know_each_other,
     the_environment_knows_no_state_machine,
     policies_know_the_waist_alone,
+    policies_are_built_floor_by_floor,
+    pictures_of_machines_know_the_definition_alone,
     only_programs_and_cli_import_the_report_and_only_cli_the_programs,
     report_drives_nothing,
     report_reaches_no_physics,

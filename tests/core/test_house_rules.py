@@ -42,6 +42,8 @@ BROKEN: dict[Rule, Imports] = {
     rules.the_two_environments_do_not_know_each_other: {"tral_env.vector_env": {"tral_env.env"}},
     rules.the_environment_knows_no_state_machine: {"tral_env.course.plan": {"tral_fsm.control.laws"}},
     rules.policies_know_the_waist_alone: {"tral_fsm.states.wall": {"tral_env.config"}},
+    rules.policies_are_built_floor_by_floor: {"tral_fsm.runtime.driver": {"tral_fsm.formats.library"}},
+    rules.pictures_of_machines_know_the_definition_alone: {"tral_fsm.draw.picture": {"tral_fsm.runtime.machine"}},
     rules.only_programs_and_cli_import_the_report_and_only_cli_the_programs: {
         "tral_fsm.programs.tune": {"tral_fsm.report.tuning.page"},
         "tral_fsm.cli.tune": {"tral_fsm.programs.tune", "tral_fsm.report.tuning.page"},
@@ -83,6 +85,16 @@ def test_the_house_keeps(rule: Rule) -> None:
 @pytest.mark.parametrize("rule", rules.RULES, ids=name)
 def test_a_house_that_breaks_it_is_found_out_by(rule: Rule) -> None:
     assert len(rule(BROKEN[rule])) == 1
+
+
+@pytest.mark.parametrize(
+    ("room", "above"),
+    [("control", "formats"), ("runtime", "formats"), ("estimation", "control"), ("states", "conditions")],
+)
+def test_a_floor_knows_none_above_it(room: str, above: str) -> None:
+    lower, upper = f"tral_fsm.{room}.here", f"tral_fsm.{above}.there"
+    assert rules.policies_are_built_floor_by_floor({lower: {upper}}) == [f"{lower} imports {upper}"]
+    assert rules.policies_are_built_floor_by_floor({upper: {lower}}) == []
 
 
 def test_a_circle_is_told_by_its_rooms() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,8 +9,8 @@ from numpy.typing import NDArray
 
 from tral_env.errors import MachineError
 from tral_env.interface import CORE_LAYOUT
+from tral_fsm.definition import packaged
 from tral_fsm.definition.machine import MachineDefinition, needed_readings
-from tral_fsm.formats import library
 from tral_fsm.runtime.driver import Driver
 from tral_fsm.runtime.machine import Trace
 from tral_fsm.runtime.observations import as_array, checked_rows
@@ -36,7 +35,7 @@ class MachinePolicy:
         self._trace = trace
         self._drivers: list[Driver] = []
         self.reset()
-        self.needed_readings = needed_readings(definition, library.by_name)
+        self.needed_readings = needed_readings(definition, packaged.load)
         """Names of the readings without which the machine cannot drive, see `tral_env.interface.check_readings`."""
 
     def reset(self, n: int = 1) -> None:
@@ -147,19 +146,3 @@ class MachinePolicy:
     def speed_target(self) -> NDArray[np.float64]:
         """(n,) speed that the active state regulates [m/s]; NaN: open loop."""
         return np.array([driver.speed_target for driver in self._drivers])
-
-
-def load_policy(name_or_path: str | Path, trace: Trace | None = None) -> MachinePolicy:
-    """The policy of a machine.
-
-    Args:
-        name_or_path: name of a packaged machine, or path of a file.
-        trace: called for each transition that fires in the first car.
-
-    Returns:
-        A policy for one car; `reset(n)` for more.
-
-    Raises:
-        MachineError: no such machine, or it cannot run.
-    """
-    return MachinePolicy(library.load(name_or_path), trace)
