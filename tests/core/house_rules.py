@@ -112,7 +112,9 @@ def laws_reach_no_physics(imports: Imports) -> list[str]:
 
 def calibration_needs_the_waist_config_and_perception(imports: Imports) -> list[str]:
     return _outside(
-        imports, {"tral_env.calibration"}, WAIST | {f"tral_env.{room}" for room in ("config", "perception", "atomic")}
+        imports,
+        {"tral_env.calibration"},
+        WAIST | {f"tral_env.{room}" for room in ("config", "perception", "atomic", "yaml_text")},
     )
 
 
