@@ -5,6 +5,7 @@ from __future__ import annotations
 from tral_fsm.draw.layered.graph import Graph
 
 _SWEEPS = 12
+"""Number of sweeps that sort the layers. Source: choice."""
 _MAX_SLOTS = 1000
 """Number of slots from which on there are fewer sweeps, to limit the time. Source: choice."""
 
