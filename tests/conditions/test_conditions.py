@@ -167,7 +167,7 @@ class TestArucoGateFound:
     def test_its_limits(self, limits: dict[str, object], seen: bool) -> None:
         assert sees(self.gate(**limits), **self.SEEN) == seen
 
-    def test_an_old_sighting_is_none(self) -> None:
+    def test_an_old_detection_is_none(self) -> None:
         assert not sees(self.gate(max_age=0.2), **{**self.SEEN, "gate_age": 0.21})
 
     def test_a_gate_behind_is_none(self) -> None:

@@ -14,12 +14,13 @@ from concurrent.futures import Future, as_completed
 from contextlib import AbstractContextManager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any, BinaryIO
 
 from tral_env.errors import ConfigError
-
-if TYPE_CHECKING:
-    from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.evaluation.host import host
+from tral_fsm.evaluation.pool import ProcessPool, worker_losses
+from tral_fsm.formats import write
 
 Record = dict[str, Any]
 Bar = Callable[[int], AbstractContextManager[Callable[[], None]]]
@@ -28,8 +29,6 @@ Bar = Callable[[int], AbstractContextManager[Callable[[], None]]]
 
 def digest(machine: MachineDefinition) -> str:
     """Digest of a machine's content, 16 hexadecimal digits."""
-    from tral_fsm.formats import write
-
     return hashlib.sha256(write(machine, "json").encode()).hexdigest()[:16]
 
 
@@ -89,8 +88,6 @@ def _end_line(file: BinaryIO) -> None:
 
 def begin_run(path: Path, settings: Any, machines: Mapping[str, str] | None = None) -> None:
     """Append the line of a run: settings (a dataclass), digests of the machines by name, and the computer."""
-    from tral_fsm.evaluation.host import host
-
     named = {} if machines is None else {"machines": dict(machines)}
     append(path, {"kind": "run", "settings": asdict(settings), **named, "host": host()})
 
@@ -135,8 +132,6 @@ def collect(
         out: the file.
         on_line: called after each line.
     """
-    from tral_fsm.evaluation.pool import ProcessPool, worker_losses
-
     with ProcessPool(processes) as pool, worker_losses():
         futures: list[Future[list[Record]]] = [pool.submit(drive, *call) for call in calls]
         for future in as_completed(futures):
