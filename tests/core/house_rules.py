@@ -40,7 +40,7 @@ POLICY_FLOORS = tuple(
 )
 """Each of the rooms of a policy imports of the others only those before it."""
 POLICY = set(POLICY_FLOORS)
-DRIVES = STEPS | {f"tral_fsm.{room}" for room in ("runtime", "live", "bench")}
+DRIVES = STEPS | {f"tral_fsm.{room}" for room in ("runtime", "policies", "live", "bench")}
 
 
 def room_of(module: str) -> str:

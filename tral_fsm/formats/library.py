@@ -1,4 +1,4 @@
-"""Machines and their policies by name, if they are packaged, else by path."""
+"""Machines by name, if they are packaged, else by path."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from tral_fsm.definition.checks import FormatError, check
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.formats import FORMATS, read_file, tral_json
 from tral_fsm.formats.plain import located
-from tral_fsm.runtime.machine import Trace
-from tral_fsm.runtime.policy import MachinePolicy
 
 SUFFIXES = tuple(dict.fromkeys(suffix for entry in FORMATS.values() if entry.reads for suffix in entry.suffixes))
 """Suffixes of files that can be read."""
@@ -38,22 +36,6 @@ def load(name_or_path: str | Path) -> MachineDefinition:
         FormatError: the file is no machine that can run; the error lists all problems.
     """
     return load_with_notes(name_or_path)[0]
-
-
-def load_policy(name_or_path: str | Path, trace: Trace | None = None) -> MachinePolicy:
-    """The policy of a machine.
-
-    Args:
-        name_or_path: name of a packaged machine, or path of a file.
-        trace: called for each transition that fires in the first car.
-
-    Returns:
-        A policy for one car; `reset(n)` for more.
-
-    Raises:
-        MachineError: no such machine, or it cannot run.
-    """
-    return MachinePolicy(load(name_or_path), trace)
 
 
 def load_with_notes(name_or_path: str | Path) -> tuple[MachineDefinition, tuple[str, ...]]:
