@@ -23,13 +23,13 @@ from rich.table import Table
 
 from tral_env.errors import MissingExtraError, TralError
 from tral_fsm import load_policy
-from tral_fsm.cli.terminal import print_figures
 from tral_fsm.evaluation.choices import Randomization, check_families
 from tral_fsm.evaluation.files import prepare_folder, write_json
 from tral_fsm.evaluation.host import host
 from tral_fsm.evaluation.rollout import drive
 from tral_fsm.evaluation.seeds import parse_seeds
 from tral_fsm.evaluation.summary import Summary, summarize
+from tral_fsm.terminal import print_figures
 
 REPEAT = 8
 """Ticks for which the learner's command is held: the learner decides ten times a second."""

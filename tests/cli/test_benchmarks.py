@@ -207,7 +207,7 @@ def test_a_drive_among_others_is_the_one_alone_and_is_not_driven_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     calm = RunSettings(policy="gate", camera="projected", randomization="none")
-    both = gates.batch([3, 4], calm)
+    both = gates.batch("gates", [3, 4], calm)
     out = tmp_path / "a.jsonl"
     gates.main(seeds="4:5", out=out, **BY_DEFAULT)
     assert gates.read(out)[1] == [json.loads(json.dumps(both[1]))]
