@@ -121,7 +121,7 @@ def test_a_crash_ends_the_episode_and_is_told_from_a_touch() -> None:
 
 
 def test_a_car_that_stands_runs_out_of_time() -> None:
-    env = corridor(scenario="straight")
+    env = corridor(course="short")
     env.reset(seed=0)
     limit = env.unwrapped.plan.length / 0.3 + 10
     ticks, truncated = 0, False

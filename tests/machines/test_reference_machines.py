@@ -27,8 +27,8 @@ FAMILY_OF = {
     "gate_scurve": "gates",
     "crossing": "crossing",
 }
-SEEDS = (0, 1, 2)
-"""Courses of each family. How many of hundreds arrive is measured by benchmarks/machines.py."""
+SEEDS = (1, 2, 3)
+"""Short courses of each family. How many of hundreds arrive is measured by benchmarks/machines.py."""
 MORE_SEEDS = {"gate": (0, 1, 2, 3, 4)}
 """The manoeuvre of 2016 is not at home in every gate: it may fail once."""
 Arrivals = tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float64]]
@@ -46,10 +46,8 @@ def test_it_drives_its_family(name: str, scenario: str) -> None:
 
 def test_office_drives_every_family() -> None:
     families = [*dict.fromkeys(FAMILY_OF.values()), "office"]
-    runner = BatchRunner(families, rows=16)
-    drives = runner.drive(
-        [load_machine("office")], [EpisodeRequest(0, family, seed) for family in families for seed in (0,)]
-    )
+    runner = BatchRunner(families, rows=len(families))
+    drives = runner.drive([load_machine("office")], [EpisodeRequest(0, family, SEEDS[-1]) for family in families])
     runner.close()
     assert [(drive.scenario, drive.seed) for drive in drives if not drive.success] == []
 
