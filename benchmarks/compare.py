@@ -9,6 +9,7 @@ has to beat.
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from dataclasses import asdict
 from importlib import metadata
@@ -33,6 +34,11 @@ from tral_fsm.terminal import print_figures
 
 REPEAT = 8
 """Ticks for which the learner's command is held: the learner decides ten times a second."""
+ENVS = 4
+BATCH = 256
+MAX_BATCHES = 8
+"""Number of batches of decisions, from all environments together, that PPO learns from at once. Fewer in a training
+that is shorter."""
 THROTTLE = 0.1, 0.4
 """Range of the learner's throttle: the car always rolls, at up to 0.8 m/s. A brief training that may also stand, brake
 and reverse learns to stand, because a car that stands does not collide."""
@@ -101,13 +107,14 @@ def train(scenario: str, randomization: str, steps: int, seed: int) -> Learner:
     torch.set_num_threads(1)  # nets this small are slower on more
     envs = make_vec_env(
         "tral_env:TralCorridor-v0",
-        n_envs=4,
+        n_envs=ENVS,
         seed=seed,
         env_kwargs={"scenario": scenario, "camera": "projected", "randomization": randomization},
         wrapper_class=Repeat,
     )
     with contextlib.closing(VecNormalize(envs)) as normalized:
-        model = PPO("MlpPolicy", normalized, n_steps=512, batch_size=256, gamma=0.99, seed=seed, device="cpu")
+        rollout = min(MAX_BATCHES, math.ceil(steps / BATCH)) * BATCH // ENVS
+        model = PPO("MlpPolicy", normalized, n_steps=rollout, batch_size=BATCH, gamma=0.99, seed=seed, device="cpu")
         model.learn(steps, progress_bar=False)
         normalized.training = False
         return Learner(model, normalized)

@@ -109,7 +109,7 @@ def by_fault(views: Columns, faults: dict[str, Columns]) -> list[dict[str, Any]]
     return table
 
 
-def timing(lens: CameraConfig, rounds: int = 20) -> dict[str, Any]:
+def timing(lens: CameraConfig, rounds: int) -> dict[str, Any]:
     """Time of each stage with two markers in view, ms, over turns that the stages take.
 
     `median` is over all turns; other work on the computer hardly slows `fastest_tenth`, the 10 % quantile.
@@ -170,9 +170,10 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=RESULTS)
     arguments = parser.parse_args()
     console, result = Console(), {}
+    rounds = max(2, arguments.views // 80)  # turns of each stage whose time is taken: 20 by default
     for name, lens in LENSES.items():
         rng, count = np.random.default_rng(arguments.seed), arguments.views if lens is LENS else arguments.views // 3
-        result[name] = measure(lens, rng, count, single=lens is LENS) | {"timing": timing(lens)}
+        result[name] = measure(lens, rng, count, single=lens is LENS) | {"timing": timing(lens, rounds)}
         for title in set(result[name]) - {"timing"}:
             show(console, f"{name} lens, by {title} (median / 95 %)", result[name][title])
         show(console, f"{name} lens: time of a frame", [result[name]["timing"]])
