@@ -16,7 +16,8 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 from tral_env.calibration.camera_info import load_lens
-from tral_env.config import CameraConfig, CarConfig, TaskConfig, as_config, one_of
+from tral_env.checks import as_config, one_of
+from tral_env.config import CameraConfig, CarConfig, TaskConfig
 from tral_env.course.generate import SCENARIOS
 from tral_env.course.layout import Course, example_names, example_path
 from tral_env.errors import ConfigError, UnknownOptionError, UnreadableCourseError, nearest

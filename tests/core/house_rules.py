@@ -16,7 +16,7 @@ from pathlib import Path
 Imports = Mapping[str, Set[str]]
 Rule = Callable[[Imports], list[str]]
 
-WAIST = {f"tral_env.{room}" for room in ("interface", "geometry", "se2", "errors", "json_text", "arrays")}
+WAIST = {f"tral_env.{room}" for room in ("interface", "geometry", "se2", "errors", "checks", "json_text", "arrays")}
 WAIST_NEEDS = {"numpy", "gymnasium.spaces"}
 
 PHYSICS = {"mujoco"}

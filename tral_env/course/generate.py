@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 
-from tral_env.config import one_of
+from tral_env.checks import one_of
 from tral_env.course.drafts import Draft as Draft
 from tral_env.course.drafts import uniform
 from tral_env.course.families import FAMILIES as FAMILIES
