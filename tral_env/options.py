@@ -193,7 +193,9 @@ def check_counts(**counts: object) -> None:
 
 def is_seed(value: object) -> bool:
     """Whether a value can seed an episode: `None`, or a whole number, 0 or more; `True` is none."""
-    return value is None or (isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= 0)
+    if value is None:
+        return True
+    return isinstance(value, int | np.integer) and not isinstance(value, bool) and bool(value >= 0)
 
 
 def as_plain(value: Any) -> Any:
