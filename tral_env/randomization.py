@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env import json_text, yaml_text
-from tral_env.config import Bounds, EscConfig, UltrasonicConfig, as_config, check_number, check_plausible, one_of
+from tral_env.checks import Bounds, as_config, check_number, check_plausible, one_of
+from tral_env.config import EscConfig, UltrasonicConfig
 from tral_env.errors import ConfigError, nearest, problem_report
 
 Range = tuple[float, float]

@@ -18,7 +18,17 @@ Rule = Callable[[Imports], list[str]]
 
 WAIST = {
     f"tral_env.{room}"
-    for room in ("interface", "geometry", "se2", "errors", "json_text", "validation_text", "arrays", "speed_control")
+    for room in (
+        "interface",
+        "geometry",
+        "se2",
+        "errors",
+        "json_text",
+        "validation_text",
+        "arrays",
+        "speed_control",
+        "checks",
+    )
 }
 WAIST_NEEDS = {"numpy", "gymnasium.spaces"}
 

@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 
 from tral_env.arrays import Array
 from tral_env.assets import asset_path
+from tral_env.checks import one_of
 from tral_env.config import LineConfig
-from tral_env.course.generate import FAMILIES
+from tral_env.course.families import FAMILIES
 from tral_env.course.markers import marker_image, material_name
 from tral_env.course.plan import BOX_KINDS, Plan
-from tral_env.errors import ConfigError, nearest
+from tral_env.errors import ConfigError
 from tral_env.geometry import MARKER_MODULES, MARKER_QUIET_MODULES
 from tral_env.interface import MARKER_IDS
 
@@ -60,8 +61,7 @@ class Pool:
         Raises:
             ConfigError: no such family.
         """
-        if name not in FAMILIES:
-            raise ConfigError(f"unknown scenario '{name}': {nearest(name, FAMILIES)}")
+        one_of("scenario", name, FAMILIES)
         return cls(FAMILIES[name].max_boxes, FAMILIES[name].max_markers)
 
     def union(self, other: Pool) -> Pool:
