@@ -16,20 +16,8 @@ from pathlib import Path
 Imports = Mapping[str, Set[str]]
 Rule = Callable[[Imports], list[str]]
 
-WAIST = {
-    f"tral_env.{room}"
-    for room in (
-        "interface",
-        "geometry",
-        "se2",
-        "errors",
-        "json_text",
-        "validation_text",
-        "arrays",
-        "speed_control",
-        "checks",
-    )
-}
+PLAIN = ("interface", "geometry", "se2", "errors", "checks", "json_text", "validation_text", "arrays", "speed_control")
+WAIST = {f"tral_env.{room}" for room in PLAIN}
 WAIST_NEEDS = {"numpy", "gymnasium.spaces"}
 
 PHYSICS = {"mujoco"}
