@@ -94,7 +94,7 @@ class DriverPool:
         self._driver(row).trace = trace
 
 
-class _Unwatched:
+class Unwatched:
     """What policies without states tell."""
 
     def state(self, row: int) -> str:
@@ -105,7 +105,7 @@ class _Unwatched:
         """Do nothing: there are no transitions."""
 
 
-class BatchedPolicy(_Unwatched):
+class BatchedPolicy(Unwatched):
     """One policy that drives all n rows with each call."""
 
     def __init__(self, policy: Policy, n: int) -> None:
@@ -142,7 +142,7 @@ class BatchedPolicy(_Unwatched):
         return list(commands[rows]), [NO_WISH] * len(rows)
 
 
-class SinglePolicies(_Unwatched):
+class SinglePolicies(Unwatched):
     """Policies for one car, one made for each row."""
 
     def __init__(self, make: Callable[[], Policy], n: int) -> None:

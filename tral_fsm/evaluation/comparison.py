@@ -1,0 +1,219 @@
+"""All contenders drive all courses of a suite; each drive is a line of a file as soon as it ends."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.interface import CONTROL_RATE_HZ
+from tral_env.se2 import rotate_back
+from tral_env.world import Step, World
+from tral_fsm.evaluation.batch import MAX_ROWS, BatchRunner
+from tral_fsm.evaluation.contenders import Agent, Contender, row_policies, starts_rows
+from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
+from tral_fsm.evaluation.loop import Index
+from tral_fsm.evaluation.pool import stop_check
+from tral_fsm.evaluation.records import Record, append, begin_run, collect, made_with
+from tral_fsm.evaluation.suites import Suite
+
+RECORDS = "records.jsonl"
+"""The drives of a comparison lie in this file of its folder."""
+PATH_TICKS = 8
+"""A path has a pose each so many ticks."""
+LAST_S = 4.0
+"""Of a drive that failed, the path of its last seconds is kept, s."""
+_KEPT = int(LAST_S * CONTROL_RATE_HZ / PATH_TICKS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparisonSettings:
+    """What all drives of a file have in common; the number of courses may grow."""
+
+    suite: str
+    families: str
+    levels: str
+    split: str
+    camera: str
+
+    @classmethod
+    def of(cls, suite: Suite) -> ComparisonSettings:
+        """Settings of a suite."""
+        return cls(
+            suite=suite.name,
+            families=",".join(suite.families),
+            levels=",".join(suite.levels),
+            split=suite.split,
+            camera=suite.camera,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """Drives of one agent on one level of randomization."""
+
+    contender: str
+    agent: Agent
+    suite: Suite
+    level: str
+    courses: tuple[tuple[str, int], ...]
+    """Family and seed of each."""
+
+
+def drive_missing(
+    suite: Suite,
+    field: Sequence[Contender],
+    out: Path,
+    processes: int = 1,
+    progress: Callable[[int], contextlib.AbstractContextManager[Callable[[], None]]] | None = None,
+) -> list[Record]:
+    """Drive what the records do not hold yet.
+
+    Args:
+        suite: the courses.
+        field: the contenders.
+        out: folder of the records.
+        processes: number of processes that drive; 1: this one.
+        progress: makes a bar from the number of drives to do; it gives a function that counts one.
+
+    Returns:
+        The records of all drives of the suite and the field, and the lines of the runs that made them.
+
+    Raises:
+        ConfigError: the records were made with another suite, or a contender has changed since.
+        TralError: a contender fails.
+    """
+    path, settings = out / RECORDS, ComparisonSettings.of(suite)
+    digests = {f"{one.name}: {agent.source}": agent.digest for one in field for agent in one.agents}
+    jobs = list(missing(suite, field, made_with(path, settings, digests)))
+    if jobs:
+        begin_run(path, settings, digests)
+        bar = progress or (lambda _: contextlib.nullcontext(lambda: None))
+        with bar(sum(len(job.courses) for job in jobs)) as count:
+            if processes == 1:
+                _drive_here(jobs, path, count)
+            else:
+                collect(drive, [(job,) for job in jobs], processes, path, count)
+    return wanted(suite, field, made_with(path, settings, digests))
+
+
+def key(line: Record) -> tuple[str, str, str, str, int]:
+    """What tells a drive from all others."""
+    return line["contender"], line["agent"], line["level"], line["scenario"], line["seed"]
+
+
+def wanted(suite: Suite, field: Sequence[Contender], lines: Sequence[Record]) -> list[Record]:
+    """The lines of runs, and those of drives that belong to the suite and the field."""
+    agents = {(one.name, agent.source) for one in field for agent in one.agents}
+    return [
+        line
+        for line in lines
+        if line["kind"] == "run" or ((line["contender"], line["agent"]) in agents and line["seed"] in suite.seeds)
+    ]
+
+
+def missing(suite: Suite, field: Sequence[Contender], lines: Sequence[Record]) -> Iterator[Job]:
+    """Jobs for the drives that have no line, a batch each."""
+    done = {key(line) for line in lines if line["kind"] == "drive"}
+    for one in field:
+        for agent in one.agents:
+            for level in suite.levels:
+                courses = [
+                    (family, seed)
+                    for seed in suite.seeds
+                    for family in suite.families
+                    if (one.name, agent.source, level, family, seed) not in done
+                ]
+                size = 4 * MAX_ROWS if starts_rows(agent) else MAX_ROWS
+                for k in range(0, len(courses), size):
+                    part = tuple(courses[k : k + size])
+                    yield Job(contender=one.name, agent=agent, suite=suite, level=level, courses=part)
+
+
+def _drive_here(jobs: Sequence[Job], path: Path, count: Callable[[], None]) -> None:
+    """Drive in this process; jobs of one level share a simulation, and each drive is kept as it ends."""
+
+    def keep(line: Record) -> None:
+        append(path, line)
+        count()
+
+    with contextlib.ExitStack() as stack:
+        runners: dict[str, BatchRunner] = {}
+        for job in jobs:
+            if job.level not in runners:
+                runners[job.level] = stack.enter_context(contextlib.closing(runner_of(job)))
+            run(job, runners[job.level], keep)
+
+
+def runner_of(job: Job) -> BatchRunner:
+    """The simulation of a job."""
+    return BatchRunner(job.suite.families, randomization=job.level, camera=job.suite.camera)
+
+
+def drive(job: Job) -> list[Record]:
+    """Lines of a job's drives, in a process of their own."""
+    lines: list[Record] = []
+    with contextlib.closing(runner_of(job)) as runner:
+        run(job, runner, lines.append)
+    return lines
+
+
+def run(job: Job, runner: BatchRunner, keep: Callable[[Record], None]) -> None:
+    """Drive a job; `keep` gets the line of each drive as it ends."""
+    requests = [EpisodeRequest(0, family, seed) for family, seed in job.courses]
+    told = {"kind": "drive", "contender": job.contender, "agent": job.agent.source, "level": job.level}
+    watcher = _Watcher(requests, job.suite.seeds[0], lambda line: keep(told | line))
+    runner.drive_with(lambda world: row_policies(job.agent, world), requests, stop_check(), spectator=watcher)
+
+
+class _Watcher:
+    """Keeps paths and the places where gates were passed, and makes the line of each drive."""
+
+    def __init__(self, requests: Sequence[EpisodeRequest], shown: int, keep: Callable[[Record], None]) -> None:
+        self._requests, self._shown, self._keep = requests, shown, keep
+        self._paths: dict[int, list[list[float]]] = {}
+        self._offsets: dict[int, list[float]] = {}
+        self._ticks = np.zeros(len(requests), np.int64)
+        self._passed = np.zeros(len(requests), np.int64)
+
+    def watch(self, rows: Index, numbers: Index, world: World, step: Step) -> None:
+        """See a tick."""
+        pose, passed = step.info["pose"][rows], step.info["gates_passed"][rows]
+        over = (step.terminated | step.truncated)[rows]
+        due = over | (self._ticks[numbers] % PATH_TICKS == 0)
+        for number, place in zip(numbers[due].tolist(), pose[due].tolist(), strict=True):
+            self._paths.setdefault(number, []).append([round(value, 3) for value in place])
+        for k in np.flatnonzero(passed > self._passed[numbers]).tolist():
+            gate = world.track.gate_pose[rows[k], passed[k] - 1]
+            self._offsets.setdefault(int(numbers[k]), []).append(round(gate_offset(gate, pose[k]), 4))
+        self._ticks[numbers] += 1
+        self._passed[numbers] = passed
+
+    def finish(self, number: int, result: EpisodeResult) -> None:
+        """Make the line of a drive."""
+        path, record = self._paths.pop(number, []), result.record()
+        offsets = self._offsets.pop(number, [])
+        if result.seed == self._shown:
+            record["path"] = path
+        elif not result.success:
+            record["path"] = path[-_KEPT:]
+        self._keep(record | {"gate_offsets_m": offsets})
+
+
+def gate_offset(gate: NDArray[np.floating], pose: NDArray[np.floating]) -> float:
+    """How far left of a gate's middle a car passes it, m; both are (3,) x, y [m], yaw [rad]."""
+    _, left = rotate_back(
+        float(np.cos(gate[2])), float(np.sin(gate[2])), float(pose[0] - gate[0]), float(pose[1] - gate[1])
+    )
+    return left
+
+
+def plan_of(suite: Suite, family: str, level: str, seed: int) -> Any:
+    """The plan of a course of the suite."""
+    runner = BatchRunner([family], randomization=level, camera=suite.camera)
+    return runner.draw(EpisodeRequest(0, family, seed))[0].plan

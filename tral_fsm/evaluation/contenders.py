@@ -1,0 +1,149 @@
+"""Contenders of a comparison behind one interface: machines, policy files, Python policies, and built-in ones.
+
+A contender is one or more trained agents: those of the same training with other seeds are one contender.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tral_env.errors import ConfigError
+from tral_env.world import World
+from tral_fsm.definition import packaged
+from tral_fsm.evaluation.baselines import BASELINES
+from tral_fsm.evaluation.choices import listed
+from tral_fsm.evaluation.own_policy import find_policy
+from tral_fsm.evaluation.records import digest
+from tral_fsm.evaluation.row_policies import BatchedPolicy, DriverPool, RowPolicies, SinglePolicies
+from tral_fsm.runtime.policy import MachinePolicy, load_policy
+
+ALIASES = {"ramp": "gate"}
+"""Other names of packaged machines: `gate` is the manoeuvre of 2016, a ramp before each gate."""
+_NAMED = re.compile(r"(?P<name>[^=/\\]+)=(?P<sources>.+)")
+_PYTHON = re.compile(r".+\.py(:.*)?")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Agent:
+    """What drives: one machine, one trained network, one policy."""
+
+    source: str
+    """Name or path, as it was given."""
+    kind: str
+    """"machine", "policy file", "python" or "built-in"."""
+    digest: str
+    """Digest of its content, 16 hexadecimal digits; empty for a built-in one."""
+    sees_truth: bool = False
+    """Whether it knows what no policy may know."""
+    provenance: dict[str, Any] = field(default_factory=dict)
+    """What it tells of its making."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contender:
+    """One entry of a comparison."""
+
+    name: str
+    agents: tuple[Agent, ...]
+
+    def record(self) -> dict[str, Any]:
+        """The contender for JSON."""
+        return {"name": self.name, "agents": [asdict(agent) for agent in self.agents]}
+
+
+def contenders(text: str) -> list[Contender]:
+    """Contenders of a text: entries that commas separate.
+
+    Args:
+        text: an entry is a SOURCE, NAME=SOURCE, or NAME=SOURCE+SOURCE for agents of one training with other seeds. A
+            source is the name of a packaged machine or of `BASELINES`, a machine file, a policy file, or FILE.py:NAME.
+
+    Raises:
+        ConfigError: there is no entry, or two have the same name.
+        TralError: a source cannot be read.
+    """
+    found = [contender(entry) for entry in listed(text)]
+    if not found:
+        raise ConfigError("--policies: got no policy: expected names or files, such as office,pursuit,constant")
+    names = [one.name for one in found]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(f"--policies: two are called '{name}': name one of them, such as other={name}")
+    return found
+
+
+def contender(entry: str) -> Contender:
+    """The contender of one entry, see `contenders`."""
+    named = _NAMED.fullmatch(entry)
+    sources = named["sources"].split("+") if named else [entry]
+    agents = tuple(agent(source.strip()) for source in sources)
+    seen = {(one.kind, one.digest) for one in agents}
+    if len(seen) < len(agents):
+        raise ConfigError(f"--policies {entry}: two agents are the same: expected one for each training seed")
+    return Contender(name=named["name"].strip() if named else _name_of(entry), agents=agents)
+
+
+def _name_of(source: str) -> str:
+    """Short name of a source: `policy.json` has that of its folder."""
+    if source in BASELINES or source in ALIASES or source in packaged.names():
+        return source
+    path, _, name = source.partition(".py:")
+    if name:
+        return name
+    stem = Path(path).stem
+    return Path(path).resolve().parent.name if stem in ("policy", "machine") else stem
+
+
+def agent(source: str) -> Agent:
+    """The agent of a source, checked by loading it.
+
+    Raises:
+        TralError: it cannot be loaded.
+    """
+    if source in BASELINES:
+        baseline = BASELINES[source]
+        told = {"meaning": baseline.meaning}
+        return Agent(source=source, kind="built-in", digest="", sees_truth=baseline.sees_truth, provenance=told)
+    if _PYTHON.fullmatch(source):
+        find_policy(source)
+        return Agent(source=source, kind="python", digest=file_digest([Path(source.partition(".py:")[0] + ".py")]))
+    policy: Any = load_policy(ALIASES.get(source, source))
+    if isinstance(policy, MachinePolicy):
+        told = {"machine": policy.definition.name or source}
+        return Agent(source=source, kind="machine", digest=digest(policy.definition), provenance=told)
+    path = Path(source)
+    files = [path, *sorted(path.parent.glob("*.safetensors")), *sorted(path.parent.glob("*.onnx"))]
+    told = dict(getattr(policy, "provenance", None) or {})
+    return Agent(source=source, kind="policy file", digest=file_digest(files), provenance=told)
+
+
+def file_digest(paths: Sequence[Path]) -> str:
+    """Digest of the content of files, 16 hexadecimal digits."""
+    content = hashlib.sha256()
+    for path in paths:
+        content.update(path.read_bytes())
+    return content.hexdigest()[:16]
+
+
+def row_policies(who: Agent, world: World) -> RowPolicies:
+    """The policies of the rows of a world, for an agent."""
+    if who.kind == "built-in":
+        return BASELINES[who.source].make(world)
+    if who.kind == "python":
+        return SinglePolicies(lambda: find_policy(who.source), world.n)
+    policy: Any = load_policy(ALIASES.get(who.source, who.source))
+    if isinstance(policy, MachinePolicy):
+        return DriverPool([policy.definition], world.n)
+    return BatchedPolicy(policy, world.n)
+
+
+def starts_rows(who: Agent) -> bool:
+    """Whether a row can start while others drive; else all rows start together."""
+    if who.kind != "policy file":
+        return True
+    return hasattr(load_policy(who.source), "reset_rows")
