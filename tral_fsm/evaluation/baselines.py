@@ -5,6 +5,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -109,9 +110,7 @@ class TruePursuit(Unwatched):
         wanted, speed = bend_speed(track, rows, s), world.sim.truth.speed[rows]
         commands = []
         for k, row in enumerate(rows.tolist()):
-            throttle, self._integral[row] = speed_control(
-                float(wanted[k]), float(speed[k]), float(self._integral[row])
-            )
+            throttle, self._integral[row] = speed_control(float(wanted[k]), float(speed[k]), float(self._integral[row]))
             commands.append((pursuit(float(x[k]), float(y[k])), throttle))
         return commands, [NO_WISH] * len(rows)
 
@@ -130,7 +129,7 @@ def bend_speed(track: task.Track, rows: Index, s: Array) -> Array:
     turn = np.zeros(len(rows))
     step = BEND_AHEAD_M / 4.0
     units = [along_route(track, rows, s + k * step)[1] for k in range(5)]
-    for one, following in zip(units[:-1], units[1:], strict=True):
+    for one, following in pairwise(units):
         cosine = np.clip((one * following).sum(axis=1), -1.0, 1.0)
         turn = np.maximum(turn, np.arccos(cosine) / step)
     return np.clip(np.sqrt(SIDE_MPS2 / np.maximum(turn, 1e-6)), SLOWEST_MPS, FAST_MPS)

@@ -20,6 +20,7 @@ from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
 from tral_fsm.evaluation.loop import Index
 from tral_fsm.evaluation.pool import stop_check
 from tral_fsm.evaluation.records import Record, append, begin_run, collect, made_with
+from tral_fsm.evaluation.row_policies import MixedPolicies, RowPolicies
 from tral_fsm.evaluation.suites import Suite
 
 RECORDS = "records.jsonl"
@@ -54,15 +55,22 @@ class ComparisonSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job:
-    """Drives of one agent on one level of randomization."""
+class Entry:
+    """One drive to do."""
 
     contender: str
     agent: Agent
+    family: str
+    seed: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """Drives on one level of randomization, of any agents: they share a batch."""
+
     suite: Suite
     level: str
-    courses: tuple[tuple[str, int], ...]
-    """Family and seed of each."""
+    entries: tuple[Entry, ...]
 
 
 def drive_missing(
@@ -94,7 +102,7 @@ def drive_missing(
     if jobs:
         begin_run(path, settings, digests)
         bar = progress or (lambda _: contextlib.nullcontext(lambda: None))
-        with bar(sum(len(job.courses) for job in jobs)) as count:
+        with bar(sum(len(job.entries) for job in jobs)) as count:
             if processes == 1:
                 _drive_here(jobs, path, count)
             else:
@@ -118,21 +126,26 @@ def wanted(suite: Suite, field: Sequence[Contender], lines: Sequence[Record]) ->
 
 
 def missing(suite: Suite, field: Sequence[Contender], lines: Sequence[Record]) -> Iterator[Job]:
-    """Jobs for the drives that have no line, a batch each."""
+    """Jobs for the drives that have no line.
+
+    All agents take their turns on each course. Only an agent that cannot start a car while others drive has jobs of its
+    own, which are one batch each.
+    """
     done = {key(line) for line in lines if line["kind"] == "drive"}
-    for one in field:
-        for agent in one.agents:
-            for level in suite.levels:
-                courses = [
-                    (family, seed)
-                    for seed in suite.seeds
-                    for family in suite.families
-                    if (one.name, agent.source, level, family, seed) not in done
-                ]
-                size = 4 * MAX_ROWS if starts_rows(agent) else MAX_ROWS
-                for k in range(0, len(courses), size):
-                    part = tuple(courses[k : k + size])
-                    yield Job(contender=one.name, agent=agent, suite=suite, level=level, courses=part)
+    agents = [(one.name, agent) for one in field for agent in one.agents]
+    together = [each for each in agents if starts_rows(each[1])]
+    groups = [(together, 4 * MAX_ROWS), *(([each], MAX_ROWS) for each in agents if each not in together)]
+    for level in suite.levels:
+        for group, size in groups:
+            entries = [
+                Entry(contender=name, agent=agent, family=family, seed=seed)
+                for seed in suite.seeds
+                for family in suite.families
+                for name, agent in group
+                if (name, agent.source, level, family, seed) not in done
+            ]
+            for k in range(0, len(entries), size):
+                yield Job(suite=suite, level=level, entries=tuple(entries[k : k + size]))
 
 
 def _drive_here(jobs: Sequence[Job], path: Path, count: Callable[[], None]) -> None:
@@ -165,21 +178,25 @@ def drive(job: Job) -> list[Record]:
 
 def run(job: Job, runner: BatchRunner, keep: Callable[[Record], None]) -> None:
     """Drive a job; `keep` gets the line of each drive as it ends."""
-    requests = [EpisodeRequest(0, family, seed) for family, seed in job.courses]
-    told = {"kind": "drive", "contender": job.contender, "agent": job.agent.source, "level": job.level}
-    watcher = _Watcher(requests, job.suite.seeds[0], lambda line: keep(told | line))
-    runner.drive_with(lambda world: row_policies(job.agent, world), requests, stop_check(), spectator=watcher)
+    agents = list(dict.fromkeys(entry.agent.source for entry in job.entries))
+    by_source = {entry.agent.source: entry.agent for entry in job.entries}
+    requests = [EpisodeRequest(agents.index(one.agent.source), one.family, one.seed) for one in job.entries]
+
+    def make(world: World) -> RowPolicies:
+        return MixedPolicies([row_policies(by_source[source], world) for source in agents], world.n)
+
+    runner.drive_with(make, requests, stop_check(), spectator=_Watcher(job, keep))
 
 
 class _Watcher:
     """Keeps paths and the places where gates were passed, and makes the line of each drive."""
 
-    def __init__(self, requests: Sequence[EpisodeRequest], shown: int, keep: Callable[[Record], None]) -> None:
-        self._requests, self._shown, self._keep = requests, shown, keep
+    def __init__(self, job: Job, keep: Callable[[Record], None]) -> None:
+        self._job, self._keep = job, keep
         self._paths: dict[int, list[list[float]]] = {}
         self._offsets: dict[int, list[float]] = {}
-        self._ticks = np.zeros(len(requests), np.int64)
-        self._passed = np.zeros(len(requests), np.int64)
+        self._ticks = np.zeros(len(job.entries), np.int64)
+        self._passed = np.zeros(len(job.entries), np.int64)
 
     def watch(self, rows: Index, numbers: Index, world: World, step: Step) -> None:
         """See a tick."""
@@ -196,13 +213,20 @@ class _Watcher:
 
     def finish(self, number: int, result: EpisodeResult) -> None:
         """Make the line of a drive."""
-        path, record = self._paths.pop(number, []), result.record()
-        offsets = self._offsets.pop(number, [])
-        if result.seed == self._shown:
+        entry, path = self._job.entries[number], self._paths.pop(number, [])
+        record = {
+            "kind": "drive",
+            "contender": entry.contender,
+            "agent": entry.agent.source,
+            "level": self._job.level,
+            **result.record(),
+            "gate_offsets_m": self._offsets.pop(number, []),
+        }
+        if entry.seed == self._job.suite.seeds[0]:
             record["path"] = path
         elif not result.success:
             record["path"] = path[-_KEPT:]
-        self._keep(record | {"gate_offsets_m": offsets})
+        self._keep(record)
 
 
 def gate_offset(gate: NDArray[np.floating], pose: NDArray[np.floating]) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -176,3 +177,31 @@ def _wish(policy: Policy) -> Pair:
         return NO_WISH
     side, metres = np.asarray(wanted, float)[0].tolist()
     return side, metres
+
+
+class MixedPolicies(Unwatched):
+    """Policies of several kinds in the rows of one batch; `EpisodeRequest.machine` says which one drives."""
+
+    def __init__(self, members: Sequence[RowPolicies], n: int) -> None:
+        """Take over the members, each of which has all n rows."""
+        self._members = members
+        self._member = np.full(n, -1)
+
+    def assign(self, row: int, request: EpisodeRequest) -> None:
+        """Start the policy of a request in a row."""
+        self._member[row] = request.machine
+        self._members[request.machine].assign(row, replace(request, machine=0))
+
+    def release(self, row: int) -> None:
+        """End the policy of a row."""
+        self._members[self._member[row]].release(row)
+        self._member[row] = -1
+
+    def act(self, rows: Index, observation: NDArray[np.floating]) -> tuple[Sequence[Any], Sequence[Pair]]:
+        """Commands of the rows and the clearances that they want, each from its member."""
+        commands, wishes = np.zeros((len(rows), 2), np.float32), np.full((len(rows), 2), np.nan)
+        member = self._member[rows]
+        for number in np.unique(member).tolist():
+            mine = member == number
+            commands[mine], wishes[mine] = self._members[number].act(rows[mine], observation)
+        return list(commands), [(side, metres) for side, metres in wishes.tolist()]
