@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
+from tral_env.course.generate import generate_plan
+from tral_env.course.plan import Plan
 from tral_env.interface import CONTROL_RATE_HZ
+from tral_env.randomization import makes_hard_courses
 from tral_env.se2 import rotate_back
 from tral_env.world import Step, World
 from tral_fsm.evaluation.batch import MAX_ROWS, BatchRunner
@@ -237,7 +241,11 @@ def gate_offset(gate: NDArray[np.floating], pose: NDArray[np.floating]) -> float
     return left
 
 
-def plan_of(suite: Suite, family: str, level: str, seed: int) -> Any:
-    """The plan of a course of the suite."""
-    runner = BatchRunner([family], randomization=level, camera=suite.camera)
-    return runner.draw(EpisodeRequest(0, family, seed))[0].plan
+def plans_of(shown: Mapping[str, Any]) -> dict[tuple[str, str, int], Plan]:
+    """Plans of the courses of all paths and failures that an analysis shows: family, level, seed -> plan."""
+    keys = {(one["family"], one["level"], one["seed"]) for one in shown["paths"]}
+    keys |= {(one["scenario"], one["level"], one["seed"]) for one in shown["failures"]}
+    return {
+        (family, level, seed): generate_plan(family, np_random(seed)[0], hard=makes_hard_courses(level))[1]
+        for family, level, seed in sorted(keys)
+    }

@@ -1,0 +1,110 @@
+"""`tral compare`: policies of any kind drive the same courses; the result is a page with intervals."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tral_env.atomic import write_bytes
+from tral_env.perception import opengl
+from tral_fsm.cli.terminal import drives_bar, narrow_table, print_figures
+from tral_fsm.evaluation.files import prepare_folder, write_json
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+FIGURES, TABLES, PAGE = "compare.json", "compare.md", "compare.html"
+"""Files that the command writes beside the records."""
+
+
+def command(
+    policies: Annotated[
+        str,
+        typer.Option(
+            help="Contenders, separated by commas: packaged machines, machine files, policy files, FILE.py:NAME, or the "
+            "built-in constant, random, pursuit and ramp. NAME=A+B makes one contender of agents that were trained with "
+            "different seeds."
+        ),
+    ] = "office,pursuit,constant,random",
+    suite: Annotated[str, typer.Option(help="Courses: smoke or standard.")] = "smoke",
+    courses: Annotated[
+        int | None, typer.Option(min=1, help="Courses of each family and level, if not those of the suite.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the bootstrap; it changes no drive.")] = 0,
+    processes: Annotated[int, typer.Option(min=1, help="Processes that drive.")] = 1,
+    out: Annotated[
+        Path, typer.Option(file_okay=False, help="Folder of the files; a comparison that lies there goes on.")
+    ] = Path("runs/compare"),
+    as_json: Annotated[bool, typer.Option("--json", help="Print compare.json and nothing else.")] = False,
+) -> None:
+    """Compare policies on a suite of courses.
+
+    The command writes compare.html, compare.md and compare.json, and each drive into records.jsonl as it ends. Started
+    again, it goes on where it stopped. Other policies or more courses can be added later.
+    """
+    shown = run(policies, suite, courses, seed, processes, out)
+    if as_json:
+        typer.echo(json.dumps(shown, indent=2, allow_nan=False))
+        return
+    print_figures(table(shown))
+    typer.echo(f"Page: {out / PAGE}")
+
+
+def run(policies: str, suite: str, courses: int | None, seed: int, processes: int, out: Path) -> dict[str, Any]:
+    """Drive, analyse, and write all files.
+
+    Returns:
+        The content of compare.json.
+
+    Raises:
+        TralError: a policy cannot be loaded or fails, the suite is unknown, or the folder holds another comparison.
+    """
+    from tral_fsm.evaluation import suites
+    from tral_fsm.evaluation.analysis import analyse
+    from tral_fsm.evaluation.comparison import drive_missing, plans_of
+    from tral_fsm.evaluation.contenders import contenders
+    from tral_fsm.report.compare.markdown import markdown
+    from tral_fsm.report.compare.page import page_html
+
+    opengl.require_loadable()
+    began = time.perf_counter()
+    chosen = suites.suite(suite).with_courses(courses)
+    field = contenders(policies)
+    prepare_folder(out)
+    lines = drive_missing(chosen, field, out, processes, drives_bar)
+    shown = analyse(lines, chosen, [one.record() for one in field], seed)
+    shown |= {"command": shlex.join(["tral", *sys.argv[1:]]), "seconds": round(time.perf_counter() - began, 1)}
+    write_json(out / FIGURES, shown)
+    write_bytes(out / TABLES, markdown(shown).encode())
+    write_bytes(out / PAGE, page_html(shown, plans_of(shown)).encode())
+    return shown
+
+
+def table(shown: dict[str, Any]) -> Table:
+    """The main figures of each contender."""
+    suite = shown["suite"]
+    table = narrow_table(f"{suite['name']}, seeds {suite['seeds'][0]} to {suite['seeds'][1] - 1} ({suite['split']})")
+    table.add_column("contender", no_wrap=True)
+    for heading in ("drives", "success", "95 %", "score", "IQM", "95 %", "progress", "m/s"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for one in shown["contenders"]:
+        got = one["figures"]
+        success, iqm = got["success"], got["iqm"]
+        table.add_row(
+            one["name"],
+            str(got["drives"]),
+            f"{100 * success['value']:.1f} %",
+            f"{100 * success['low']:.0f} to {100 * success['high']:.0f} %",
+            f"{got['score']['value']:.3f}",
+            f"{iqm['value']:.3f}",
+            f"{iqm['low']:.3f} to {iqm['high']:.3f}",
+            f"{100 * got['progress']['value']:.0f} %",
+            f"{got['pace_mps']:.2f}",
+        )
+    return table
