@@ -27,9 +27,9 @@ def command(
     policies: Annotated[
         str,
         typer.Option(
-            help="Contenders, separated by commas: packaged machines, machine files, policy files, FILE.py:NAME, or the "
-            "built-in constant, random, pursuit and ramp. NAME=A+B makes one contender of agents that were trained with "
-            "different seeds."
+            help="Contenders, separated by commas: packaged machines, machine files, policy files, FILE.py:NAME, or "
+            "the built-in constant, random, pursuit and ramp. NAME=A+B makes one contender of agents that were trained "
+            "with different seeds."
         ),
     ] = "office,pursuit,constant,random",
     suite: Annotated[str, typer.Option(help="Courses: smoke or standard.")] = "smoke",
@@ -50,7 +50,7 @@ def command(
     """
     shown = run(policies, suite, courses, seed, processes, out)
     if as_json:
-        typer.echo(json.dumps(shown, indent=2, allow_nan=False))
+        typer.echo(json.dumps(without_paths(shown), indent=2, allow_nan=False))
         return
     print_figures(table(shown))
     typer.echo(f"Page: {out / PAGE}")
@@ -80,10 +80,16 @@ def run(policies: str, suite: str, courses: int | None, seed: int, processes: in
     lines = drive_missing(chosen, field, out, processes, drives_bar)
     shown = analyse(lines, chosen, [one.record() for one in field], seed)
     shown |= {"command": shlex.join(["tral", *sys.argv[1:]]), "seconds": round(time.perf_counter() - began, 1)}
-    write_json(out / FIGURES, shown)
+    write_json(out / FIGURES, without_paths(shown))
     write_bytes(out / TABLES, markdown(shown).encode())
     write_bytes(out / PAGE, page_html(shown, plans_of(shown)).encode())
     return shown
+
+
+def without_paths(shown: dict[str, Any]) -> dict[str, Any]:
+    """The content without the paths, which are in the records."""
+    cut = [{name: value for name, value in one.items() if name != "path"} for one in shown["failures"]]
+    return {name: value for name, value in shown.items() if name != "paths"} | {"failures": cut}
 
 
 def table(shown: dict[str, Any]) -> Table:

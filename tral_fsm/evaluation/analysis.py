@@ -31,6 +31,8 @@ from tral_fsm.evaluation.summary import rmse_of, summarize
 Array = NDArray[np.float64]
 LEVELS = np.round(np.linspace(0.0, 1.0, 41), 3)
 """Scores at which the performance profiles are told."""
+LAST_POSES = 40
+"""Of a drive that failed, so many of its last poses are kept: 4 s."""
 MAX_FAILURES = 12
 """The gallery holds at most so many failures. Source: choice; they are to be looked at."""
 
@@ -250,5 +252,5 @@ def failures(scores: Mapping[str, Scores], field: Sequence[Mapping[str, Any]]) -
         queues.append(turns)
     longest = max(map(len, queues), default=0)
     chosen = [queue[turn] for turn in range(longest) for queue in queues if turn < len(queue)][:MAX_FAILURES]
-    kept = ("contender", "agent", "level", "scenario", "seed", "outcome", "crash", "time_s", "progress", "path")
-    return [{name: row[name] for name in kept} for row in chosen]
+    kept = ("contender", "agent", "level", "scenario", "seed", "outcome", "crash", "time_s", "progress")
+    return [{**{name: row[name] for name in kept}, "path": row["path"][-LAST_POSES:]} for row in chosen]

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from tral_env.course.generate import generate_plan
 from tral_env.course.plan import Plan
-from tral_env.interface import CONTROL_RATE_HZ
 from tral_env.randomization import makes_hard_courses
 from tral_env.se2 import rotate_back
 from tral_env.world import Step, World
+from tral_fsm.evaluation.analysis import LAST_POSES
 from tral_fsm.evaluation.batch import MAX_ROWS, BatchRunner
 from tral_fsm.evaluation.contenders import Agent, Contender, row_policies, starts_rows
 from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
@@ -30,10 +30,7 @@ from tral_fsm.evaluation.suites import Suite
 RECORDS = "records.jsonl"
 """The drives of a comparison lie in this file of its folder."""
 PATH_TICKS = 8
-"""A path has a pose each so many ticks."""
-LAST_S = 4.0
-"""Of a drive that failed, the path of its last seconds is kept, s."""
-_KEPT = int(LAST_S * CONTROL_RATE_HZ / PATH_TICKS)
+"""A path has a pose each so many ticks: ten a second."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +99,7 @@ def drive_missing(
     """
     path, settings = out / RECORDS, ComparisonSettings.of(suite)
     digests = {f"{one.name}: {agent.source}": agent.digest for one in field for agent in one.agents}
-    jobs = list(missing(suite, field, made_with(path, settings, digests)))
+    jobs = list(missing(suite, field, made_with(path, settings, digests), processes))
     if jobs:
         begin_run(path, settings, digests)
         bar = progress or (lambda _: contextlib.nullcontext(lambda: None))
@@ -129,8 +126,8 @@ def wanted(suite: Suite, field: Sequence[Contender], lines: Sequence[Record]) ->
     ]
 
 
-def missing(suite: Suite, field: Sequence[Contender], lines: Sequence[Record]) -> Iterator[Job]:
-    """Jobs for the drives that have no line.
+def missing(suite: Suite, field: Sequence[Contender], lines: Sequence[Record], processes: int = 1) -> Iterator[Job]:
+    """Jobs for the drives that have no line, at least one for each process if there are enough drives.
 
     All agents take their turns on each course. Only an agent that cannot start a car while others drive has jobs of its
     own, which are one batch each.
@@ -148,6 +145,7 @@ def missing(suite: Suite, field: Sequence[Contender], lines: Sequence[Record]) -
                 for name, agent in group
                 if (name, agent.source, level, family, seed) not in done
             ]
+            size = min(size, max(-(-len(entries) * len(suite.levels) // processes), 1))
             for k in range(0, len(entries), size):
                 yield Job(suite=suite, level=level, entries=tuple(entries[k : k + size]))
 
@@ -229,7 +227,7 @@ class _Watcher:
         if entry.seed == self._job.suite.seeds[0]:
             record["path"] = path
         elif not result.success:
-            record["path"] = path[-_KEPT:]
+            record["path"] = path[-LAST_POSES:]
         self._keep(record)
 
 

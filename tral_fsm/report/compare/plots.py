@@ -100,7 +100,7 @@ def paths(plan: Plan, contenders: Mapping[str, Mapping[str, Any]]) -> Figure:
     """Figure of the paths of all contenders over one course; a cross marks where one did not arrive."""
     low, high = plan.box_position[:, :2].min(axis=0), plan.box_position[:, :2].max(axis=0)
     wide, tall = high - low
-    height = float(np.clip(9.0 * tall / max(wide, 1e-6), 1.3, 9.0)) + 0.8
+    height = float(np.clip(9.0 * tall / max(wide, 1e-6), 1.3, 6.0)) + 0.8
     whole = Figure(figsize=(10.0, height), layout="constrained")
     ax = whole.subplots()
     draw_plan(plan, ax)
