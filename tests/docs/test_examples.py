@@ -33,8 +33,12 @@ CHEAPER = {
     "tral tune --policy wall --sampler tpe --storage study.log --out runs/tune1": (
         "--seeds 0:1 --budget 4 --population 4 --report-seeds none --grid 0"
     ),
-    "python benchmarks/compare.py --steps 20000 --scenario straight --seeds 1000:1010 --out runs/compare.json": (
-        "--steps 512 --seeds 1000:1001"
+    "tral compare --policies office,pursuit,constant,random --suite smoke --out runs/compare": "--courses 1",
+    "tral compare --policies office,ramp,pursuit,constant,random --suite standard --out runs/published": (
+        "--policies constant --suite smoke --courses 1"
+    ),
+    "python benchmarks/compare.py --steps 20000 --scenario straight --courses 10 --out runs/compare_ppo": (
+        "--steps 512 --courses 1 --policies constant"
     ),
     "python benchmarks/marker_accuracy.py --out runs/marker_accuracy.json": "--views 16",
     "python benchmarks/gate_accuracy.py --out runs/gate_accuracy.json": "--views 12",

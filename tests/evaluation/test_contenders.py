@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from courses import TWO_WALLS, blind
 
 from tral_env.errors import ConfigError, TralError
-from tral_fsm.evaluation.contenders import contender, contenders
+from tral_fsm.evaluation import contenders as contenders_module
+from tral_fsm.evaluation.batch import BatchRunner
+from tral_fsm.evaluation.contenders import contender, contenders, object_agent, row_policies, starts_rows
+from tral_fsm.evaluation.episode import EpisodeRequest
 from tral_fsm.formats import write
 
 
@@ -80,3 +85,56 @@ def test_a_field_that_is_none_is_refused(text: str, message: str) -> None:
 def test_an_unknown_policy_is_refused_with_the_nearest_name() -> None:
     with pytest.raises(TralError, match="did you mean 'office'"):
         contenders("offise")
+
+
+class Network:
+    """A policy of a file: it acts on many rows, and tells how it was made."""
+
+    def __init__(self, **provenance: Any) -> None:
+        self.provenance = provenance
+
+    def reset(self, n: int = 1) -> None:
+        pass
+
+    def act(self, observation: Any) -> Any:
+        return np.tile([0.9, 0.5], (len(observation), 1))
+
+
+class RestartingNetwork(Network):
+    def reset_rows(self, rows: Any) -> None:
+        pass
+
+
+def test_a_policy_file_is_one_agent_with_its_provenance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(contenders_module, "load_policy", lambda path: Network(algorithm="PPO", seed=3))
+    folder = tmp_path / "ppo3"
+    folder.mkdir()
+    (folder / "policy.json").write_text("{}")
+    (folder / "weights.safetensors").write_bytes(b"1")
+    one = contender(str(folder / "policy.json"))
+    assert (one.name, one.agents[0].kind) == ("ppo3", "policy file")
+    assert one.record()["agents"][0]["provenance"] == {"algorithm": "PPO", "seed": 3}
+    (folder / "weights.safetensors").write_bytes(b"2")
+    assert contender(str(folder / "policy.json")).agents[0].digest != one.agents[0].digest
+
+
+@pytest.mark.parametrize(("network", "starts"), [(Network, False), (RestartingNetwork, True)])
+def test_a_policy_file_that_cannot_start_a_row_is_known(
+    network: type, starts: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(contenders_module, "load_policy", lambda path: network())
+    (tmp_path / "policy.json").write_text("{}")
+    assert starts_rows(contender(str(tmp_path / "policy.json")).agents[0]) is starts
+    assert starts_rows(contender("wall").agents[0])
+
+
+def test_an_object_drives_in_many_rows() -> None:
+    agent = object_agent("mine", RestartingNetwork(), digest="1", seed=3)
+    assert agent.record() == {
+        "source": "mine", "kind": "object", "digest": "1", "sees_truth": False, "provenance": {"seed": 3}
+    }  # fmt: skip
+    runner = BatchRunner(["straight"], rows=1, randomization="none")
+    got = runner.drive_with(
+        lambda world: row_policies(agent, world), [EpisodeRequest(0, "straight", seed) for seed in (1, 2)]
+    )
+    assert [one.outcome for one in got] == ["collision", "collision"]

@@ -17,7 +17,12 @@ from tral_fsm.cli.terminal import drives_bar, narrow_table, print_figures
 from tral_fsm.evaluation.files import prepare_folder, write_json
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rich.table import Table
+
+    from tral_fsm.evaluation.contenders import Contender
+    from tral_fsm.evaluation.suites import Suite
 
 FIGURES, TABLES, PAGE = "compare.json", "compare.md", "compare.html"
 """Files that the command writes beside the records."""
@@ -66,20 +71,28 @@ def run(policies: str, suite: str, courses: int | None, seed: int, processes: in
         TralError: a policy cannot be loaded or fails, the suite is unknown, or the folder holds another comparison.
     """
     from tral_fsm.evaluation import suites
+    from tral_fsm.evaluation.contenders import contenders
+
+    opengl.require_loadable()
+    chosen = suites.suite(suite).with_courses(courses)
+    return compare(chosen, contenders(policies), out, seed=seed, processes=processes)
+
+
+def compare(
+    suite: Suite, field: Sequence[Contender], out: Path, *, seed: int = 0, processes: int = 1
+) -> dict[str, Any]:
+    """As `run`, for a suite and contenders that were made already."""
     from tral_fsm.evaluation.analysis import analyse
     from tral_fsm.evaluation.comparison import drive_missing, plans_of
-    from tral_fsm.evaluation.contenders import contenders
     from tral_fsm.report.compare.markdown import markdown
     from tral_fsm.report.compare.page import page_html
 
-    opengl.require_loadable()
     began = time.perf_counter()
-    chosen = suites.suite(suite).with_courses(courses)
-    field = contenders(policies)
     prepare_folder(out)
-    lines = drive_missing(chosen, field, out, processes, drives_bar)
-    shown = analyse(lines, chosen, [one.record() for one in field], seed)
-    shown |= {"command": shlex.join(["tral", *sys.argv[1:]]), "seconds": round(time.perf_counter() - began, 1)}
+    lines = drive_missing(suite, field, out, processes, drives_bar)
+    shown = analyse(lines, suite, [one.record() for one in field], seed)
+    program = Path(sys.argv[0]).name
+    shown |= {"command": shlex.join([program, *sys.argv[1:]]), "seconds": round(time.perf_counter() - began, 1)}
     write_json(out / FIGURES, without_paths(shown))
     write_bytes(out / TABLES, markdown(shown).encode())
     write_bytes(out / PAGE, page_html(shown, plans_of(shown)).encode())

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -35,13 +35,19 @@ class Agent:
     source: str
     """Name or path, as it was given."""
     kind: str
-    """"machine", "policy file", "python" or "built-in"."""
+    """"machine", "policy file", "python", "object" or "built-in"."""
     digest: str
     """Digest of its content, 16 hexadecimal digits; empty for a built-in one."""
     sees_truth: bool = False
     """Whether it knows what no policy may know."""
     provenance: dict[str, Any] = field(default_factory=dict)
     """What it tells of its making."""
+    policy: Any = field(default=None, repr=False, compare=False)
+    """The policy of an "object", which drives in this process alone."""
+
+    def record(self) -> dict[str, Any]:
+        """The agent for JSON."""
+        return {one.name: getattr(self, one.name) for one in fields(self) if one.name != "policy"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +59,7 @@ class Contender:
 
     def record(self) -> dict[str, Any]:
         """The contender for JSON."""
-        return {"name": self.name, "agents": [asdict(agent) for agent in self.agents]}
+        return {"name": self.name, "agents": [agent.record() for agent in self.agents]}
 
 
 def contenders(text: str) -> list[Contender]:
@@ -122,6 +128,18 @@ def agent(source: str) -> Agent:
     return Agent(source=source, kind="policy file", digest=file_digest(files), provenance=told)
 
 
+def object_agent(source: str, policy: Any, digest: str, **provenance: Any) -> Agent:
+    """An agent that was made in this program.
+
+    Args:
+        source: its name in the records.
+        policy: acts on (n, d), and starts single rows again with `reset_rows(rows)`.
+        digest: tells it from others; what was driven with another one is not mixed in.
+        provenance: what the page tells of its making.
+    """
+    return Agent(source=source, kind="object", digest=digest, provenance=provenance, policy=policy)
+
+
 def file_digest(paths: Sequence[Path]) -> str:
     """Digest of the content of files, 16 hexadecimal digits."""
     content = hashlib.sha256()
@@ -136,6 +154,8 @@ def row_policies(who: Agent, world: World) -> RowPolicies:
         return BASELINES[who.source].make(world)
     if who.kind == "python":
         return SinglePolicies(lambda: find_policy(who.source), world.n)
+    if who.kind == "object":
+        return BatchedPolicy(who.policy, world.n)
     policy: Any = load_policy(ALIASES.get(who.source, who.source))
     if isinstance(policy, MachinePolicy):
         return DriverPool([policy.definition], world.n)
