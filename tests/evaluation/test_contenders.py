@@ -122,10 +122,10 @@ def test_a_policy_file_is_one_agent_with_its_provenance(tmp_path: Path, monkeypa
 def test_a_policy_file_that_cannot_start_a_row_is_known(
     network: type, starts: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    assert starts_rows(contender("wall").agents[0])
     monkeypatch.setattr(contenders_module, "load_policy", lambda path: network())
     (tmp_path / "policy.json").write_text("{}")
     assert starts_rows(contender(str(tmp_path / "policy.json")).agents[0]) is starts
-    assert starts_rows(contender("wall").agents[0])
 
 
 def test_an_object_drives_in_many_rows() -> None:

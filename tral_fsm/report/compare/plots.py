@@ -104,7 +104,7 @@ def paths(plan: Plan, contenders: Mapping[str, Mapping[str, Any]]) -> Figure:
     whole = Figure(figsize=(10.0, height), layout="constrained")
     ax = whole.subplots()
     draw_plan(plan, ax)
-    _fade(ax)
+    _as_background(ax)
     for k, (name, one) in enumerate(contenders.items()):
         x, y, _ = np.array(one["path"], float).T
         ax.plot(x, y, linewidth=1.7, label=name, zorder=7, **style(k))
@@ -121,15 +121,13 @@ def failure(plan: Plan, path: Sequence[Sequence[float]], colour: str) -> Figure:
     whole = Figure(figsize=(3.2, 2.9), layout="constrained")
     ax = whole.subplots()
     draw_plan(plan, ax)
-    _fade(ax)
+    _as_background(ax)
     ax.plot(poses[:, 0], poses[:, 1], color=colour, linewidth=1.8, zorder=7)
     ax.fill(*outline(poses[-1]).T, facecolor=colour, edgecolor="black", linewidth=0.8, alpha=0.85, zorder=8)
     low, high = poses[:, :2].min(axis=0), poses[:, :2].max(axis=0)
     middle, half = (low + high) / 2, max(float((high - low).max()) / 2 + 0.6, _AROUND_M)
     ax.set_xlim(middle[0] - half, middle[0] + half)
     ax.set_ylim(middle[1] - half, middle[1] + half)
-    for text in ax.texts:
-        text.set_clip_on(True)
     ax.set_xlabel("")
     ax.set_ylabel("")
     ax.tick_params(labelsize=7)
@@ -145,10 +143,12 @@ def outline(pose: Array) -> Array:
     return placed
 
 
-def _fade(ax: Axes) -> None:
-    """Keep route and goal out of the legend, so that it names contenders alone."""
+def _as_background(ax: Axes) -> None:
+    """Keep the course out of the legend, which names contenders alone, and its texts above the paths."""
     for drawn in ax.lines:
         drawn.set_label("_" + str(drawn.get_label()))
+    for text in ax.texts:
+        text.set(zorder=9, clip_on=True, bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 0.6})
 
 
 def _plain(ax: Axes) -> None:
