@@ -22,7 +22,7 @@ from tral_env.config import CarConfig
 from tral_env.course.plan import BOX_KINDS, Plan
 from tral_env.errors import ConfigError, TralError
 from tral_env.se2 import relative, to_inner, to_outer
-from tral_fsm import load_machine, load_policy
+from tral_fsm import MachinePolicy, load_machine
 from tral_fsm.cli.terminal import drives_bar
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.choices import Camera, Randomization
@@ -77,7 +77,7 @@ def drive(seeds: range, settings: RunSettings, processes: int, out: Path) -> Non
     Raises:
         ConfigError: the file was made with other settings, or another machine.
     """
-    machine = load_policy(settings.policy).definition  # a machine that cannot drive begins no file
+    machine = MachinePolicy(load_machine(settings.policy)).definition  # a machine that cannot drive begins no file
     drivers = {settings.policy: digest(machine)}
     done = {line["seed"] for line in made_with(out, settings, drivers) if line["kind"] == "drive"}
     missing = [seed for seed in seeds if seed not in done]

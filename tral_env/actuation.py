@@ -15,6 +15,7 @@ import numpy as np
 from tral_env.arrays import Array, Flags, Index
 from tral_env.config import CarConfig, EscConfig, ServoConfig
 from tral_env.errors import ConfigError
+from tral_env.geometry import scrub_fall
 from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ, STEERING, THROTTLE
 
 Rows = Index | slice
@@ -30,7 +31,7 @@ WAIT = 2
 """Phase of a motor controller that got neutral after a brake that was long enough."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class ActuationParameters:
     """What differs from car to car; each an array (n,). Write into the arrays, then call `Actuation.reset`."""
 
@@ -67,7 +68,7 @@ class ActuationParameters:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class ActuatorInputs:
     """What the model's actuators get for one control tick; each (n,)."""
 
@@ -120,12 +121,7 @@ def servo_step(position: Array, moving: Flags, target: Array, max_step: Array, d
 
 
 def scrub_torque(speed: Array, standstill: Array | float, speed_scale: float) -> Array:
-    """Friction torque of the front tyres against steering: ``M0 / sqrt(1 + (v / v0)^2)``.
-
-    A tyre that turns about its kingpin at rate w slides in its patch of length a; rolling at v carries the twisted
-    rubber out of the patch. The ratio s = a w / v (turn slip) decides: torque ``M0 s / sqrt(1 + s^2)``, full at
-    standstill and vanishing when rolling. With w held at the rate of a usual correction, a w is the speed v0. So the
-    angle that a weak servo reaches depends on speed, as the report of 2016 says.
+    """Friction torque of the front tyres against steering: ``M0 / sqrt(1 + (v / v0)^2)``, see `scrub_fall`.
 
     Args:
         speed: rolling speed, m/s, (n,).
@@ -135,8 +131,7 @@ def scrub_torque(speed: Array, standstill: Array | float, speed_scale: float) ->
     Returns:
         N m, (n,).
     """
-    ratio = speed / speed_scale
-    result: Array = standstill / np.sqrt(1.0 + ratio * ratio)
+    result: Array = standstill / scrub_fall(speed, speed_scale, sqrt=np.sqrt)
     return result
 
 

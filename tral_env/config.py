@@ -6,9 +6,10 @@ The sources of the car are told in `tral_env.geometry`; "SRF08" is the data shee
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from numbers import Integral, Real
+from pathlib import Path
 from typing import Any, TypeVar
 
 from tral_env.errors import ConfigError, nearest
@@ -26,6 +27,7 @@ from tral_env.geometry import (
     WHEELBASE_M,
     WIDTH_M,
 )
+from tral_env.interface import CONTROL_RATE_HZ
 
 Config = TypeVar("Config")
 
@@ -85,6 +87,24 @@ def check_number(where: str, value: object, unit: str = "", *, whole: bool = Fal
     kind, expected = (Integral, "a whole number") if whole else (Real, "a finite number")
     if isinstance(value, bool) or not isinstance(value, kind) or not _is_finite(value):
         raise ConfigError(f"{where} = {value!r}: expected {expected}{f' of {unit}' if unit else ''}")
+
+
+def one_of(name: str, value: object, allowed: Iterable[str], hint: str = "") -> None:
+    """Refuse what is none of some names; a list of names, too, is none.
+
+    Args:
+        name: what is chosen.
+        value: what was given.
+        allowed: the names.
+        hint: end of the error.
+
+    Raises:
+        ConfigError: none of the names; the error tells the nearest.
+    """
+    names = tuple(allowed)
+    if not isinstance(value, str) or value not in names:
+        got = f"'{value}'" if isinstance(value, str | Path) else repr(value)
+        raise ConfigError(f"unknown {name} {got}: {nearest(value, names)}{hint}")
 
 
 def _is_finite(value: Real) -> bool:
@@ -282,8 +302,8 @@ class UltrasonicConfig:
     """An edge or a slim post on the boresight is heard no farther than this, m. Source: choice, after the SRF04's data
     sheet: a stick of 3 cm is detected at more than 2 m."""
     corner_tolerance: float = 0.26
-    """Two walls are an inner corner if the cosine of the angle between them is at most this: 90 +- 15 deg. Source:
-    choice."""
+    """Two walls are an inner corner if the cosine of the angle between them is at most this, 0 to 0.9: 90 +- 15 deg.
+    Source: choice."""
     min_range: float = 0.03
     """Nearer echoes are lost in the ringing of the transducer, m. Source: SRF08."""
     max_range: float = 5.0
@@ -309,8 +329,9 @@ class UltrasonicConfig:
         _check(
             self,
             positive=("beam_deg", "incidence_limit_deg", "max_range", "cadence_s", "metres_per_us"),
-            unit_interval=("jitter_share", "crosstalk_share", "corner_tolerance"),
+            unit_interval=("jitter_share", "crosstalk_share"),
             plausible={
+                "corner_tolerance": (0.0, 0.9, ""),
                 "beam_deg": (1.0, 180.0, "deg"),
                 "incidence_limit_deg": (1.0, 90.0, "deg"),
                 "incidence_spread_deg": (0.0, 45.0, "deg"),
@@ -323,8 +344,7 @@ class UltrasonicConfig:
         )
         if self.rays < 2:
             raise ConfigError(f"UltrasonicConfig.rays = {self.rays!r}: expected 2 or more")
-        if self.mode not in ("us", "cm"):
-            raise ConfigError(f"UltrasonicConfig.mode = {self.mode!r}. Allowed: us, cm")
+        one_of("UltrasonicConfig.mode", self.mode, ("us", "cm"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -430,7 +450,8 @@ class CameraConfig:
     distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
     """Coefficients k1, k2, p1, p2, k3 of OpenCV's model."""
     rate_hz: float = 15.0
-    """Frames per second. Source: choice, webcams of the era gave 10 to 30."""
+    """Frames per second, at most the control rate: a camera is asked once a tick. Source: choice, webcams of the era
+    gave 10 to 30."""
     marker_size: float = MARKER_SIZE_M
     """Edge of an ArUco marker's black square, m. Source: era."""
 
@@ -442,7 +463,7 @@ class CameraConfig:
                 **dict.fromkeys(("width", "height"), (1, 20000, "px")),
                 **dict.fromkeys(("fx", "fy"), (1.0, 1e5, "px")),
                 **dict.fromkeys(("cx", "cy"), (-1e5, 1e5, "px")),
-                "rate_hz": (0.1, 1000.0, "Hz"),
+                "rate_hz": (0.1, CONTROL_RATE_HZ, "Hz"),
                 "marker_size": (0.005, 2.0, "m"),
             },
         )

@@ -15,16 +15,17 @@ from numpy.typing import NDArray
 
 from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
+from tral_env.decisions import Decisions
 from tral_env.errors import ConfigError
-from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space
-from tral_env.options import CorridorConfig, is_count, option_parameters, takes
+from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space, as_command
+from tral_env.options import CorridorConfig, JsonSpec, is_count, is_seed, option_parameters, takes
 from tral_env.world import World, check_pictures
 
 _ROW = np.zeros(1, np.int64)
 
 
 @takes(option_parameters())
-class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
+class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
     """A 1:10 car drives a university corridor with three ultrasonics, a hall sensor and a camera.
 
     ## Description
@@ -130,8 +131,8 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     | `view` | `'chase'` | What `render()` shows: `"chase"`, `"top"`, or `"onboard"`, the image of the car's camera with its lens, mounting error and faults. |
     | `width` | `640` | Width of the picture, px. |
     | `height` | `480` | Height of the picture, px. |
-    | `scenario` | `'office'` | Family of the generated courses: one of `tral_env.course.generate.SCENARIOS`, which `tral courses` lists. |
-    | `course` | `None` | Every episode drives this `Course` instead of generated ones. Also its name, one of those that `tral courses` lists, or the path of its JSON file. |
+    | `scenario` | `'office'` | Family of the generated courses: one of `tral_env.course.generate.SCENARIOS`, which `tral courses` lists. Several in a tuple: every episode draws one of them. |
+    | `course` | `None` | Every episode drives this `Course` instead of generated ones. Also its name, one of those that `tral courses` lists, the path of its JSON file, or a mapping of what that file would hold. |
     | `courses` | `None` | Every episode draws one of so many courses, 1 or more. Each is built when it is first driven and then kept (up to 40 kB); course k is the one that `reset(seed=k)` gives without this option. `None`: every episode builds a new course, which takes most of a reset. |
     | `camera` | `'projected'` | `"projected"`: the corners of the markers are projected through the lens, without OpenGL. `"rendered"`: OpenCV's detector searches a rendered image. |
     | `randomization` | `'default'` | How much cars differ from one another: `"none"`, `"default"`, `"hard"`, the path of a file of ranges (.json, .yaml, .yml), or a `Randomization` of other ranges. |
@@ -140,16 +141,24 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
     | `lens` | `None` | The camera's lens: a `CameraConfig`, `"default"`, `"wide"`, or the path of a calibration file (.yaml, .yml). |
     | `task` | `None` | A `TaskConfig`: the weights of the reward, the time limit and the speed of a crash. |
     | `image_faults` | `None` | An `ImageCorruption`: how much of each fault an `image_degradation` of 1 brings to a rendered image. Streaks and covered patches are off by default. |
+    | `decision_hz` | `80.0` | Decisions a second: each takes a whole number of ticks of 1/80 s, in which the command is held and rewards add up. A step of the environment is a decision. |
+    | `observation` | `'readings'` | `"readings"`: what the car measures, in SI units. `"features"`: the same, made ready for a network, see `tral_env.learner.LearnerView`. |
+    | `history` | `1` | Number of frames in an observation, the oldest first. At a reset all of them are the first one. |
+    | `spacing_s` | `None` | Time between two frames, a whole number of ticks, s. `None`: that between two decisions. |
+    | `action` | `'throttle'` | What the second action is: `"throttle"`, or `"speed"`, which is regulated on the hall sensor as the machines' speed is. |
+    | `drive_range` | `None` | What -1 and 1 of the second action stand for: throttles, or speeds in m/s. `None`: -1 and 1, or 0 and 1.2 m/s. |
+    | `detections` | `True` | Whether features tell gates and turn signs. A network is smaller without them. |
 
     `None` for `car`, `lens`, `task` and `image_faults` is the configuration's own default. These and `randomization`
-    also take a mapping of values.
+    also take a mapping of values, so `spec.to_json()` works with all of them. "hard" also makes the courses harder, see
+    `hard_courses` of `Randomization`; a level of your own on the base "hard" keeps that.
 
     ## Reset Options
     `reset(seed=k, options={...})` takes:
 
     | option | what it is |
     | --- | --- |
-    | `course` | a `tral_env.course.layout.Course`, or its name or the path of its file, for this episode; car and noise stay those of the seed |
+    | `course` | a `tral_env.course.layout.Course`, or its name, the path of its file or a mapping, for this episode; car and noise stay those of the seed |
     | `car` | values of `Randomization` parameters that are not to be drawn, such as `{"friction": 0.6}` |
     | `reset_mask` | (n,) bool, in a vector environment with `autoreset_mode="Disabled"` alone: the rows to reset |
 
@@ -177,9 +186,11 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
         config = CorridorConfig.of(
             options, allowed=inspect.signature(type(self)).parameters, image_size=self._image_size
         )
+        self.metadata = {**type(self).metadata, "render_fps": round(config.decision_hz)}
         self.world = World(1, config)
+        self._decisions = Decisions(self.world)
         self.action_space = action_space()
-        self.observation_space: spaces.Space[Any] = self.world.layout.space()
+        self.observation_space: spaces.Space[Any] = self._decisions.space()
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start a new episode.
@@ -192,15 +203,17 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
             The first observation, and the info of a reset.
 
         Raises:
-            ConfigError: an option is unknown or not allowed.
+            ConfigError: the seed or an option is unknown or not allowed.
             CourseError: the course cannot be built, or its file is no course.
         """
+        if not is_seed(seed):
+            raise ConfigError(f"seed = {seed!r}: expected a whole number, 0 or more, or None")
         request = self.world.request(_ROW, options)
-        super().reset(seed=seed)
-        car = self.world.reset(request, [self.np_random])
+        super().reset(seed=None if seed is None else int(seed))
+        car = self._decisions.reset(request, [self.np_random])
         info = self._info(self.world.info())
         info["car"] = {name: float(values[0]) for name, values in car.items()}
-        return self._observation(self.world.observation()[0]), info
+        return self._observation(self._decisions.observation()[0]), info
 
     def step(self, action: NDArray[np.floating]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive for 12.5 ms.
@@ -212,10 +225,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
             ConfigError: the action is not two finite numbers, or there was no reset.
             SimulationError: the physics became unstable; the next reset mends it.
         """
-        action = np.asarray(action, np.float64)
-        if action.shape != (2,) or not np.isfinite(action).all():
-            raise ConfigError(f"action {action!r}: expected two finite numbers: steering, throttle")
-        step = self.world.step(action[None])
+        step = self._decisions.step(as_command(action)[None])
         info = self._info(step.info)
         info["reward_terms"] = {name: values.item() for name, values in step.reward_terms.items()}
         terminated, truncated = bool(step.terminated[0]), bool(step.truncated[0])
@@ -281,7 +291,7 @@ class TralCorridorEnv(gym.Env[Any, Any], EzPickle):
             (height, width, 3) uint8.
 
         Raises:
-            ConfigError: unknown view.
+            ConfigError: an unknown view, a size that is none, or there was no reset.
             RenderError: no OpenGL on this machine.
         """
         return self.world.render(view, 0, width, height)

@@ -24,12 +24,20 @@ class CourseError(TralError, ValueError):
     """A course file cannot be read, or the course that it describes cannot be built or driven."""
 
 
+class UnreadableCourseError(CourseError):
+    """A course file cannot be opened."""
+
+
 class MachineError(TralError, ValueError):
     """A machine file cannot be read, or the machine that it describes cannot run."""
 
 
 class PolicyError(TralError, RuntimeError):
     """A policy failed while it drove: its code raised an error, or its answer is no command."""
+
+
+class PolicyFileError(TralError, ValueError):
+    """A policy file cannot be read, or was made for other readings."""
 
 
 class MachineRunError(PolicyError, MachineError):

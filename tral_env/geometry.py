@@ -11,6 +11,8 @@ published for the same cars; "echtzeitsysteme" is the repository slinshady89/ech
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 WHEELBASE_M = 0.258
 """Distance of the axles. Source: ucboard."""
@@ -62,13 +64,25 @@ STANDING_MPS = 0.05
 """Below this speed the car counts as standing, m/s. Source: choice, half of the hall sensor's slowest reading."""
 
 
-def steering_play(speed: float) -> float:
-    """Play of the steering at a speed [m/s], in units of steering: play / sqrt(1 + (v / v0)^2).
+def scrub_fall(speed: Any, scale: float = SCRUB_SPEED, *, sqrt: Callable[[Any], Any] = math.sqrt) -> Any:
+    """How many times smaller the scrub of the front tyres is than at standstill: ``sqrt(1 + (v / v0)^2)``.
 
-    The formula is that of `tral_env.actuation.scrub_torque`, divided by the stiffness of the servo saver and the full
-    lock.
+    A tyre that turns about its kingpin at rate w slides in its patch of length a; rolling at v carries the twisted
+    rubber out of the patch. The ratio s = a w / v (turn slip) decides: torque ``M0 s / sqrt(1 + s^2)``, full at
+    standstill and vanishing when rolling. With w held at the rate of a usual correction, a w is the speed v0. So the
+    angle that a weak servo reaches depends on speed, as the report of 2016 says.
+
+    Args:
+        speed: rolling speed v, m/s: a number, or an array of any shape.
+        scale: v0, m/s.
+        sqrt: `math.sqrt` for a number, `numpy.sqrt` for an array.
     """
-    return STEERING_PLAY / math.sqrt(1.0 + (speed / SCRUB_SPEED) ** 2)
+    return sqrt(1.0 + (speed / scale) ** 2)
+
+
+def steering_play(speed: float) -> float:
+    """Play of the steering at a speed [m/s], in units of steering: the scrub over the servo saver and the full lock."""
+    return STEERING_PLAY / float(scrub_fall(speed))
 
 
 def curvature(steering: float) -> float:

@@ -42,6 +42,8 @@ STRONG_GATES = (1, 2, 3, 10, 11, 12, 15, 16)
 others; use them first on yours. Source: `DetectionModel.weakness`, benchmarks/false_sightings.py."""
 TURN_MARKER_IDS: Mapping[str, int] = {"left": 40, "right": 41, "straight": 42}
 """Markers that tell a turn at a crossing."""
+DICTIONARY_SIZE = 50
+"""The dictionary of the markers, DICT_4X4_50, has so many ids."""
 MARKER_IDS = (*GATE_MARKER_IDS, *TURN_MARKER_IDS.values())
 """A course has no other markers: those of gates and those that tell a turn."""
 
@@ -72,7 +74,7 @@ def _detection(prefix: str, what: str, axis: str) -> tuple[Field, ...]:
             name=f"{prefix}_id",
             unit="",
             low=-1.0,
-            high=49.0,
+            high=DICTIONARY_SIZE - 1.0,
             missing=NOTHING_SEEN_ID,
             meaning=f"id of {what}; -1: none yet",
         ),
@@ -293,6 +295,28 @@ THROTTLE = 1
 def action_space() -> spaces.Box:
     """Space of a command: steering in [-1, 1], +1 = full left; throttle in [-1, 1], +1 = full forward, 0 = neutral."""
     return spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+
+def as_command(action: object, n: int | None = None) -> NDArray[np.float64]:
+    """The command that an action is: numbers of the right shape.
+
+    Args:
+        action: (2,) steering, throttle; with `n` (n, 2).
+        n: number of cars; None: one car on its own.
+
+    Raises:
+        ConfigError: text, a bool, another shape, or a number that is not finite.
+    """
+    shape = (2,) if n is None else (n, 2)
+    try:
+        numbers = np.asarray(action)
+    except (TypeError, ValueError):  # rows of several lengths
+        numbers = np.empty(0, object)
+    if numbers.dtype.kind not in "fiu" or numbers.shape != shape or not np.isfinite(numbers).all():
+        if n is None:
+            raise ConfigError(f"action {str(action)[:200]!r}: expected two finite numbers: steering, throttle")
+        raise ConfigError(f"actions of {numbers.dtype} {numbers.shape}: expected ({n}, 2) finite numbers")
+    return numbers.astype(np.float64)
 
 
 class Policy(Protocol):

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import copy
 import inspect
+import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
+from enum import Enum
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 
 from tral_env.calibration.camera_info import load_lens
-from tral_env.config import CameraConfig, CarConfig, TaskConfig, as_config
+from tral_env.config import CameraConfig, CarConfig, TaskConfig, as_config, one_of
 from tral_env.course.generate import SCENARIOS
 from tral_env.course.layout import Course, example_names, example_path
-from tral_env.errors import ConfigError, CourseError, UnknownOptionError, nearest
+from tral_env.errors import ConfigError, UnknownOptionError, UnreadableCourseError, nearest
 from tral_env.interface import Layout, group_names
+from tral_env.learner import LearnerConfig, pair
 from tral_env.perception.degrade import ImageCorruption
 from tral_env.randomization import Randomization, level
 
@@ -25,18 +30,39 @@ Class = TypeVar("Class", bound=type)
 CAMERAS = ("projected", "rendered")
 
 
-@dataclass(frozen=True, kw_only=True)
-class CorridorConfig:
-    """What to drive, with which car and which eyes. The environments take each field but `image_size` as an option.
+def _course_of_mapping(members: Mapping[str, Any]) -> Course:
+    """The course that a mapping describes, which is what the JSON of an environment's spec holds.
 
-    An option is read by the function in its field's metadata; without one it is taken as it is.
+    Raises:
+        ConfigError: it holds what no course file could.
+        CourseError: it is no course.
+    """
+    try:
+        text = json.dumps(dict(members))
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ConfigError(f"got {str(members)[:200]}: expected what a course file could hold: {error}") from error
+    return Course.parse(text)
+
+
+def _or_mapping(read: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Take a value as it is; but read a mapping."""
+    return lambda value: read(value) if isinstance(value, Mapping) else value
+
+
+@dataclass(frozen=True, kw_only=True)
+class CorridorConfig(LearnerConfig):
+    """What to drive, with which car and which eyes, and how a learner meets it.
+
+    The environments take each field but `image_size` as an option, those of `LearnerConfig` too. An option is read by
+    the function in its field's metadata; without one it is taken as it is.
     """
 
-    scenario: str = "office"
-    """Family of the generated courses: one of `tral_env.course.generate.SCENARIOS`, which `tral courses` lists."""
-    course: Course | str | Path | None = None
+    scenario: str | tuple[str, ...] = field(default="office", metadata={"read": pair})
+    """Family of the generated courses: one of `tral_env.course.generate.SCENARIOS`, which `tral courses` lists. Several
+    in a tuple: every episode draws one of them."""
+    course: Course | str | Path | None = field(default=None, metadata={"read": _or_mapping(_course_of_mapping)})
     """Every episode drives this `Course` instead of generated ones. Also its name, one of those that `tral courses`
-    lists, or the path of its JSON file."""
+    lists, the path of its JSON file, or a mapping of what that file would hold."""
     courses: int | None = None
     """Every episode draws one of so many courses, 1 or more. Each is built when it is first driven and then kept (up to
     40 kB); course k is the one that `reset(seed=k)` gives without this option. `None`: every episode builds a new
@@ -44,7 +70,7 @@ class CorridorConfig:
     camera: str = "projected"
     """`"projected"`: the corners of the markers are projected through the lens, without OpenGL. `"rendered"`: OpenCV's
     detector searches a rendered image."""
-    randomization: str | Path | Randomization | Mapping[str, Any] = "default"
+    randomization: str | Path | Randomization = field(default="default", metadata={"read": _or_mapping(level)})
     """How much cars differ from one another: `"none"`, `"default"`, `"hard"`, the path of a file of ranges (.json,
     .yaml, .yml), or a `Randomization` of other ranges."""
     groups: tuple[str, ...] = field(default=(), metadata={"read": group_names})
@@ -64,10 +90,10 @@ class CorridorConfig:
     """Width and height of the image in the observation, px; `TralCorridorPixels-v0` sets it. `None`: there is none."""
 
     def __post_init__(self) -> None:
-        if self.scenario not in tuple(SCENARIOS):  # a tuple, so that a list is told as any other wrong name
-            raise ConfigError(f"unknown scenario '{self.scenario}': {nearest(self.scenario, SCENARIOS)}")
-        if self.camera not in CAMERAS:
-            raise ConfigError(f"unknown camera '{self.camera}': {nearest(self.camera, CAMERAS)}")
+        super().__post_init__()
+        for name in self.scenarios or (self.scenario,):
+            one_of("scenario", name, SCENARIOS)
+        one_of("camera", self.camera, CAMERAS)
         if self.courses is not None and not is_count(self.courses):
             raise ConfigError(f"courses = {self.courses!r}: expected a whole number, 1 or more, or None")
         if self.courses is not None and self.course is not None:
@@ -79,10 +105,34 @@ class CorridorConfig:
             )
         level(self.randomization)
         Layout.of(self.groups)
+        self._check_learner()
         for place in fields(CarConfig):
             got, has = getattr(self.car, place.name), getattr(CarConfig(), place.name)
             if place.name != "full_lock_deg" and got != has:
                 raise ConfigError(f"CarConfig.{place.name} = {got!r}: the car of assets/car.xml has {has!r}")
+
+    def _check_learner(self) -> None:
+        """Refuse observations that cannot be: features show the core readings, and images have no history."""
+        if self.observation == "features" and self.groups:
+            raise ConfigError(
+                f"groups = {self.groups!r} with observation='features', which are of the core readings alone: expected "
+                "observation='readings', or no groups"
+            )
+        if self.image_size is not None and (self.observation != "readings" or self.history != 1):
+            raise ConfigError(
+                f"observation='{self.observation}', history={self.history} with images, which have neither features "
+                "nor history: expected observation='readings' and history=1, or TralCorridor-v0"
+            )
+
+    @property
+    def scenarios(self) -> tuple[str, ...]:
+        """The families, one or several."""
+        return self.scenario if isinstance(self.scenario, tuple) else (self.scenario,)
+
+    @property
+    def learner(self) -> LearnerConfig:
+        """The options of how a learner meets the car."""
+        return LearnerConfig(**{place.name: getattr(self, place.name) for place in fields(LearnerConfig)})
 
     @classmethod
     def of(
@@ -114,8 +164,10 @@ class CorridorConfig:
 
 
 def option_fields() -> list[Field[Any]]:
-    """The fields of `CorridorConfig` that are options, in order."""
-    return [place for place in fields(CorridorConfig) if place.metadata.get("is_option", True)]
+    """The fields of `CorridorConfig` that are options, in order; those of how a learner meets the car come last."""
+    of_learner = [place.name for place in fields(LearnerConfig)]
+    options = [place for place in fields(CorridorConfig) if place.metadata.get("is_option", True)]
+    return sorted(options, key=lambda place: place.name in of_learner)
 
 
 def _read(name: str, read: Callable[[Any], Any], value: object) -> Any:
@@ -169,8 +221,45 @@ def check_counts(**counts: object) -> None:
             raise ConfigError(f"{name} = {count!r}: expected a whole number, 1 or more")
 
 
-def as_course(course: Course | str | Path | None) -> Course | None:
-    """A course: that of the package if a name was given, read from its file if a path was given.
+def is_seed(value: object) -> bool:
+    """Whether a value can seed an episode: `None`, or a whole number, 0 or more; `True` is none."""
+    return value is None or (isinstance(value, int | np.integer) and not isinstance(value, bool) and bool(value >= 0))
+
+
+def as_plain(value: Any) -> Any:
+    """An option as JSON can hold it: what the environments make the same of. Configurations stay, see `JsonSpec`."""
+    if isinstance(value, Course):
+        return json.loads(value.to_json())
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, dict):
+        return {name: as_plain(item) for name, item in value.items()}
+    return value
+
+
+class JsonSpec:
+    """Base of environments whose spec survives JSON with all options; Gymnasium itself writes only configurations."""
+
+    _spec: EnvSpec | None = None
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """Gymnasium's record of how the environment was made."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = copy.copy(spec)
+        if self._spec is not None:
+            self._spec.kwargs = as_plain(self._spec.kwargs)
+
+
+def as_course(course: Course | str | Path | Mapping[str, Any] | None) -> Course | None:
+    """A course: that of the package if a name was given, read from its file if a path was given, or of a mapping.
 
     Raises:
         ConfigError: none of these, or the file cannot be opened.
@@ -179,10 +268,10 @@ def as_course(course: Course | str | Path | None) -> Course | None:
     if isinstance(course, str | Path):
         try:
             return Course.load(example_path(str(course)) if course in example_names() else course)
-        except CourseError as error:
-            if error.__cause__ is None:  # the file was read
-                raise
-            raise ConfigError(_unreadable(course, error.__cause__)) from error
+        except UnreadableCourseError as error:
+            raise ConfigError(_unreadable(course, error.__cause__ or error)) from error
+    if isinstance(course, Mapping):
+        return _course_of_mapping(course)
     if course is not None and not isinstance(course, Course):
         raise ConfigError(f"course = {course!r}: expected a Course, or the name or the path of one")
     return course

@@ -12,7 +12,7 @@ A level of one's own is a `Randomization`, or a file that `read_level` reads.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from tral_env.config import Bounds, EscConfig, UltrasonicConfig, as_config, check_number, check_plausible
+from tral_env.config import Bounds, EscConfig, UltrasonicConfig, as_config, check_number, check_plausible, one_of
 from tral_env.errors import ConfigError, nearest, problem_report
 
 Range = tuple[float, float]
@@ -95,21 +95,24 @@ class Randomization:
     false_sighting_rate: Range = (0.0, 0.0)
     """Share of images that show a marker where there is none. Source: choice around 0.007, see docs/perception.md."""
 
+    hard_courses: bool = False
+    """Whether courses are harder too: gates may stand directly behind a corner, or where one wall is missing."""
+
     def __post_init__(self) -> None:
-        for field in fields(self):
-            _check_range(field.name, getattr(self, field.name))
+        for name in PARAMETERS:
+            _check_range(name, getattr(self, name))
+        _check_flag(self.hard_courses)
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
         """Draw one car: parameter -> value. Each parameter takes one number of the generator, whatever its range."""
-        names, low, span = self._table
-        return dict(zip(names, (low + span * rng.random(len(names))).tolist(), strict=True))
+        low, span = self._ends
+        return dict(zip(PARAMETERS, (low + span * rng.random(len(PARAMETERS))).tolist(), strict=True))
 
     @cached_property
-    def _table(self) -> tuple[list[str], NDArray[np.float64], NDArray[np.float64]]:
-        """Names, lower ends and widths of the ranges."""
-        names = [field.name for field in fields(self)]
-        low, high = np.array([getattr(self, name) for name in names], float).T
-        return names, low, high - low
+    def _ends(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lower ends and widths of the ranges."""
+        low, high = np.array([getattr(self, name) for name in PARAMETERS], float).T
+        return low, high - low
 
     def fixed(self, **values: float) -> Randomization:
         """The same ranges with some parameters fixed.
@@ -117,12 +120,20 @@ class Randomization:
         Raises:
             ConfigError: unknown parameter.
         """
-        names = [field.name for field in fields(self)]
         for name in values:
-            if name not in names:
-                raise ConfigError(f"unknown parameter '{name}': {nearest(name, names)}")
-        ranges: dict[str, Range] = asdict(self) | {name: (value, value) for name, value in values.items()}
-        return Randomization(**ranges)
+            if name not in PARAMETERS:
+                raise ConfigError(f"unknown parameter '{name}': {nearest(name, PARAMETERS)}")
+        ranges: dict[str, Any] = {name: (value, value) for name, value in values.items()}
+        return replace(self, **ranges)
+
+
+PARAMETERS = tuple(field.name for field in fields(Randomization) if field.name != "hard_courses")
+"""Names of the parameters of a car, in the order in which they are drawn."""
+
+
+def _check_flag(hard_courses: Any) -> None:
+    if not isinstance(hard_courses, bool):
+        raise ConfigError(f"Randomization.hard_courses = {hard_courses!r}. Allowed: True, False")
 
 
 def _check_range(name: str, pair: Any) -> None:
@@ -192,14 +203,10 @@ LEVELS: Mapping[str, Randomization] = {
         camera_yaw_deg=(-2.5, 2.5),
         image_degradation=(1.0, 3.0),
         false_sighting_rate=(0.02, 0.02),
+        hard_courses=True,
     ),
 }
 """The named levels; docs/randomization.md has them as a table."""
-
-
-def makes_hard_courses(randomization: str | Path | Randomization | Mapping[str, Any]) -> bool:
-    """Whether the courses are harder too: at the level "hard", by its name or by its ranges."""
-    return level(randomization) == LEVELS["hard"]
 
 
 def level(randomization: str | Path | Randomization | Mapping[str, Any]) -> Randomization:
@@ -216,11 +223,7 @@ def level(randomization: str | Path | Randomization | Mapping[str, Any]) -> Rand
         return as_config(Randomization, randomization)
     if str(randomization).lower().endswith(_SUFFIXES):
         return read_level(randomization)
-    if randomization not in LEVELS:
-        allowed = nearest(randomization, LEVELS)
-        raise ConfigError(
-            f"unknown randomization '{randomization}': {allowed}; a file has to end in {', '.join(_SUFFIXES)}"
-        )
+    one_of("randomization", randomization, LEVELS, f"; a file has to end in {', '.join(_SUFFIXES)}")
     return LEVELS[str(randomization)]
 
 
@@ -231,8 +234,8 @@ def read_level(path: str | Path) -> Randomization:
     """Read a level of one's own from a file.
 
     Args:
-        path: a JSON or YAML file: parameter -> low and high, or one number. `base` names the level that the other
-            parameters are taken from; without it they are those of the nominal car, "none".
+        path: a JSON or YAML file: parameter -> low and high, or one number; `hard_courses` -> true or false. `base`
+            names the level that the others are taken from; without it they are those of the nominal car, "none".
 
     Raises:
         ConfigError: the file cannot be read, or something in it is not allowed; the message lists all problems.
@@ -240,23 +243,31 @@ def read_level(path: str | Path) -> Randomization:
     content = _content(path)
     base = content.pop("base", "none")
     names = [field.name for field in fields(Randomization)]
-    problems, ranges = [], {}
+    problems: list[str] = []
+    values: dict[str, Any] = {}
     if not isinstance(base, str) or base not in LEVELS:
         problems.append(f"base: got {base!r}: {nearest(base, LEVELS)}")
     for name, given in content.items():
         if name not in names:
             problems.append(f"unknown parameter '{name}': {nearest(name, ['base', *names])}")
             continue
-        pair = given if isinstance(given, list) else [given, given]
         try:
-            _check_range(name, pair)
+            values[name] = _value_in_file(name, given)
         except ConfigError as error:
             problems.append(str(error).removeprefix("Randomization."))
-        else:
-            ranges[name] = (float(pair[0]), float(pair[1]))
     if problems:
         raise ConfigError(problem_report(str(path), problems))
-    return replace(LEVELS[base], **ranges)
+    return replace(LEVELS[base], **values)
+
+
+def _value_in_file(name: str, given: Any) -> bool | Range:
+    """What a file gives for a field: low and high, one number for both, or a flag."""
+    if name == "hard_courses":
+        _check_flag(given)
+        return bool(given)
+    low, high = given if isinstance(given, list) and len(given) == 2 else (given, given)
+    _check_range(name, given if isinstance(given, list) else (low, high))
+    return float(low), float(high)
 
 
 def _content(path: str | Path) -> dict[str, Any]:

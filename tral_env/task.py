@@ -37,7 +37,7 @@ _NO_STRAIGHT = -1.0
 """Stands for a straight that is not there: a stretch of negative length holds no car."""
 
 
-@dataclass
+@dataclass(eq=False)
 class Track:
     """The plans of n cars, padded to common shapes."""
 
@@ -263,7 +263,7 @@ def time_limit(length: Array, config: TaskConfig) -> Array:
     return limit
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Outcome:
     """What n cars did in a tick."""
 

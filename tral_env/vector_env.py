@@ -12,14 +12,16 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from tral_env.errors import ConfigError, nearest
-from tral_env.interface import CONTROL_RATE_HZ, FloatArray, action_space
-from tral_env.options import CorridorConfig, check_counts, option_parameters, takes
+from tral_env.config import one_of
+from tral_env.decisions import Decisions
+from tral_env.errors import ConfigError
+from tral_env.interface import CONTROL_RATE_HZ, FloatArray, action_space, as_command
+from tral_env.options import CorridorConfig, JsonSpec, check_counts, is_seed, option_parameters, takes
 from tral_env.world import Step, World, check_pictures
 
 
 @takes(option_parameters())
-class TralCorridorVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
+class TralCorridorVectorEnv(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
     """`TralCorridor-v0`, n at once: ``gym.make_vec("TralCorridor-v0", num_envs=64)``.
 
     Row i, reset with seed s + i, is bit for bit the single environment reset with that seed, whatever the other rows
@@ -61,11 +63,13 @@ class TralCorridorVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         check_pictures(render_mode, view, width, height)
         self.render_mode, self._view, self._size = render_mode, view, (width, height)
         self._mode = _autoreset_mode(autoreset_mode)
-        self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
         config = CorridorConfig.of(options, allowed=inspect.signature(type(self)).parameters)
+        fps = round(config.decision_hz)
+        self.metadata = {**type(self).metadata, "render_fps": fps, "autoreset_mode": self._mode}
         self.num_envs = num_envs
         self.world = World(num_envs, config, nthread=nthread)
-        self.single_observation_space = self.world.layout.space()
+        self._decisions = Decisions(self.world)
+        self.single_observation_space = self._decisions.space()
         self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -101,12 +105,12 @@ class TralCorridorVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         rows = self._everyone if mask is None else self._rows(mask)
         request = self.world.request(rows, options)
         self._seed(seed, rows)
-        cars = self.world.reset(request, self._rngs)
+        cars = self._decisions.reset(request, self._rngs)
         self._done[rows] = False
         info = self.world.info()
         if self._done.any():
             info = self._told_again(info, self._done)
-        return self.world.observation(), _masked(info | {"car": cars})
+        return self._decisions.observation(), _masked(info | {"car": cars})
 
     def _rows(self, mask: Any) -> NDArray[np.int64]:
         if self._mode is not AutoresetMode.DISABLED:
@@ -126,13 +130,15 @@ class TralCorridorVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         """One seed for each row."""
-        if seed is None or isinstance(seed, int | np.integer):
-            return [None if seed is None else int(seed) + i for i in range(self.num_envs)]
+        if seed is None:
+            return [None] * self.num_envs
+        if is_seed(seed):
+            return [int(seed) + i for i in range(self.num_envs)]  # type: ignore[arg-type]
         wrong = f"seed = {seed!r}: expected a whole number, or one for each of {self.num_envs} environments, 0 or more"
         if not isinstance(seed, Iterable):
             raise ConfigError(wrong)
         seeds = list(seed)
-        if not all(each is None or isinstance(each, int | np.integer) for each in seeds):
+        if not all(map(is_seed, seeds)):
             raise ConfigError(wrong)
         if len(seeds) != self.num_envs:
             raise ConfigError(f"{len(seeds)} seeds for {self.num_envs} environments")
@@ -151,11 +157,9 @@ class TralCorridorVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
             ConfigError: actions of another shape or not finite, or there was no reset.
             SimulationError: the physics of a row became unstable; it has to be reset.
         """
-        actions = np.asarray(actions, np.float64)
-        if actions.shape != (self.num_envs, 2) or not np.isfinite(actions).all():
-            raise ConfigError(f"actions of shape {actions.shape}: expected ({self.num_envs}, 2) finite numbers")
+        command = as_command(actions, self.num_envs)
         ended = self._done.copy()
-        step = self.world.step(actions, np.flatnonzero(~ended) if ended.any() else None)
+        step = self._decisions.step(command, np.flatnonzero(~ended) if ended.any() else None)
         if ended.any():
             if self._mode is AutoresetMode.NEXT_STEP:
                 return self._after_next_step_reset(step, ended)
@@ -170,10 +174,10 @@ class TralCorridorVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
             final = step.info | {"is_success": step.info["success"], "reward_terms": step.reward_terms}
             info["final_info"], info["_final_info"] = _masked(final, self._done), self._done.copy()
             info |= _earned(step.reward_terms, ~self._done)
-            cars = self.world.reset(self.world.request(np.flatnonzero(self._done)), self._rngs)
+            cars = self._decisions.reset(self.world.request(np.flatnonzero(self._done)), self._rngs)
             info |= _masked({"car": cars}, self._done)
             self._done = np.zeros(self.num_envs, bool)
-            observation = self.world.observation()
+            observation = self._decisions.observation()
             info |= _masked(self.world.info())
         return observation, step.reward, step.terminated, step.truncated, info
 
@@ -197,13 +201,13 @@ class TralCorridorVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self, step: Step, again: NDArray[np.bool_]
     ) -> tuple[FloatArray, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Start the rows anew that ended in the step before; this step does nothing else with them."""
-        cars = self.world.reset(self.world.request(np.flatnonzero(again)), self._rngs)
+        cars = self._decisions.reset(self.world.request(np.flatnonzero(again)), self._rngs)
         terminated, truncated = step.terminated & ~again, step.truncated & ~again
         self._done = terminated | truncated
         reward = np.where(again, 0.0, step.reward)
         fresh = self.world.info()
         info = {name: np.where(_like(again, values), fresh[name], values) for name, values in step.info.items()}
-        self._last = Step(self.world.observation(), reward, terminated, truncated, info, step.reward_terms)
+        self._last = Step(self._decisions.observation(), reward, terminated, truncated, info, step.reward_terms)
         told = _masked(info) | _earned(step.reward_terms, ~again) | self._success() | _masked({"car": cars}, again)
         return self._last.observation, reward, terminated, truncated, told
 
@@ -236,9 +240,8 @@ class TralCorridorVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
 
 
 def _autoreset_mode(mode: str | AutoresetMode) -> AutoresetMode:
-    modes = [each.value for each in AutoresetMode]
-    if not isinstance(mode, AutoresetMode) and mode not in modes:
-        raise ConfigError(f"unknown autoreset_mode '{mode}': {nearest(mode, modes)}")
+    if not isinstance(mode, AutoresetMode):
+        one_of("autoreset_mode", mode, (each.value for each in AutoresetMode))
     return AutoresetMode(mode)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from tral_env import task
 from tral_env.arrays import Array, Flags, Index
+from tral_env.config import check_number, one_of
 from tral_env.course.generate import generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course
@@ -19,7 +21,7 @@ from tral_env.course.scene import Pool
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import Layout
 from tral_env.options import CorridorConfig, as_course, check_counts
-from tral_env.randomization import Randomization, level, makes_hard_courses
+from tral_env.randomization import Randomization, level
 from tral_env.simulation.culling import LOCAL_BOXES, max_boxes_in_reach
 from tral_env.simulation.sim import Simulation
 from tral_env.simulation.views import VIEWS, Views, fitted
@@ -38,7 +40,7 @@ def _checked(options: Mapping[str, Any]) -> Mapping[str, Any]:
     return options
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ResetRequest:
     """A reset that `World.request` has checked."""
 
@@ -60,8 +62,7 @@ def check_pictures(render_mode: str | None, view: str, width: object, height: ob
     """
     if render_mode not in (None, "rgb_array"):
         raise ConfigError(f"unknown render_mode {render_mode!r}. Allowed: None, 'rgb_array'")
-    if view not in VIEWS:
-        raise ConfigError(f"unknown view '{view}': {nearest(view, VIEWS)}")
+    one_of("view", view, VIEWS)
     check_counts(width=width, height=height)
 
 
@@ -74,7 +75,7 @@ class Drawn(NamedTuple):
     """Parameters of the car, name -> value; see `Randomization`."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Step:
     """What n cars got in a tick, as arrays of (n, ...)."""
 
@@ -115,11 +116,11 @@ class World:
         self.n, self.config, self._nthread = n, config, nthread
         self.layout = Layout.of(config.groups)
         self._randomization = level(config.randomization)
-        self._hard = makes_hard_courses(config.randomization)
         fixed = config.fixed_course()
         self._fixed = None if fixed is None else (fixed, build_plan(fixed))
         self._near = 0 if self._fixed is None else max_boxes_in_reach(self._fixed[1])
-        own = Pool.for_scenario(config.scenario) if self._fixed is None else Pool.of(self._fixed[1])
+        families = reduce(Pool.union, map(Pool.for_scenario, config.scenarios))
+        own = families if self._fixed is None else Pool.of(self._fixed[1])
         self.sim = self._simulation(own if pool is None else own.union(pool))
         self.track = task.empty_track(n)
         self._started = False
@@ -157,8 +158,9 @@ class World:
 
         Args:
             rows: (k,) which cars.
-            options: ``course``: a `Course` or the path of one, for these rows; ``car``: parameters of the car that are
-                not to be drawn, name -> value, or name -> (n,) values: what an earlier reset returned drives again.
+            options: ``course``: a `Course`, its name, path or mapping, for these rows; ``car``: parameters of the car
+                that are not to be drawn, name -> value, or name -> (n,) values: what an earlier reset returned drives
+                again.
 
         Raises:
             ConfigError: unknown option or parameter; the course does not fit beside the other rows; the first reset
@@ -243,9 +245,12 @@ class World:
             raise ConfigError(wrong)
         # A vector environment tells each parameter with a mask, `_name`.
         given = {name: value for name, value in given.items() if name[:1] != "_" or name[1:] not in given}
+        for name, value in given.items():
+            for number in np.asarray(value, object).flat:
+                check_number(f"options['car'], {name}", number)
         try:
             values = {name: np.broadcast_to(np.asarray(value, float), self.n) for name, value in given.items()}
-        except (TypeError, ValueError, OverflowError):
+        except ValueError:
             raise ConfigError(wrong) from None
         return [
             self._randomization.fixed(**{name: float(value[row]) for name, value in values.items()}) for row in rows
@@ -253,13 +258,19 @@ class World:
 
     def _generate(self, rng: np.random.Generator) -> tuple[Course, Plan]:
         """A new course, or one of those that are kept."""
-        scenario, hard, count = self.config.scenario, self._hard, self.config.courses
+        count = self.config.courses
         if count is None:
-            return generate_plan(scenario, rng, hard=hard)
+            return self._build(rng)
         k = int(rng.integers(count))
         if k not in self.kept:
-            self.kept[k] = generate_plan(scenario, np.random.default_rng(k), hard=hard)
+            self.kept[k] = self._build(np.random.default_rng(k))
         return self.kept[k]
+
+    def _build(self, rng: np.random.Generator) -> tuple[Course, Plan]:
+        """A new course of the family, or of one of several."""
+        families = self.config.scenarios
+        scenario = families[0] if len(families) == 1 else families[int(rng.integers(len(families)))]
+        return generate_plan(scenario, rng, hard=self._randomization.hard_courses)
 
     def _needed(self, plans: Sequence[Plan], rows: Index, near: int) -> Pool | None:
         """The pool of the simulation that the rows need for their plans; None: the one at hand will do.
@@ -369,9 +380,11 @@ class World:
             height: px.
 
         Raises:
-            ConfigError: unknown view, or there was no reset.
+            ConfigError: an unknown view, a size that is none, or there was no reset.
             RenderError: no OpenGL on this machine.
         """
+        check_pictures(None, view, width, height)
+        self.sim.plan(row)
         if view == "onboard" and self.config.image_size is not None:
             return fitted(self.images()[row], width, height)
         return self._views.render(self.sim, view, row, width, height)

@@ -11,9 +11,10 @@ from board_world import photograph
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from tral_env.calibration.board_hints import BoardHint
 from tral_env.calibration.board_poses import BoardPose, seeded_poses
 from tral_env.calibration.boards import Board
-from tral_env.calibration.solve import LIMITS, PARAMETERS, calibrate, calibrate_collection, uncovered
+from tral_env.calibration.solve import LIMITS, PARAMETERS, TooFewViewsError, calibrate, calibrate_collection, uncovered
 from tral_env.calibration.views import Collection, Rejected, View
 from tral_env.config import WIDE_LENS, CameraConfig
 from tral_env.errors import CalibrationError, ConfigError
@@ -191,6 +192,16 @@ def test_fewer_than_four_views_are_refused_with_the_reasons():
         CalibrationError, match=r"3 of 6 images .*\(2 x no board, 1 x too blurred\).*the one that was named"
     ):
         calibrate(BOARD, seen(BOARD, WIDE_LENS, poses(3)), SIZE, rejected=rejected)
+
+
+def test_too_few_views_tell_the_limit_that_was_given_and_the_board_that_was_seen():
+    hint = BoardHint("the image shows another board", {"columns": 8, "legacy": True})
+    rejected = [Rejected("a", "no board", "nothing; at all"), Rejected("b", "no board", "nothing", hint)]
+    with pytest.raises(TooFewViewsError) as refused:
+        calibrate(BOARD, [], SIZE, rejected=rejected, limits=replace(LIMITS, views=20))
+    assert "a calibration needs 4, a good one 20" in str(refused.value)
+    assert str(refused.value).endswith("named? Hint: the image shows another board: columns=8, legacy=True")
+    assert refused.value.hint == hint
 
 
 def test_uncovered_parts_are_thirds_of_the_image():

@@ -175,7 +175,7 @@ def test_messages_that_differ_are_refused():
 def test_a_camera_that_nobody_calibrated_says_so():
     text = ECHOED.format(CameraConfig(), names="dkrp").replace("554.256", "0.0")
     text = text.replace("319.5", "0.0").replace("239.5", "0.0").replace("- 1.0", "- 0.0")
-    with pytest.raises(CalibrationError, match=r"text:13: k is 0: the camera is not calibrated. Run tral calibrate"):
+    with pytest.raises(CalibrationError, match=r"text:13: k is 0: the camera is not calibrated. Run `tral calibrate`"):
         parse_camera_info(text, "text")
 
 
@@ -222,7 +222,7 @@ def test_lines_of_a_file_storage_are_counted_as_an_editor_does(tmp_path: Path):
         ),
         ("camera_name: narrow_stereo", "binning_x: 2", r"lens.yaml:5: binning_x = 2: .* unbinned"),
         ("camera_name: narrow_stereo", "roi: {x_offset: 8}", r"lens.yaml:5: roi = .*: .* whole images"),
-        ("-0.0047]", "-0.0047, 0, 0.1, 0, 0]", r"only k1, k2, p1, p2, k3 .* tral calibrate IMAGES --radial 3"),
+        ("-0.0047]", "-0.0047, 0, 0.1, 0, 0]", r"only k1, k2, p1, p2, k3 .* `tral calibrate`, and with 3 radial terms"),
         ("-0.0047]", "-0.0047, 0, [1, 2]]", r"7 numbers: expected"),
         ("[-0.162, 1e-05", "[[-0.162 1e-05] [", r"lens.yaml:21:\d+: not YAML: .* a ',' or a ']' missing"),
         ("  rows: 3", "\trows: 3", r"lens.yaml:\d+:1: not YAML: .* indented by spaces"),
@@ -238,7 +238,7 @@ def test_lines_of_a_file_storage_are_counted_as_an_editor_does(tmp_path: Path):
         (
             "distortion_model: plumb_bob",
             "distortion_model: equidistant",
-            r"lens.yaml:20: distortion_model 'equidistant': a fisheye .*--radial 3",
+            r"lens.yaml:20: distortion_model 'equidistant': a fisheye .* with 3 radial terms",
         ),
         (
             "distortion_model: plumb_bob",

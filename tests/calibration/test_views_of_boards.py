@@ -145,13 +145,13 @@ BOUGHT = Board(columns=8, rows=6, square=0.035, marker=0.024, dictionary="4X4_50
 @pytest.mark.parametrize(
     ("named", "hint"),
     [
-        ({"legacy": False}, "--legacy"),
-        ({"dictionary": "DICT_5X5_50"}, "--dictionary 4X4_50"),
-        ({"dictionary": "DICT_6X6_250", "legacy": False}, "--dictionary 4X4_50 --legacy"),
-        ({"columns": 7, "rows": 5}, "--columns 8 --rows 6"),
-        ({"columns": 6, "rows": 8}, "--columns 8 --rows 6"),
-        ({"columns": 5, "rows": 4}, "are --columns and --rows those of the board?"),
-        ({"kind": "chessboard"}, "is it --board charuco?"),
+        ({"legacy": False}, "the image shows another board: legacy=True"),
+        ({"dictionary": "DICT_5X5_50"}, "the image shows another board: dictionary='DICT_4X4_50'"),
+        ({"dictionary": "DICT_6X6_250", "legacy": False}, "another board: dictionary='DICT_4X4_50', legacy=True"),
+        ({"columns": 7, "rows": 5}, "the image shows another board: columns=8, rows=6"),
+        ({"columns": 6, "rows": 8}, "the image shows another board: columns=8, rows=6"),
+        ({"columns": 5, "rows": 4}, "are columns and rows those of the board?"),
+        ({"kind": "chessboard"}, "the image shows markers: kind='charuco'"),
     ],
 )
 def test_a_board_with_other_options_is_told(named, hint):
@@ -160,19 +160,20 @@ def test_a_board_with_other_options_is_told(named, hint):
     seen = Collection(replace(BOUGHT, **named)).add("shot", image)
     assert isinstance(seen, Rejected)
     assert seen.reason == "no board"
-    assert seen.detail.endswith(hint)
+    assert str(seen.hint).endswith(hint)
+    assert all(getattr(BOUGHT, name) == value for name, value in seen.hint.fields.items())
 
 
 def test_inner_corners_counted_as_squares_are_told():
     image = Board(kind="chessboard", columns=7, rows=10, square=0.025).image(2000.0, margin=0.02)
     seen = Collection(Board(kind="chessboard", columns=6, rows=9, square=0.025)).add("shot", image)
     assert isinstance(seen, Rejected)
-    assert seen.detail.endswith("; 6 x 9 inner corners are 7 x 10 squares: --columns 7 --rows 10")
+    assert str(seen.hint) == "6 x 9 inner corners are 7 x 10 squares: columns=7, rows=10"
 
 
 def test_an_empty_image_shows_no_other_board(shot):
     for board in (BOARD, BOUGHT, Board(kind="chessboard")):
-        assert other_board(board, np.full_like(shot, 128)) == ""
+        assert other_board(board, np.full_like(shot, 128)) is None
 
 
 def test_coverage_counts_corners_in_their_cells():

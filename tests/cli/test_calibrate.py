@@ -14,6 +14,7 @@ import pytest
 from board_world import photograph
 from typer.testing import CliRunner, Result
 
+from tral_env.calibration.board_hints import BoardHint
 from tral_env.calibration.board_poses import seeded_poses
 from tral_env.calibration.boards import Board, printed_board
 from tral_env.calibration.camera_info import read_camera_info, write_camera_info
@@ -23,6 +24,7 @@ from tral_env.calibration.solve import Limits
 from tral_env.config import WIDE_LENS, CameraConfig
 from tral_env.simulation.board_scene import MARGIN, pixels_per_metre
 from tral_fsm.cli import app
+from tral_fsm.cli.board_options import hint_as_options
 
 SHOTS = 18
 
@@ -200,9 +202,23 @@ def test_images_of_another_board_are_refused_with_the_reasons(shots: Path, tmp_p
     result = tral(shots / "0[0-3].png", "--board", "chessboard", "--out", tmp_path)
     assert result.exit_code == 1
     assert "0 of 4 images show the board well enough (4 x no board)" in result.stderr
-    assert "Is the board the one that was named? The image shows markers: is it --board charuco?" in " ".join(
+    assert "Is the board the one that was named? Hint: the image shows markers: --board charuco" in " ".join(
         result.stderr.split()
     )
+
+
+@pytest.mark.parametrize(
+    ("fields", "options"),
+    [
+        ({"columns": 8, "rows": 6}, ": --columns 8 --rows 6"),
+        ({"dictionary": "DICT_4X4_50", "legacy": True}, ": --dictionary 4X4_50 --legacy"),
+        ({"legacy": False}, ": without --legacy"),
+        ({"kind": "charuco"}, ": --board charuco"),
+        ({}, ""),
+    ],
+)
+def test_a_hint_at_another_board_is_worded_as_options(fields: dict, options: str) -> None:
+    assert hint_as_options(BoardHint("another board", fields)) == f"another board{options}"
 
 
 def test_a_bought_board_is_printed_and_found_with_the_same_options(tmp_path: Path) -> None:

@@ -163,6 +163,16 @@ def test_a_marker_has_half_a_cell_of_white_or_is_refused(size: float, paper: str
     assert mounted == (sheet.ink[:, 0].min() < size / 6)
 
 
+@pytest.mark.parametrize("number", [1.0, 1.5, True, "1", None])
+def test_a_marker_and_a_gate_have_whole_numbers(number: object) -> None:
+    with pytest.raises(ConfigError, match=r"marker = .*: expected a whole number"):
+        marker_sheet(number)
+    with pytest.raises(ConfigError, match=r"gate = .*: expected a whole number"):
+        gate_sheets(number)
+    with pytest.raises(ConfigError, match=r"size_mm = '60': expected a finite number of mm"):
+        marker_sheet(1, "60")
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

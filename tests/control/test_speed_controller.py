@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from readings import two_states
 
-from tral_fsm.control import speed as speed_loop
+from tral_env import speed_control as speed_loop
 from tral_fsm.control.command import IDLE, Command
 from tral_fsm.control.speed import SpeedController
 

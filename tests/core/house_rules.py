@@ -16,22 +16,29 @@ from pathlib import Path
 Imports = Mapping[str, Set[str]]
 Rule = Callable[[Imports], list[str]]
 
-WAIST = {f"tral_env.{room}" for room in ("interface", "geometry", "se2", "errors", "json_text", "arrays")}
+WAIST = {
+    f"tral_env.{room}" for room in ("interface", "geometry", "se2", "errors", "json_text", "arrays", "speed_control")
+}
 WAIST_NEEDS = {"numpy", "gymnasium.spaces"}
 
 PHYSICS = {"mujoco"}
 HEAVY = PHYSICS | {"torch", "stable_baselines3", "matplotlib"}
 LAWS = {f"tral_env.{room}" for room in ("sensors", "actuation", "task", "noise", "config")}
-ON_THE_CAR = {f"tral_env.{room}" for room in ("hardware", "recording", "learned", "ros")}
-CAR_NEEDS = WAIST | ON_THE_CAR | LAWS - {"tral_env.task"} | {"tral_env.perception"}
-OPTIONS_NEED = {f"tral_env.{room}" for room in ("config", "randomization", "course", "perception", "calibration")}
+ON_THE_CAR = {
+    f"tral_env.{room}" for room in ("hardware", "recording", "learner", "learned", "policy_file", "tensors", "ros")
+}
+CAR_NEEDS = WAIST | ON_THE_CAR | LAWS - {"tral_env.task"} | {"tral_env.perception", "tral_env.atomic"}
+OPTIONS_NEED = {
+    f"tral_env.{room}" for room in ("config", "randomization", "course", "perception", "calibration", "learner")
+}
 SHELLS = {f"tral_env.{room}" for room in ("env", "vector_env", "sb3")}
-STEPS = {"tral_env.simulation", "tral_env.world"} | SHELLS
+STEPS = {"tral_env.simulation", "tral_env.world", "tral_env.decisions"} | SHELLS
 SIMULATION_NEEDS = (
     WAIST
     | LAWS - {"tral_env.task"}
     | {f"tral_env.{room}" for room in ("simulation", "course", "perception", "calibration", "randomization", "assets")}
 )
+WORLD_NEEDS = {f"tral_env.{room}" for room in ("config", "options", "task", "course", "randomization", "simulation")}
 POLICY = {
     f"tral_fsm.{room}"
     for room in ("definition", "estimation", "control", "states", "conditions", "runtime", "formats", "draw")
@@ -138,7 +145,9 @@ def _top(names: Set[str]) -> set[str]:
 
 
 def course_needs_the_waist_and_config(imports: Imports) -> list[str]:
-    return _outside(imports, {"tral_env.course"}, WAIST | {"tral_env.config", "tral_env.assets"})
+    return _outside(
+        imports, {"tral_env.course"}, WAIST | {f"tral_env.{room}" for room in ("config", "assets", "atomic")}
+    )
 
 
 def the_car_needs_little(imports: Imports) -> list[str]:
@@ -152,6 +161,14 @@ def the_car_reaches_nothing_heavy(imports: Imports) -> list[str]:
         if room_of(module) in ON_THE_CAR
         for name in sorted(_reaches(imports, module) & HEAVY)
     ]
+
+
+def randomization_needs_the_waist_and_config(imports: Imports) -> list[str]:
+    return _outside(imports, {"tral_env.randomization"}, WAIST | {"tral_env.config"})
+
+
+def the_world_knows_the_simulation_and_no_shell(imports: Imports) -> list[str]:
+    return _outside(imports, {"tral_env.world"}, WAIST | WORLD_NEEDS)
 
 
 def simulation_knows_no_world(imports: Imports) -> list[str]:
@@ -178,7 +195,11 @@ def the_environment_knows_no_state_machine(imports: Imports) -> list[str]:
 
 
 def policies_know_the_waist_alone(imports: Imports) -> list[str]:
-    return _outside(imports, POLICY, WAIST | POLICY)
+    """The runtime, which runs policies, also knows trained ones."""
+    runs = {"tral_fsm.runtime"}
+    return _outside(imports, POLICY - runs, WAIST | POLICY) + _outside(
+        imports, runs, WAIST | POLICY | {"tral_env.learned", "tral_env.policy_file"}
+    )
 
 
 def nobody_imports_report_and_cli(imports: Imports) -> list[str]:
@@ -247,6 +268,8 @@ RULES: tuple[Rule, ...] = (
     course_needs_the_waist_and_config,
     the_car_needs_little,
     the_car_reaches_nothing_heavy,
+    randomization_needs_the_waist_and_config,
+    the_world_knows_the_simulation_and_no_shell,
     simulation_knows_no_world,
     shells_know_the_world_and_not_the_simulation,
     the_two_environments_do_not_know_each_other,
@@ -308,6 +331,30 @@ def _known(name: str, modules: Set[str] | Mapping[str, object]) -> str:
     while is_ours(name) and name not in modules:
         name = name.rpartition(".")[0]
     return name
+
+
+ARRAYS = {"Array", "Index", "Flags", "Image", "NDArray", "FloatArray"}
+
+
+def array_dataclasses_that_compare(root: Path) -> list[str]:
+    """Dataclasses that hold arrays and have an ``==`` of their own, which fails: an array has no truth value."""
+    return [
+        f"{path.relative_to(root)}: {node.name}"
+        for package in ("tral_env", "tral_fsm")
+        for path in sorted((root / package).rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.ClassDef) and _holds_arrays(node)
+        for made in map(ast.unparse, node.decorator_list)
+        if made.startswith("dataclass") and "eq=False" not in made
+    ]
+
+
+def _holds_arrays(node: ast.ClassDef) -> bool:
+    return any(
+        isinstance(field, ast.AnnAssign) and isinstance(name, ast.Name) and name.id in ARRAYS
+        for field in node.body
+        for name in ast.walk(getattr(field, "annotation", field))
+    )
 
 
 PROGRAMS = ("tral_env", "tral_fsm", "benchmarks", "tests")

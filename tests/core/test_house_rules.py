@@ -37,6 +37,8 @@ BROKEN: dict[Rule, Imports] = {
         "tral_env.hardware.camera": {"tral_env.perception.gate"},
         "tral_env.perception.gate": {"torch.nn"},
     },
+    rules.randomization_needs_the_waist_and_config: {"tral_env.randomization": {"tral_env.calibration.camera_info"}},
+    rules.the_world_knows_the_simulation_and_no_shell: {"tral_env.world": {"tral_env.env"}},
     rules.simulation_knows_no_world: {"tral_env.simulation.sim": {"tral_env.task"}},
     rules.shells_know_the_world_and_not_the_simulation: {"tral_env.env": {"tral_env.simulation.sim"}},
     rules.the_two_environments_do_not_know_each_other: {"tral_env.vector_env": {"tral_env.env"}},
@@ -130,6 +132,25 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
     code = "import sys, tral_env; print([m for m in ('mujoco', 'cv2', 'torch', 'matplotlib') if m in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"
+
+
+def test_what_holds_arrays_is_not_compared_by_its_values() -> None:
+    assert rules.array_dataclasses_that_compare(ROOT) == []
+
+
+@pytest.mark.parametrize(
+    ("made", "field", "found"),
+    [
+        ("@dataclass", "route: Array", ["tral_env/plan.py: Plan"]),
+        ("@dataclass(frozen=True)", "route: NDArray[Any] | None = None", ["tral_env/plan.py: Plan"]),
+        ("@dataclass(eq=False)", "route: Array", []),
+        ("@dataclass", "laps: int", []),
+    ],
+)
+def test_a_dataclass_that_holds_arrays_is_found(tmp_path: Path, made: str, field: str, found: list[str]) -> None:
+    (tmp_path / "tral_env").mkdir()
+    (tmp_path / "tral_env" / "plan.py").write_text(f"{made}\nclass Plan:\n    {field}\n")
+    assert rules.array_dataclasses_that_compare(tmp_path) == found
 
 
 def test_functions_are_short() -> None:

@@ -24,6 +24,19 @@ def test_ranges_and_numbers_over_a_base(tmp_path: Path) -> None:
     assert level(path) == level(str(path)) == replace(LEVELS["default"], friction=(0.4, 0.6), latency_s=(0.02, 0.02))
 
 
+def test_courses_are_hard_where_the_base_is_or_the_file_says_so(tmp_path: Path) -> None:
+    assert level(written(tmp_path, "base: hard\nfriction: 0.5\n")).hard_courses
+    assert not level(written(tmp_path, "base: hard\nhard_courses: false\n")).hard_courses
+    assert level(written(tmp_path, "hard_courses: true\n")) == Randomization(hard_courses=True)
+    with pytest.raises(ConfigError, match=r"hard_courses = 1\. Allowed: True, False"):
+        level(written(tmp_path, "hard_courses: 1\n"))
+
+
+def test_only_the_level_hard_has_hard_courses() -> None:
+    assert [name for name, ranges in LEVELS.items() if ranges.hard_courses] == ["hard"]
+    assert LEVELS["hard"].fixed(friction=0.5).hard_courses
+
+
 def test_without_a_base_the_rest_is_the_nominal_car(tmp_path: Path) -> None:
     path = written(tmp_path, json.dumps({"friction": [0.4, 0.6]}), "level.JSON")
     assert level(path) == Randomization(friction=(0.4, 0.6))

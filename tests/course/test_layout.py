@@ -125,6 +125,18 @@ def test_members_with_their_default_value_are_not_written():
     assert json.loads(course().to_json()) == {"name": "plain", "segments": [{"length": 10.0}]}
 
 
+def test_a_course_that_cannot_be_saved_leaves_the_old_file(tmp_path: Path):
+    path = tmp_path / "mine.json"
+    course().save(path)
+    course(name="other").save(path)
+    assert Course.load(path).name == "other"
+    assert [*tmp_path.iterdir()] == [path]
+    with pytest.raises(CourseError, match=r"nowhere/mine\.json: cannot be written: No such file or directory"):
+        course().save(tmp_path / "nowhere" / "mine.json")
+    with pytest.raises(CourseError, match="cannot be written: Is a directory"):
+        course().save(tmp_path)
+
+
 def test_all_problems_of_a_file_are_listed_with_place_got_and_allowed():
     text = """{"name": "x", "laps": 0, "segments": [{"length": 5, "widht": 2, "then": "lefd",
                "doors": [{"side": "lft", "at": -1}]}]}"""

@@ -18,7 +18,7 @@ from pages import PAGES, ROOT, read, table
 from tral_env import randomization
 from tral_env.course.generate import FAMILIES
 from tral_env.interface import CORE_LAYOUT, OPTIONAL_GROUPS
-from tral_env.randomization import LEVELS
+from tral_env.randomization import LEVELS, PARAMETERS
 from tral_env.world import RESET_OPTIONS
 
 UNITS = ("deg", "s", "V", "ohm")
@@ -56,6 +56,8 @@ def randomization_rows() -> list[str]:
         if not isinstance(field, ast.AnnAssign):
             continue
         name = ast.unparse(field.target)
+        if name not in PARAMETERS:
+            continue
         meaning, _, source = ast.literal_eval(ast.unparse(below)).partition(" Source: ")
         what, _, unit = meaning.removesuffix(".").rpartition(", ")
         what, unit = (what, unit) if unit in UNITS else (meaning.removesuffix("."), "-")

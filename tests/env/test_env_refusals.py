@@ -6,13 +6,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from corridors import corridor
-from gymnasium.error import Error
 
 import tral_env.env
 from tral_env.config import CarConfig
 from tral_env.course.layout import Course, Door, Segment
 from tral_env.env import TralCorridorEnv
-from tral_env.errors import ConfigError, SimulationError
+from tral_env.errors import ConfigError, SimulationError, TralError
 from tral_env.vector_env import TralCorridorVectorEnv
 
 
@@ -28,7 +27,13 @@ from tral_env.vector_env import TralCorridorVectorEnv
         ({"courses": 0}, "courses = 0: expected a whole number, 1 or more"),
         ({"courses": True}, "courses = True: expected a whole number"),
         ({"courses": 2**70}, "expected a whole number"),
-        ({"scenario": ["corners"]}, "unknown scenario"),
+        ({"scenario": ["corners", "corner"]}, "did you mean 'corners'"),
+        ({"camera": ["rendered"]}, "unknown camera"),
+        ({"randomization": ["hard"]}, r"unknown randomization \['hard'\]: did you mean 'hard'"),
+        ({"view": ["chase"]}, r"unknown view \['chase'\]: did you mean 'chase'"),
+        ({"view": np.array(["chase"])}, "unknown view"),
+        ({"course": {"name": "no segments"}}, "segments: missing"),
+        ({"course": {"segments": {1, 2}}}, "option 'course': got .*: expected what a course file could hold"),
         ({"groups": "imu"}, r"groups = 'imu': expected names in a tuple"),
         ({"groups": None}, "groups = None: expected names in a tuple"),
         ({"courses": 5, "course": "mine.json"}, "courses = 5 with a course of your own"),
@@ -40,15 +45,28 @@ from tral_env.vector_env import TralCorridorVectorEnv
     ],
 )
 def test_bad_arguments_are_answered_with_the_nearest(arguments: dict, message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
+    with pytest.raises(ValueError, match=message) as refused:
         tral_env.env.TralCorridorEnv(**arguments)
+    assert isinstance(refused.value, TralError)
 
 
-def test_bad_actions_are_refused() -> None:
+NO_ACTIONS = (["a", "b"], ["0.1", "0.5"], [True, False], None, [[0.1], [0.1, 0.5]], [0.1, 10**400])
+
+
+@pytest.mark.parametrize("action", [np.array([np.nan, 0.0]), [0.1, 0.2, 0.3], *NO_ACTIONS])
+def test_bad_actions_are_refused(action: object) -> None:
     env = corridor(scenario="straight").unwrapped
     env.reset(seed=0)
-    with pytest.raises(ConfigError, match="two finite numbers"):
-        env.step(np.array([np.nan, 0.0]))
+    with pytest.raises(ConfigError, match=r"action .*: expected two finite numbers: steering, throttle"):
+        env.step(action)
+
+
+@pytest.mark.parametrize("actions", [np.zeros((3, 2)), np.full((2, 2), np.inf), *NO_ACTIONS])
+def test_bad_actions_of_several_cars_are_refused(actions: object) -> None:
+    env = TralCorridorVectorEnv(2, scenario="straight")
+    env.reset(seed=0)
+    with pytest.raises(ConfigError, match=r"actions of .*: expected \(2, 2\) finite numbers"):
+        env.step(actions)
 
 
 @pytest.mark.parametrize(
@@ -60,6 +78,12 @@ def test_bad_actions_are_refused() -> None:
         ({"car": 5}, "'car'"),
         ({"car": {"_fricton": 1.0}}, "unknown parameter '_fricton': did you mean 'friction'"),
         ({"car": {"mass_scale": 0.0}}, "mass_scale = .* above 0"),
+        ({"car": {"friction": "0.5"}}, r"options\['car'\], friction = '0.5': expected a finite number"),
+        ({"car": {"friction": True}}, "friction = True: expected a finite number"),
+        ({"car": {"friction": np.array([True])}}, "friction = True: expected a finite number"),
+        ({"car": {"friction": [0.5, 0.6]}}, "expected name -> number or 1 numbers"),
+        ({"car": {"hard_courses": True}}, "expected a finite number"),
+        ({"car": {"hard_courses": 1.0}}, "unknown parameter 'hard_courses'"),
         ({"car": {"camera_latency_s": -1.0}}, "camera_latency_s = .* from 0"),
         ({"car": {"hall_miss_rate": 7.0}}, "hall_miss_rate = .* between 0 and 1"),
     ],
@@ -87,7 +111,18 @@ def test_unstable_physics_are_an_error_until_the_next_reset() -> None:
     env.step(np.zeros((3, 2)))
 
 
-@pytest.mark.parametrize("seed", [3.5, "ab", [1, 2.5], [1, "2"]])
+@pytest.mark.parametrize("seed", [-1, 1.5, True, "1", [1]])
+def test_a_seed_that_is_none_is_refused(seed: object) -> None:
+    with pytest.raises(ConfigError, match=r"seed = .*: expected a whole number, 0 or more, or None"):
+        TralCorridorEnv(scenario="straight").reset(seed=seed)
+
+
+def test_a_seed_may_be_a_number_of_numpy() -> None:
+    env = TralCorridorEnv(scenario="straight")
+    assert np.array_equal(env.reset(seed=np.int64(3))[0], env.reset(seed=3)[0])
+
+
+@pytest.mark.parametrize("seed", [3.5, "ab", -1, True, [1, 2.5], [1, "2"], [1, -1], [True, 1]])
 def test_seeds_that_are_no_numbers_are_refused(seed: object) -> None:
     with pytest.raises(ConfigError, match=r"seed = .*expected a whole number, or one for each of 2"):
         TralCorridorVectorEnv(2, scenario="straight").reset(seed=seed)
@@ -107,7 +142,7 @@ def test_a_reset_that_is_refused_leaves_the_cars_where_they_are() -> None:
         env.reset(options={"car": {"latency_s": 0.5}})
     with pytest.raises(ConfigError, match=r"image_degradation = 11: expected 0 to 10"):
         env.reset(options={"car": {"image_degradation": 11.0}})
-    with pytest.raises(ConfigError, match="expected name -> number or 2 numbers"):
+    with pytest.raises(ConfigError, match=r"friction = 10.*: expected a finite number"):
         env.reset(options={"car": {"friction": 10**400}})
     forward = np.tile([0.1, 0.5], (2, 1))
     assert np.array_equal(env.step(forward)[0], other.step(forward)[0])
@@ -140,7 +175,7 @@ def test_a_course_that_does_not_fit_and_a_wrong_seed_do_not_seed_either() -> Non
     with pytest.raises(ConfigError, match="this course needs"):
         env.reset(seed=1, options={"reset_mask": np.array([True, False]), **TOO_BIG})
     for options in ({}, TOO_BIG):
-        with pytest.raises(Error, match="Seed must be"):
+        with pytest.raises(ConfigError, match=r"seed = \[1, -1\]"):
             env.reset(seed=[1, -1], options=options)
     forward = np.tile([0.1, 0.5], (2, 1))
     assert np.array_equal(env.step(forward)[0], other.step(forward)[0])

@@ -2,20 +2,26 @@
 
 import copy
 import inspect
+import json
 import pickle
-from dataclasses import fields
+from dataclasses import fields, replace
+from pathlib import Path
 
 import gymnasium as gym
+import numpy as np
 import pytest
 from corridors import corridor
 from gymnasium.envs.registration import EnvSpec
+from gymnasium.vector import AutoresetMode
 
-from tral_env.config import CameraConfig, CarConfig, TaskConfig
+from tral_env.config import WIDE_LENS, CameraConfig, CarConfig, TaskConfig
 from tral_env.course.generate import SCENARIOS
-from tral_env.course.layout import Course, example_names, example_path
+from tral_env.course.layout import Course, Segment, example_names, example_path
 from tral_env.env import TralCorridorEnv, TralCorridorPixelsEnv
 from tral_env.errors import ConfigError, UnknownOptionError
 from tral_env.options import CorridorConfig, option_fields
+from tral_env.perception.degrade import ImageCorruption
+from tral_env.randomization import LEVELS
 from tral_env.vector_env import TralCorridorVectorEnv
 
 ENVIRONMENTS = (TralCorridorEnv, TralCorridorPixelsEnv, TralCorridorVectorEnv)
@@ -98,6 +104,57 @@ def test_specs_survive_json() -> None:
     envs = gym.make_vec("TralCorridor-v0", num_envs=2, **given)
     spec = EnvSpec.from_json(envs.spec.to_json())
     assert gym.make_vec(spec, num_envs=2).unwrapped.world.config == CorridorConfig(**given)
+
+
+OTHERS: dict[str, tuple[object, ...]] = {
+    "scenario": ("gates",),
+    "course": (
+        Course.load(example_path("l_shape")),
+        Path(example_path("l_shape")),
+        "l_shape",
+        {"name": "a", "segments": [{"length": 6}]},
+    ),
+    "courses": (5, np.int64(5)),
+    "camera": ("rendered",),
+    "randomization": (replace(LEVELS["hard"], friction=(0.4, 0.6)), LEVELS["none"]),
+    "groups": (("imu",), ["line", "imu"]),
+    "car": (CarConfig(full_lock_deg=20.0),),
+    "lens": (WIDE_LENS, "wide"),
+    "task": (TaskConfig(grace_s=1.0),),
+    "image_faults": (ImageCorruption(noise=0.1),),
+}
+
+
+@pytest.mark.parametrize(("option", "value"), [(name, value) for name, values in OTHERS.items() for value in values])
+def test_a_spec_with_any_option_survives_json(option: str, value: object) -> None:
+    given = {"image_faults": {"camera": "rendered"}}.get(option, {}) | {option: value}
+    single, several = corridor(**given), gym.make_vec("TralCorridor-v0", num_envs=2, **given)
+    config = single.unwrapped.world.config
+    assert config != CorridorConfig()
+    again = gym.make(EnvSpec.from_json(single.spec.to_json()))
+    assert replace(again.unwrapped.world.config, course=None) == replace(config, course=None)
+    assert again.unwrapped.world.config.fixed_course() == config.fixed_course()
+    both = gym.make_vec(EnvSpec.from_json(several.spec.to_json()), num_envs=2)
+    assert both.unwrapped.world.config == again.unwrapped.world.config
+
+
+def test_each_option_has_another_value_in_that_test() -> None:
+    assert set(OTHERS) == {field.name for field in option_fields()}
+
+
+def test_a_spec_with_a_mode_of_gymnasium_survives_json() -> None:
+    envs = gym.make_vec("TralCorridor-v0", num_envs=2, autoreset_mode=AutoresetMode.SAME_STEP)
+    again = gym.make_vec(EnvSpec.from_json(envs.spec.to_json()), num_envs=2)
+    assert again.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+
+
+def test_a_course_may_be_a_mapping_at_make_and_at_reset() -> None:
+    course = Course.load(example_path("l_shape"))
+    env = TralCorridorEnv(course=json.loads(course.to_json()))
+    env.reset(seed=1)
+    assert env.course == course
+    env.reset(seed=1, options={"course": {"name": "mine", "segments": [{"length": 6}]}})
+    assert env.course == Course(name="mine", segments=(Segment(length=6),))
 
 
 def test_stable_baselines_takes_the_same_options() -> None:

@@ -15,6 +15,7 @@ from gymnasium.wrappers.vector import RecordVideo
 
 import tral_env.env
 from tral_env.course.layout import Course, Gate, Segment
+from tral_env.env import TralCorridorEnv, TralCorridorPixelsEnv
 from tral_env.errors import ConfigError
 from tral_env.perception.aruco import Detector
 from tral_env.perception.degrade import ImageCorruption
@@ -36,6 +37,21 @@ except RenderError as error:
 """
 
 GATE_AHEAD = Course(name="gate", segments=(Segment(length=10, gates=(Gate(id=2, at=5, offset=0.3, yaw_deg=8),)),))
+
+
+@pytest.mark.parametrize("size", [{"width": 0}, {"height": -3}, {"width": 4.5}, {"height": True}])
+def test_a_picture_of_no_size_is_refused(size: dict) -> None:
+    env = TralCorridorEnv(scenario="straight")
+    env.reset(seed=0)
+    with pytest.raises(ConfigError, match="expected a whole number, 1 or more"):
+        env.render_view("chase", **size)
+
+
+@pytest.mark.parametrize("env", [TralCorridorEnv, TralCorridorPixelsEnv])
+@pytest.mark.parametrize("view", VIEWS)
+def test_there_is_no_picture_before_a_reset(env: type, view: str) -> None:
+    with pytest.raises(ConfigError, match="no course before the first reset"):
+        env(scenario="straight").render_view(view)
 
 
 @pytest.mark.usefixtures("opengl")

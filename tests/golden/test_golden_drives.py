@@ -9,7 +9,7 @@ from drives import GROUPS, RAMP, RENDERED, SEEDS, Group, alone, arithmetic, load
 KEPT = load()
 pytestmark = pytest.mark.skipif(
     KEPT["arithmetic"] != arithmetic(),
-    reason="MuJoCo, NumPy or the processor rounds otherwise than where it was written",
+    reason="MuJoCo, NumPy or the processor rounds otherwise than where it was written",  # tests/conftest.py tells it
 )
 
 

@@ -336,6 +336,8 @@ def test_a_bus_that_died_says_to_cut_the_power():
         ({"sensors": "srf8"}, ConfigError, "did you mean 'srf08'"),
         ({"groups": ("imy",)}, ConfigError, "did you mean 'imu'"),
         ({"max_duration_s": 0.0}, ConfigError, "above 0"),
+        ({"max_duration_s": "60"}, ConfigError, "max_duration_s = '60': expected a finite number of s"),
+        ({"max_duration_s": True}, ConfigError, "max_duration_s = True: expected a finite number of s"),
         ({"render_mode": "human"}, ConfigError, "has none"),
     ],
 )
@@ -349,6 +351,8 @@ def test_a_group_that_the_sensors_do_not_provide_is_refused():
         ConfigError, match=r"do not provide battery of the group 'battery'. They provide nothing by name"
     ):
         car(groups=("battery",))
+    with pytest.raises(ConfigError, match="do not provide battery"):
+        car(groups=iter(("battery",)))
     sensors = SensorGroup(HallCounter())
     with pytest.raises(
         ConfigError, match=r"imu_gyro_x, .*imu_accel_z of the group 'imu'. They provide distance, speed:"

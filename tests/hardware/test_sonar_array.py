@@ -139,6 +139,13 @@ def test_unknown_firing_and_sides_are_refused(options):
         SonarArray(FakeSmbus({}), **options)
 
 
+def test_a_range_that_no_srf08_has_is_refused_before_anything_is_sent():
+    with pytest.raises(ConfigError, match=r"a range of 15 m: an SRF08 listens for 11\.008 m at most"):
+        SonarArray(FakeSmbus({}), UltrasonicConfig(max_range=15.0))
+    SonarArray(FakeSmbus({}), UltrasonicConfig(max_range=11.0))
+    SonarArray(FakeSmbus({}), UltrasonicConfig(mode="cm", max_range=15.0))
+
+
 class Register:
     """A ranger's device whose register of the first echo holds a number."""
 

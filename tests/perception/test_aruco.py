@@ -104,3 +104,22 @@ def test_exact_corners_give_the_exact_pose(turn):
     poses = marker_poses(MarkerCorners(np.array([5]), pixels[None]), lens)
     assert (poses.x[0], poses.y[0]) == pytest.approx((2.2, -0.3), abs=1e-6)
     assert poses.heading[0] == pytest.approx(turn, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.zeros((10, 10), np.float32),
+        np.zeros((10, 10, 3), np.float32),
+        np.zeros((10, 10, 3), np.int64),
+        np.zeros((0, 10), np.uint8),
+        np.zeros((10, 0, 3), np.uint8),
+        np.zeros((10, 10, 4), np.uint8),
+        np.zeros((2, 10, 10, 3), np.uint8),
+        np.zeros(10, np.uint8),
+        None,
+    ],
+)
+def test_what_is_no_image_is_refused(image):
+    with pytest.raises(ConfigError, match=r"Allowed: \(h, w\) or \(h, w, 3\), uint8"):
+        Detector().detect(image)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -150,14 +152,16 @@ def test_between_the_levels_the_model_s_figures_are_interpolated():
 
 
 def test_weak_codes_need_larger_images_the_more_so_the_more_blurred():
-    chance = DETECTION_MODEL.found(np.full(4, 17.5), np.array([0, 9, 2, 42]), np.full(4, 3.0))
+    chance = DETECTION_MODEL.found(np.full(4, 17.5), np.array([0, 9, 2, 42]), np.full(4, 3.0), 640)
     assert chance[2] == pytest.approx(DETECTION_MODEL.always_found / 2)
     assert (np.diff(chance) > 0.05).all()
 
 
 @pytest.mark.parametrize("level", [0.0, 3.0])
-def test_markers_too_small_for_opencv_are_never_found_and_large_ones_are(level):
-    nothing, small, large = DETECTION_MODEL.found(np.array([0.0, 4.79, 60.0]), np.full(3, 2), np.full(3, level))
+@pytest.mark.parametrize(("width", "least"), [(640, 4.8), (1280, 9.6), (1920, 14.4)])
+def test_markers_too_small_for_opencv_are_never_found_and_large_ones_are(width, least, level):
+    sizes = np.array([0.0, least - 0.01, 60.0])
+    nothing, small, large = DETECTION_MODEL.found(sizes, np.full(3, 2), np.full(3, level), width)
     assert nothing == small == 0.0
     assert large == pytest.approx(DETECTION_MODEL.always_found, abs=1e-6)
 
@@ -297,4 +301,37 @@ def test_a_rendered_gate_has_the_right_side_and_turn(axis, middle):
 
 def test_the_smallest_side_is_a_quarter_of_the_shortest_outline_that_opencv_takes():
     rate = cv2.aruco.DetectorParameters().minMarkerPerimeterRate
-    assert pytest.approx(rate * LENS.width / 4) == DETECTION_MODEL.min_side_px
+    assert pytest.approx(rate / 4) == DETECTION_MODEL.min_side_share
+
+
+def found_in_drawn_images(side: float, width: int) -> int:
+    """Of 30 images of this width, px, with a marker of this side, px, those in which OpenCV finds it."""
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    plate = np.pad(cv2.aruco.generateImageMarker(dictionary, 2, 192), 32, constant_values=255)
+    rng, detector, found = np.random.default_rng(4), Detector(), 0
+    for x, y in rng.uniform(64, 96, (30, 2)):  # sixteenths of a pixel
+        place = np.array([[side / 12, 0.0, x], [0.0, side / 12, y]])
+        fine = cv2.warpAffine(plate, place, (512, 512), borderValue=110, flags=cv2.INTER_AREA)
+        image = np.full((width * 3 // 4, width), 110, np.uint8)
+        image[200:232, 300:332] = cv2.resize(fine, (32, 32), interpolation=cv2.INTER_AREA)
+        found += detector.detect(image).ids.tolist() == [2]
+    return found
+
+
+def test_with_twice_the_pixels_markers_of_the_same_size_are_found_but_for_those_that_opencv_drops():
+    def modelled(side: float, width: int) -> float:
+        return float(DETECTION_MODEL.found(np.array([side]), np.array([2]), np.zeros(1), width)[0])
+
+    assert found_in_drawn_images(9.0, 1280) == 0 < found_in_drawn_images(9.0, 640)
+    assert modelled(9.0, 1280) == 0.0 < modelled(9.0, 640)
+    assert found_in_drawn_images(12.0, 1280) == found_in_drawn_images(12.0, 640) > 0
+    assert modelled(12.0, 1280) == modelled(12.0, 640) > 0.0
+
+
+def test_a_lens_of_1280_pixels_sees_no_marker_that_opencv_would_drop():
+    marker = (2, CAR.camera_x + 24.0, 0.0, CAR.camera_z, FACING)
+    wide = LENS.scaled(1280, 960)
+    side = wide.fx * wide.marker_size / 24.0
+    assert 4.8 < side < 9.6
+    assert not see([marker], lens=wide, chance=0.0).valid.any()
+    assert see([marker], lens=wide, model=replace(EXACT, min_side_share=0.0), chance=0.0).valid.all()

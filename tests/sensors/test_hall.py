@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tral_env.config import HallConfig
-from tral_env.sensors.hall import Hall, to_units, units_between
+from tral_env.sensors.hall import Hall
 
 CONFIG = HallConfig()
 PERIOD = 0.0125
@@ -148,19 +148,3 @@ def test_reset_puts_only_the_named_rows_at_rest() -> None:
     hall.reset(np.array([1]))
     assert hall.ticks.tolist() == [40, 0, 40]
     assert hall.speed == pytest.approx([1.0, 0.0, 1.0], rel=0.02)
-
-
-def test_1500_units_of_2016_are_1_60_metres() -> None:
-    assert to_units(np.array([1.60]))[0] == 1500
-    assert units_between(np.uint16(0), np.uint16(1500)) == pytest.approx(1.60)
-
-
-def test_counter_of_2016_wraps_at_69_9_metres() -> None:
-    assert to_units(np.array([69.905]))[0] == 65535
-    assert to_units(np.array([69.906]))[0] == 0
-
-
-def test_distance_between_readings_survives_the_wrap() -> None:
-    before, after = to_units(np.array([69.0])), to_units(np.array([71.0]))
-    assert after[0] < before[0]
-    assert units_between(before, after) == pytest.approx([2.0], abs=2 / 937.5)

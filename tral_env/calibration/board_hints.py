@@ -1,9 +1,9 @@
-"""Which other board an image shows, when the named one is not in it: the options that would find it."""
+"""Which other board an image shows, when the named one is not in it: the fields of `Board` that would find it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from tral_env.arrays import Image
@@ -15,33 +15,49 @@ MIN_MARKERS = 3
 """An image with fewer markers of a dictionary may show a window that looks like one."""
 
 
-def other_board(board: Board, grey: Image) -> str:
-    """Tell which board an image shows, and by which options.
+@dataclass(frozen=True)
+class BoardHint:
+    """Which other board an image shows."""
+
+    told: str
+    """What the image shows, a clause."""
+    fields: Mapping[str, Any] = field(default_factory=dict)
+    """The fields of `Board` that have other values, and these; empty: not known."""
+
+    def __str__(self) -> str:
+        """The clause, and the fields as arguments of Python."""
+        changes = ", ".join(f"{name}={value!r}" for name, value in self.fields.items())
+        return f"{self.told}: {changes}" if changes else self.told
+
+
+def other_board(board: Board, grey: Image) -> BoardHint | None:
+    """Tell which board an image shows.
 
     Args:
         board: the board that was not found.
         grey: (h, w) uint8.
 
     Returns:
-        A clause for the end of a message; empty: the image shows no board that differs little from the named one.
+        The hint; None: the image shows no board that differs little from the named one.
     """
     grey, _ = search_copy(grey)
     if board.kind == "chessboard":
         return _other_chessboard(board, grey)
     for other in _alike(board):
         if len(other.find(grey)[0]):
-            return f"the image shows another board: {_options(board, other)}"
+            return _other(board, other)
     return _other_markers(board, grey)
 
 
-def _other_chessboard(board: Board, grey: Image) -> str:
+def _other_chessboard(board: Board, grey: Image) -> BoardHint | None:
     inner = f"{board.columns} x {board.rows}"
     more = _changed(board, columns=board.columns + 1, rows=board.rows + 1)
     if more and len(more.find(grey)[0]):
-        return f"{inner} inner corners are {more.columns} x {more.rows} squares: {_options(board, more)}"
+        told = f"{inner} inner corners are {more.columns} x {more.rows} squares"
+        return BoardHint(told, {"columns": more.columns, "rows": more.rows})
     if fitting_dictionaries(grey, MIN_MARKERS):
-        return "the image shows markers: is it --board charuco?"
-    return ""
+        return BoardHint("the image shows markers", {"kind": "charuco"})
+    return None
 
 
 def _alike(board: Board) -> Iterator[Board]:
@@ -62,29 +78,23 @@ def _changed(board: Board, **changes: Any) -> Board | None:
         return None
 
 
-def _other_markers(board: Board, grey: Image) -> str:
+def _other_markers(board: Board, grey: Image) -> BoardHint | None:
     fitting = fitting_dictionaries(grey, MIN_MARKERS)
     if not fitting:
-        return ""
+        return None
     name = next(iter(fitting))
+    told = f"the image shows {fitting[name]} markers of {name}"
     if name == board.dictionary:
-        return f"the image shows {fitting[name]} markers of {name}: are --columns and --rows those of the board?"
+        return BoardHint(f"{told}: are columns and rows those of the board?")
     for legacy in (board.legacy, not board.legacy):
         other = _changed(board, dictionary=name, legacy=legacy)
         if other and len(other.find(grey)[0]):
-            return f"the image shows another board: {_options(board, other)}"
-    return f"the image shows {fitting[name]} markers of {name}: try --dictionary {name.removeprefix('DICT_')}"
+            return _other(board, other)
+    return BoardHint(told, {"dictionary": name})
 
 
-def _options(board: Board, other: Board) -> str:
-    """Options in which one board differs from another."""
-    told = [
-        f"--{name} {getattr(other, name)}"
-        for name in ("columns", "rows")
-        if getattr(other, name) != getattr(board, name)
-    ]
-    if other.dictionary != board.dictionary:
-        told.append(f"--dictionary {other.dictionary.removeprefix('DICT_')}")
-    if other.legacy != board.legacy:
-        told.append("--legacy" if other.legacy else "without --legacy")
-    return " ".join(told)
+def _other(board: Board, other: Board) -> BoardHint:
+    """The hint at another board, by the fields in which it differs."""
+    names = ("columns", "rows", "dictionary", "legacy")
+    changes = {name: getattr(other, name) for name in names if getattr(other, name) != getattr(board, name)}
+    return BoardHint("the image shows another board", changes)

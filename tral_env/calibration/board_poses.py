@@ -22,7 +22,7 @@ ATTEMPTS = 10
 """A pose that leaves the image is brought nearer to the middle so often, the last time onto it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BoardPose:
     """Where a board is, in the camera's frame: x right, y down, z forward."""
 

@@ -46,7 +46,7 @@ _ADD = {
     "distortion_coefficients": "distortion_coefficients: {data: [k1, k2, p1, p2, k3]}",
 }
 """These lines can be added to a file that lacks the key."""
-_REMEDY = "calibrate with this package's model: tral calibrate IMAGES --radial 3"
+_REMEDY = "calibrate with this package's model, by `tral calibrate`, and with 3 radial terms"
 _MAX_PIXELS = 65535
 """An image has at most so many pixels across or down."""
 _MAX_LENGTH = 100
@@ -203,7 +203,7 @@ def _pinhole(matrix: _Entry) -> tuple[float, float, float, float]:
     """Read fx, fy, cx, cy."""
     values = _numbers(matrix, (9,))
     if not any(values):
-        raise CalibrationError(f"{matrix.where} is 0: the camera is not calibrated. Run tral calibrate IMAGES")
+        raise CalibrationError(f"{matrix.where} is 0: the camera is not calibrated. Run `tral calibrate`")
     if any(values[i] for i in (1, 3, 6, 7)) or values[8] != 1.0:
         raise CalibrationError(f"{matrix.where} {_SHORT.repr(values)}: expected [fx, 0, cx, 0, fy, cy, 0, 0, 1]")
     return values[0], values[4], values[2], values[5]

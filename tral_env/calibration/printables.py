@@ -6,11 +6,11 @@ import numpy as np
 
 from tral_env.calibration.boards import Board, marker_ink, metres
 from tral_env.calibration.sheet import PAPERS, Sheet, Text, paper_size, ruler
+from tral_env.config import check_number
 from tral_env.errors import ConfigError
 from tral_env.geometry import MARKER_MODULES, MARKER_QUIET_MODULES, MARKER_SIZE_M
-from tral_env.interface import GATE_IDS
+from tral_env.interface import DICTIONARY_SIZE, GATE_IDS
 from tral_env.perception.aruco import DICTIONARY
-from tral_env.perception.gate import DICTIONARY_SIZE
 
 EDGE_MM = 8.0
 """The edges of a board's page stay white for this much: most printers leave out 4 to 6 mm."""
@@ -66,9 +66,11 @@ def marker_sheet(marker: int, size_mm: float = SIZE_MM, paper: str = "A4", note:
     Raises:
         ConfigError: there is no such marker, or it does not fit with the white that it needs.
     """
+    check_number("marker", marker, whole=True)
     if not 0 <= marker < DICTIONARY_SIZE:
         raise ConfigError(f"marker {marker}: DICT_4X4_50 has 0 to {DICTIONARY_SIZE - 1}")
-    if not (np.isfinite(size_mm) and size_mm > 0):
+    check_number("size_mm", size_mm, "mm")
+    if not size_mm > 0:
         raise ConfigError(f"size_mm = {size_mm:g}: expected a length above 0")
     metres(size_mm, "size_mm")
     page = paper_size(paper)
@@ -100,6 +102,7 @@ def gate_sheets(gate: int, size_mm: float = SIZE_MM, paper: str = "A4") -> list[
     Raises:
         ConfigError: there is no such gate, or a marker does not fit.
     """
+    check_number("gate", gate, whole=True)
     if gate not in GATE_IDS:
         raise ConfigError(f"gate {gate}: there are {GATE_IDS[0]} to {GATE_IDS[-1]}")
     sides = ("left", "right")

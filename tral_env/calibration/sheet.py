@@ -38,7 +38,7 @@ class Text:
     """Size of its type, mm."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sheet:
     """One page; x counts to the right and y down from its upper left corner, mm."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Array
+from tral_env.calibration.board_hints import BoardHint
 from tral_env.calibration.boards import Board
 from tral_env.calibration.views import Collection, Rejected, View, coverage
 from tral_env.config import CameraConfig
@@ -56,7 +58,21 @@ LIMITS = Limits()
 """The limits of `tral calibrate`."""
 
 
-@dataclass(frozen=True)
+class TooFewViewsError(CalibrationError):
+    """Too few images show the board well enough."""
+
+    def __init__(self, told: str, hint: BoardHint | None = None) -> None:
+        """Keep the parts of the message.
+
+        Args:
+            told: what was got, and what is allowed.
+            hint: which other board the images show, if that is known; it ends the message.
+        """
+        super().__init__(f"{told} Hint: {hint}" if hint else told)
+        self.told, self.hint = told, hint
+
+
+@dataclass(frozen=True, eq=False)
 class Calibration:
     """A lens, and how far to trust it."""
 
@@ -91,7 +107,7 @@ class Calibration:
         return coverage(list(self.views), (self.camera.width, self.camera.height))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Fit:
     """A lens and the poses of the views that it was fitted to."""
 
@@ -137,12 +153,13 @@ def calibrate(
 
     Raises:
         ConfigError: `radial` is not 1, 2 or 3.
-        CalibrationError: there are fewer than 4 views, or no lens fits them.
+        TooFewViewsError: there are fewer than 4 views.
+        CalibrationError: no lens fits them.
     """
     if radial not in (1, 2, 3):
         raise ConfigError(f"radial = {radial!r}: expected 1, 2 or 3 terms of radial distortion")
     used, outliers = list(views), list[Rejected]()
-    _require_enough(used, rejected)
+    _require_enough(used, rejected, limits)
     fit = _fit(board, used, size, radial)
     while (worst := _outlier(fit, size, limits)) is not None and len(used) > MIN_VIEWS:
         view = used.pop(worst)
@@ -174,25 +191,24 @@ def calibrate_collection(collection: Collection, *, radial: int = 2, limits: Lim
     )
 
 
-def _require_enough(views: Sequence[View], rejected: Sequence[Rejected]) -> None:
+def _require_enough(views: Sequence[View], rejected: Sequence[Rejected], limits: Limits) -> None:
     """Raise an error that tells why images were rejected, if too few views are left."""
-    if len(views) < MIN_VIEWS:
-        reasons: dict[str, int] = {}
-        for one in rejected:
-            reasons[one.reason] = reasons.get(one.reason, 0) + 1
-        why = ", ".join(f"{count} x {reason}" for reason, count in reasons.items()) or "none was rejected"
-        hints = [one.detail.partition("; ")[2] for one in rejected if one.reason == "no board" and "; " in one.detail]
-        known = f" {hints[0][0].upper()}{hints[0][1:]}" if hints else ""
-        hint = f". Is the board the one that was named?{known}" if reasons.get("no board") else ""
-        if reasons.get("other size"):
-            hint += ". A calibration holds for one size of image"
-        broken = [one.name for one in rejected if one.reason == "unreadable"]
-        if broken:
-            hint += f". Unreadable: {', '.join(broken[:3])}{', ...' * (len(broken) > 3)}"
-        raise CalibrationError(
-            f"{len(views)} of {len(views) + len(rejected)} images show the board well enough ({why}); a calibration "
-            f"needs {MIN_VIEWS}, a good one {LIMITS.views}{hint}"
-        )
+    if len(views) >= MIN_VIEWS:
+        return
+    reasons = Counter(one.reason for one in rejected)
+    why = ", ".join(f"{count} x {reason}" for reason, count in reasons.items()) or "none was rejected"
+    told = (
+        f"{len(views)} of {len(views) + len(rejected)} images show the board well enough ({why}); a calibration "
+        f"needs {MIN_VIEWS}, a good one {limits.views}"
+    )
+    if reasons["other size"]:
+        told += ". A calibration holds for one size of image"
+    broken = [one.name for one in rejected if one.reason == "unreadable"]
+    if broken:
+        told += f". Unreadable: {', '.join(broken[:3])}{', ...' * (len(broken) > 3)}"
+    if reasons["no board"]:
+        told += ". Is the board the one that was named?"
+    raise TooFewViewsError(told, next((one.hint for one in rejected if one.hint), None))
 
 
 def _fit(board: Board, views: Sequence[View], size: tuple[int, int], radial: int) -> _Fit:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Array, Image
-from tral_env.calibration.board_hints import other_board
+from tral_env.calibration.board_hints import BoardHint, other_board
 from tral_env.calibration.boards import Board
 
 GRID = (9, 6)
@@ -25,7 +25,7 @@ SAME_POSE = 0.01
 """Views whose common corners lie closer than this share of the image's diagonal on average are one view."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class View:
     """Corners of the board in one image."""
 
@@ -49,6 +49,8 @@ class Rejected:
     """One of `REASONS`."""
     detail: str
     """What was got, and what is allowed."""
+    hint: BoardHint | None = None
+    """Which other board it shows, if that is known."""
 
 
 REASONS = ("unreadable", "other size", "no board", "too few corners", "too blurred", "duplicate pose", "outlier error")
@@ -112,23 +114,22 @@ class Collection:
             self._rejected.append(seen)
         return seen
 
-    def _hint(self, grey: Image) -> str:
-        """What may be wrong with the board's options; looked for in the first, second, fourth, eighth ... empty image
-        until something is found.
+    def _hint(self, grey: Image) -> BoardHint | None:
+        """Which other board it may be; looked for in the first, second, fourth, eighth ... empty image until something
+        is found.
         """
         self._without_board += 1
         due = self._without_board.bit_count() == 1 and not self._hinted
-        hint = other_board(self.board, grey) if due else ""
-        self._hinted = self._hinted or bool(hint)
-        return f"; {hint}" if hint else ""
+        hint = other_board(self.board, grey) if due else None
+        self._hinted = self._hinted or hint is not None
+        return hint
 
     def _judge(self, name: str, grey: Image, alike: list[View]) -> View | Rejected:
         """Make an image a view, if it is of use beside the views of its size."""
         ids, pixels = self.board.find(grey)
         if not len(ids):
-            return Rejected(
-                name, "no board", f"no corner was found: not in view, too blurred or too small{self._hint(grey)}"
-            )
+            told = "no corner was found: not in view, too blurred or too small"
+            return Rejected(name, "no board", told, self._hint(grey))
         if len(ids) < MIN_CORNERS or not _spread(self.board, ids):
             return Rejected(name, "too few corners", f"{len(ids)} of {len(self.board.corners)} corners")
         edge = edge_width(self.board, grey, ids, pixels)

@@ -16,8 +16,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from tral_env import json_text
-from tral_env.errors import CourseError, nearest, problem_report
+from tral_env import atomic, json_text
+from tral_env.errors import CourseError, UnreadableCourseError, nearest, problem_report
 from tral_env.interface import GATE_IDS
 
 Side = Literal["left", "right"]
@@ -180,15 +180,16 @@ class Course(Part):
             path: a JSON file after `course.schema.json`.
 
         Raises:
-            CourseError: the file cannot be opened, is no text or no JSON, or has problems; the message lists all, each
-                with its place, what was got and what is allowed.
+            UnreadableCourseError: the file cannot be opened.
+            CourseError: it is no text or no JSON, or has problems; the message lists all, each with its place, what was
+                got and what is allowed.
         """
         try:
             text = json_text.read(path)
         except UnicodeDecodeError as error:
             raise CourseError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None
         except (OSError, ValueError) as error:  # a name with a null is a ValueError
-            raise CourseError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from error
+            raise UnreadableCourseError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from error
         return cls.parse(text, source=str(path))
 
     @classmethod
@@ -226,8 +227,15 @@ class Course(Part):
         return self
 
     def save(self, path: str | Path) -> None:
-        """Write a course file; members that have their default value are left out."""
-        Path(path).write_text(self.to_json(), encoding="utf-8")
+        """Write a course file as a whole; members that have their default value are left out.
+
+        Raises:
+            CourseError: the file cannot be written; an old one is still there.
+        """
+        try:
+            atomic.write_bytes(Path(path), self.to_json().encode())
+        except (OSError, ValueError) as error:  # a name with a null is a ValueError
+            raise CourseError(f"{path}: cannot be written: {getattr(error, 'strerror', error)}") from error
 
     def to_json(self) -> str:
         """The course as indented JSON text, without members that have their default value."""

@@ -22,7 +22,7 @@ def _empty(*shape: int) -> Array:
     return np.zeros(shape)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
     """Geometry of a course, ready for physics, perception and task."""
 

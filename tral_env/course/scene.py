@@ -76,7 +76,7 @@ class Pool:
         return [f"{group}_{i:03d}" for group, count in groups for i in range(count)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Placement:
     """Where a plan puts the geoms of a pool, in the order of `Pool.names`."""
 

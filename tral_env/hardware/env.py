@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,14 +15,23 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
+from tral_env.config import check_number
 from tral_env.errors import ConfigError, HardwareError, nearest
 from tral_env.hardware.calibration_file import load_calibration
 from tral_env.hardware.i2c import Smbus
-from tral_env.hardware.pulses import CarCalibration, checked, limit_slew, pulses
+from tral_env.hardware.pulses import CarCalibration, limit_slew, pulses
 from tral_env.hardware.pwm import Pca9685, PulseOutput, Recorder
 from tral_env.hardware.sensors import Sensors, provided_by
 from tral_env.hardware.sonar import SonarArray
-from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ, OPTIONAL_GROUPS, Layout, action_space
+from tral_env.interface import (
+    CONTROL_PERIOD_S,
+    CONTROL_RATE_HZ,
+    OPTIONAL_GROUPS,
+    Layout,
+    action_space,
+    as_command,
+    group_names,
+)
 
 Observation = NDArray[np.float32]
 OUTPUTS = ("recorder", "pca9685")
@@ -112,7 +121,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         output: str | PulseOutput = "recorder",
         sensors: str | Sensors | None = None,
         bus: int | str | Smbus = 1,
-        groups: Sequence[str] = (),
+        groups: Iterable[str] = (),
         max_duration_s: float = 60.0,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
@@ -128,9 +137,11 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         """
         if render_mode is not None:
             raise ConfigError(f"render_mode = {render_mode!r}: the real car has none")
+        check_number("max_duration_s", max_duration_s, "s")
         if not max_duration_s > 0:
             raise ConfigError(f"max_duration_s = {max_duration_s!r}: expected a number above 0")
         self.render_mode = None
+        groups = group_names(groups)
         self._layout = Layout.of(groups)
         self.observation_space: spaces.Box = self._layout.space()  # type: ignore[assignment]
         self.action_space: spaces.Box = action_space()  # type: ignore[assignment]
@@ -216,9 +227,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._closed = True
 
     def _apply(self, action: NDArray[np.floating]) -> None:
-        if np.shape(action) != (2,):
-            raise ConfigError(f"action has shape {np.shape(action)}, expected (2,): steering, throttle")
-        command = limit_slew(checked(action), self._episode.command, CONTROL_PERIOD_S, self.calibration)
+        command = limit_slew(as_command(action), self._episode.command, CONTROL_PERIOD_S, self.calibration)
         self._episode.command = command
         self._send(*pulses(command, self.calibration).tolist())
 
@@ -275,7 +284,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             raise
 
 
-@dataclass(kw_only=True)
+@dataclass(kw_only=True, eq=False)
 class _Episode:
     """What an episode counts up."""
 

@@ -33,6 +33,8 @@ _BUSY = 0xFF
 _MAX_GAIN = 31
 _RANGE_STEP_M = 0.043
 """The ranger listens for (register + 1) times this range."""
+_MAX_RANGE_M = 256 * _RANGE_STEP_M
+"""The register is a byte: a ranger listens for no more than this range."""
 _PATIENCE_S = 0.3
 """A ranger that is busy for longer counts as broken."""
 _START_ATTEMPTS = 10
@@ -94,7 +96,7 @@ class SonarArray(Physical):
             sleep: waits some seconds; only `start` uses it.
 
         Raises:
-            ConfigError: a side or a firing that does not exist.
+            ConfigError: a side or a firing that does not exist, or a range that no SRF08 has.
             MissingExtraError: smbus2 is not installed.
             HardwareError: the bus cannot be opened.
         """
@@ -104,6 +106,12 @@ class SonarArray(Physical):
                 "Allowed: together, in turn; addresses of left, front, right"
             )
         self._config = config or UltrasonicConfig()
+        _, farthest = limits(self._config)
+        if farthest > _MAX_RANGE_M:
+            raise ConfigError(
+                f"UltrasonicConfig of mode '{self._config.mode}' with a range of {farthest:g} m: an SRF08 listens for "
+                f"{_MAX_RANGE_M:g} m at most"
+            )
         self._bus = Bus(bus)
         self._broadcast = Srf08(self._bus.device(_BROADCAST, "ultrasonics, all together,"), self._config)
         self._rangers = {

@@ -25,7 +25,7 @@ TILT_PX = 1.0
 """A pose that leans by an angle a counts as worse by sin(a) times this, px: a marker stands upright."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MarkerCorners:
     """Markers found in one image."""
 
@@ -35,7 +35,7 @@ class MarkerCorners:
     """(m, 4, 2) px: upper left, upper right, lower right, lower left corner of the black square, as printed."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MarkerPoses:
     """Where the markers of one image stand, in the car's frame."""
 
@@ -74,12 +74,13 @@ class Detector:
             image: (h, w) grey or (h, w, 3) RGB, uint8.
 
         Raises:
-            ConfigError: the image is neither of these.
+            ConfigError: the image is neither of these, or has no pixels.
         """
-        if image.ndim == 3 and image.shape[2] == 3:
-            image = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
-        if image.ndim != 2 or image.dtype != np.uint8:
+        image = np.asarray(image)
+        if image.dtype != np.uint8 or image.ndim not in (2, 3) or image.shape[2:] not in ((), (3,)) or not image.size:
             raise ConfigError(f"image of shape {image.shape}, {image.dtype}. Allowed: (h, w) or (h, w, 3), uint8")
+        if image.ndim == 3:
+            image = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
         corners, ids, _ = self._detector.detectMarkers(image)
         if ids is None or not len(ids):
             return MarkerCorners(np.zeros(0, np.int64), np.zeros((0, 4, 2)))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Array
-from tral_env.perception.gate import DICTIONARY_SIZE
+from tral_env.interface import DICTIONARY_SIZE
 
 Figures = tuple[float, ...]
 """One figure at each level of `DetectionModel.levels`."""
@@ -18,6 +18,7 @@ Figures = tuple[float, ...]
 @dataclass(frozen=True, kw_only=True)
 class DetectionModel:
     """What the detector sees in rendered images and how well: fitted numbers, in pixels so that they hold for any lens.
+    One is a share of the image, because it is one in OpenCV.
 
     A number that depends on the level of image degradation (`tral_env.perception.degrade`) has a figure at each of
     `levels`; between them it is interpolated, beyond the last it stays. Source: benchmarks/detector_fit.py.
@@ -29,9 +30,9 @@ class DetectionModel:
     """The detector loses a marker with a corner nearer to the image's edge than this."""
     always_found: float = 0.993
     """The detector finds this share of large markers."""
-    min_side_px: float = 4.8
-    """The detector finds no marker whose shortest side has fewer pixels. Source: OpenCV drops outlines shorter than
-    `minMarkerPerimeterRate`, 0.03, of the image's longer side: in an image of 640 px a square has 4.8 px a side."""
+    min_side_share: float = 0.03 / 4
+    """The detector finds no marker whose shortest side is a smaller share of the image's longer side: 4.8 px of 640.
+    Source: OpenCV drops outlines shorter than `minMarkerPerimeterRate`, 0.03, of the longer side."""
     half_found_px: Figures = (7.6, 8.0, 9.1, 10.9, 17.5)
     """The detector finds half of the markers whose shortest side has this many pixels."""
     found_slope: Figures = (0.6, 0.62, 0.55, 0.45, 0.52)
@@ -69,20 +70,21 @@ class DetectionModel:
         """Interpolate a figure at levels of degradation, (c,) -> (c,)."""
         return np.interp(degradation, self.levels, figures)
 
-    def found(self, size: Array, ids: NDArray[np.int64], degradation: Array) -> Array:
+    def found(self, size: Array, ids: NDArray[np.int64], degradation: Array, image_px: int) -> Array:
         """Probability that markers are found, (c,): ``always_found / (1 + exp(-slope (size - half)))``.
 
-        It is 0 below `min_side_px`.
+        It is 0 below `min_side_share`.
 
         Args:
             size: (c,) shortest sides, px.
             ids: (c,) in [0, 50).
             degradation: (c,) levels.
+            image_px: longer side of the image, px.
         """
         weak = self._weakness[ids] * self.at(self.code_share, degradation)
         half = self.at(self.half_found_px, degradation) * (1.0 + weak)
         share = self.always_found / (1.0 + np.exp(-self.at(self.found_slope, degradation) * (size - half)))
-        return np.where(size < self.min_side_px, 0.0, share)
+        return np.where(size < self.min_side_share * image_px, 0.0, share)
 
     @cached_property
     def _weakness(self) -> Array:

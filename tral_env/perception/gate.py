@@ -8,14 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Array, Flags
-from tral_env.interface import GATE_MARKER_IDS, NOTHING_SEEN_ID
+from tral_env.interface import DICTIONARY_SIZE, GATE_MARKER_IDS, NOTHING_SEEN_ID
 from tral_env.se2 import wrap
 
-DICTIONARY_SIZE = 50
-"""DICT_4X4_50 has so many ids."""
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Detection:
     """What n images show, each array (n,), m and rad in the car's frame; where nothing is seen: id -1, the rest 0.
 

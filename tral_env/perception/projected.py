@@ -82,7 +82,7 @@ class Scenery:
             self.footprints = np.pad(self.footprints, ((0, 0), (0, 0), (0, more)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ProjectedMarkers:
     """Markers that k cars see, each array (k, M), in the car's frame; meaningless where not valid."""
 
@@ -97,7 +97,7 @@ class ProjectedMarkers:
     """Whether the marker is seen."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Candidates:
     """Markers that may be seen, each array (c, ...)."""
 
@@ -115,7 +115,7 @@ class _Candidates:
     """(c,) direction into the marker, in the camera's frame, rad."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Blur:
     """What makes the sight of c markers inexact."""
 
@@ -160,7 +160,8 @@ def project(
     level = np.zeros(len(near.row)) if degradation is None else degradation[near.row]
     chance = uniform[near.row, near.place % NOISE_PLACES, 0]
     ids = scenery.ids[rows[near.row], near.place]
-    index = np.flatnonzero(_in_image(pixels, camera, model) & (chance < model.found(size, ids, level)))
+    found = chance < model.found(size, ids, level, max(camera.width, camera.height))
+    index = np.flatnonzero(_in_image(pixels, camera, model) & found)
     index = index[~_hidden(scenery, rows, near, index)]
     where = near.row[index], near.place[index]
     blur = _Blur(_extent(pixels[index]), level[index], normal[where[0], where[1] % NOISE_PLACES])

@@ -28,7 +28,7 @@ class Place:
     """rad, + = left: direction into a marker or through a gate; 0 = straight ahead."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SeenMarker:
     """A marker in an image."""
 

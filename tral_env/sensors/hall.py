@@ -16,24 +16,8 @@ from tral_env.config import HallConfig
 UPDATE_DRAWS = 2
 """`Hall.update` takes so many uniform numbers for one row: missed, doubled."""
 
-UNITS_PER_METRE = 1500 / 1.60
-"""The hall counter of 2016 counts so many units in a metre, 937.5. Source: report, 1500 units were 1.60 m."""
-UNITS_WRAP = 1 << 16
-"""The hall counter of 2016 is a u16: it wraps after 69.905 m."""
-
 _GOLDEN = 0.6180339887498949
 """The golden ratio: its multiples, taken modulo 1, spread evenly."""
-
-
-def to_units(distance: Array) -> NDArray[np.uint16]:
-    """Show a distance, m, any shape, as the counter of 2016 does."""
-    return (np.floor(np.asarray(distance) * UNITS_PER_METRE) % UNITS_WRAP).astype(np.uint16)
-
-
-def units_between(before: NDArray[np.uint16], after: NDArray[np.uint16]) -> Array:
-    """Distance in m between two readings of the counter of 2016, less than one wrap (69.9 m) apart, any shape."""
-    units = (np.asarray(after, np.int64) - np.asarray(before, np.int64)) % UNITS_WRAP
-    return units / UNITS_PER_METRE
 
 
 class EdgeSpeed:

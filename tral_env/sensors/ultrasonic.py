@@ -24,7 +24,7 @@ _NOTHING_M = 1e3
 """A ray that hit nothing is taken to end here, m: beyond any range, and finite so that no NaN arises."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Fan:
     """The rays that sample a beam, in the sensor frame."""
 
@@ -40,7 +40,7 @@ class _Fan:
     """(R - 1,) share of `edge_range` to which an edge between two rays is heard."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FanHit:
     """What the rays of a fan hit, in the sensor frame; each (..., R)."""
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from tral_env.actuation import Actuation
 from tral_env.arrays import Array, Index
+from tral_env.randomization import PARAMETERS
 from tral_env.sensors.ranging import SONARS
 from tral_env.simulation.physics import Physics
 
@@ -20,15 +21,13 @@ class CarParameters:
 
     def __init__(self, n: int, physics: Physics, actuation: Actuation) -> None:
         """Nothing drawn yet."""
-        self._n, self._physics, self._actuation = n, physics, actuation
-        self.drawn: dict[str, Array] = {}
-        """Parameter by name, (n,) each."""
+        self._physics, self._actuation = physics, actuation
+        self.drawn: dict[str, Array] = {name: np.zeros(n) for name in PARAMETERS}
+        """Each of `PARAMETERS` by name, (n,); 0 before the first draw."""
 
     def apply(self, rows: Index, cars: Sequence[Mapping[str, float]]) -> None:
         """Give cars (k,) the bodies, tyres, sonars and actuators of k draws; before the physics' `reset`."""
         for name in cars[0]:
-            if name not in self.drawn:
-                self.drawn[name] = np.zeros(self._n)
             self.drawn[name][rows] = [car[name] for car in cars]
         drawn = {name: values[rows] for name, values in self.drawn.items()}
         self._apply_to_physics(rows, drawn)

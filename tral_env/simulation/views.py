@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Image
+from tral_env.config import one_of
 from tral_env.course.scene import PREFIX
-from tral_env.errors import ConfigError, nearest
 from tral_env.perception.camera import SceneRenderer
 from tral_env.simulation.render_scene import RenderScene
 from tral_env.simulation.sim import Simulation
@@ -68,8 +68,7 @@ class Views:
             ConfigError: unknown view.
             RenderError: no OpenGL on this machine.
         """
-        if view not in VIEWS:
-            raise ConfigError(f"unknown view '{view}': {nearest(view, VIEWS)}")
+        one_of("view", view, VIEWS)
         if sim is not self._sim:
             self._forget()
             self._sim = sim

@@ -1,4 +1,4 @@
-"""The `tral` command: drive, courses, fsm, tune, calibrate, detect, print, doctor, bench.
+"""The `tral` command: drive, courses, fsm, tune, train, calibrate, detect, print, doctor, bench.
 
 Each subcommand has a file; heavy modules are imported when a command needs them.
 """
@@ -19,6 +19,7 @@ from tral_fsm.cli.doctor import command as doctor_command
 from tral_fsm.cli.drive import command as drive_command
 from tral_fsm.cli.fsm import app as fsm_app
 from tral_fsm.cli.print import app as print_app
+from tral_fsm.cli.train import command as train_command
 from tral_fsm.cli.tune import command as tune_command
 
 app = typer.Typer(
@@ -33,6 +34,7 @@ app.command("drive")(drive_command)
 app.command("courses")(courses_command)
 app.command("compare")(compare_command)
 app.command("tune")(tune_command)
+app.command("train")(train_command)
 app.command("calibrate")(calibrate_command)
 app.command("detect")(detect_command)
 app.command("doctor")(doctor_command)
@@ -55,4 +57,4 @@ def main(
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
     ] = False,
 ) -> None:
-    """Small Ackermann cars in corridors: drive them, look at courses, tune machines, calibrate cameras, see markers."""
+    """Small Ackermann cars in corridors: drive them, tune machines, train networks, calibrate cameras, see markers."""

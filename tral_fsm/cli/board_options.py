@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
+
+if TYPE_CHECKING:
+    from tral_env.calibration.board_hints import BoardHint
 
 BoardKind = Literal["charuco", "chessboard"]
 Kind = Annotated[BoardKind, typer.Option(help="Kind of the board.")]
@@ -16,3 +19,16 @@ Dictionary = Annotated[str, typer.Option(help="Dictionary of a charuco board's m
 Legacy = Annotated[
     bool, typer.Option("--legacy", help="Charuco board with a white upper left square, as OpenCV before 4.6 drew it.")
 ]
+
+
+def hint_as_options(hint: BoardHint) -> str:
+    """Word a hint at another board by the options of the command that would find it."""
+    options = " ".join(_option(name, value) for name, value in hint.fields.items())
+    return f"{hint.told}: {options}" if options else hint.told
+
+
+def _option(name: str, value: Any) -> str:
+    if name == "legacy":
+        return "--legacy" if value else "without --legacy"
+    given = str(value).removeprefix("DICT_") if name == "dictionary" else value
+    return f"--{'board' if name == 'kind' else name} {given}"

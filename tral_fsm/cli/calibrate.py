@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tral_env.errors import ConfigError
+from tral_env.errors import CalibrationError, ConfigError
 from tral_fsm.cli import board_options
 from tral_fsm.cli.console import FAILED
 from tral_fsm.evaluation.files import prepare_folder, write_figure, write_json
@@ -144,7 +144,6 @@ def run(asked: CalibrateArguments, board: Board, out: Path, *, quiet: bool) -> d
         RenderError: the simulated camera finds no OpenGL.
     """
     from tral_env.calibration.camera_info import load_lens
-    from tral_env.calibration.solve import calibrate_collection
     from tral_env.calibration.views import Collection
 
     truth = load_lens(asked.lens) if asked.simulated else None
@@ -153,7 +152,7 @@ def run(asked: CalibrateArguments, board: Board, out: Path, *, quiet: bool) -> d
     collection = Collection(board)
     with contextlib.closing(images):
         _look(images, collection, asked, out, total, quiet=quiet)
-    result = calibrate_collection(collection, radial=asked.radial)
+    result = _fit(collection, asked.radial)
     report = _write(result, truth, asked, board, out)
     if not quiet:
         from tral_fsm.cli.calibrate_show import print_calibration
@@ -202,6 +201,18 @@ def _look(
             # Ctrl-C is the usual end of a camera.
             if not live:
                 raise
+
+
+def _fit(collection: Collection, radial: int) -> Calibration:
+    """Fit the lens; an error that hints at another board tells its options."""
+    from tral_env.calibration.solve import TooFewViewsError, calibrate_collection
+
+    try:
+        return calibrate_collection(collection, radial=radial)
+    except TooFewViewsError as error:
+        if error.hint is None:
+            raise
+        raise CalibrationError(f"{error.told} Hint: {board_options.hint_as_options(error.hint)}") from error
 
 
 def _looked_at(collection: Collection) -> int:

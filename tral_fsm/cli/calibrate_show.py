@@ -15,6 +15,7 @@ from rich.text import Text
 from tral_env.calibration.record import difference_px, parameters
 from tral_env.calibration.solve import uncovered
 from tral_env.calibration.views import Collection, Rejected, View
+from tral_fsm.cli.board_options import hint_as_options
 from tral_fsm.cli.terminal import print_figures
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ class LiveCoverage:
     def __call__(self, seen: View | Rejected) -> None:
         """Show the result of an image."""
         self._last = f"{seen.name}: "
-        self._last += f"{len(seen.ids)} corners" if isinstance(seen, View) else f"{seen.reason}, {seen.detail}"
+        self._last += f"{len(seen.ids)} corners" if isinstance(seen, View) else f"{seen.reason}, {_detail(seen)}"
         self._screen.update(self._picture())
 
     def _picture(self) -> Group:
@@ -112,13 +113,17 @@ def print_calibration(result: Calibration, truth: CameraConfig | None = None) ->
     console.print(f"Worst views [px]: {named}", markup=False)
     for reason in dict.fromkeys(one.reason for one in result.rejected):
         ones = [one for one in result.rejected if one.reason == reason]
-        listed = "; ".join(f"{one.name}: {one.detail}" for one in ones[:_MAX_NAMED]) + (
+        listed = "; ".join(f"{one.name}: {_detail(one)}" for one in ones[:_MAX_NAMED]) + (
             "; ..." * (len(ones) > _MAX_NAMED)
         )
         console.print(f"Rejected, {reason}: {len(ones)} ({listed})", markup=False)
     console.print(Text("good", style="bold green") if result.good else Text("poor", style="bold red"))
     for line in result.advice:
         console.print(f"- {line}", markup=False)
+
+
+def _detail(one: Rejected) -> str:
+    return f"{one.detail}; {hint_as_options(one.hint)}" if one.hint else one.detail
 
 
 def _parameter_table(result: Calibration, truth: CameraConfig | None) -> Table:

@@ -14,6 +14,7 @@ from tral_env.errors import (
     LostWorkerError,
     MissingExtraError,
     PolicyError,
+    PolicyFileError,
     RenderError,
     SimulationError,
     TralError,
@@ -37,7 +38,7 @@ class Guarded(TyperGroup):
             raise typer.Exit(_exit_code(error)) from None
 
 
-_BAD_FILES = (SimulationError, FormatError, CourseError, PolicyError, CalibrationError)
+_BAD_FILES = (SimulationError, FormatError, CourseError, PolicyError, PolicyFileError, CalibrationError)
 """A drive or a file is bad, not the command."""
 
 

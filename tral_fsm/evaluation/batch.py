@@ -19,7 +19,7 @@ from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course
 from tral_env.course.scene import Pool
 from tral_env.options import CorridorConfig
-from tral_env.randomization import level, makes_hard_courses
+from tral_env.randomization import level
 from tral_env.world import Drawn, Step, World, car_stream
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
@@ -71,7 +71,7 @@ class BatchRunner:
             for name in scenarios:
                 self._pool = self._pool.union(Pool.for_scenario(name))
         self._world: World | None = None
-        self._randomization, self._hard = level(randomization), makes_hard_courses(randomization)
+        self._randomization = level(randomization)
         self.patience_s = math.inf if stuck_s is None else stuck_s
         """Time without progress after which the drive of a car ends, s."""
         self._drawn: dict[tuple[str, int], tuple[Drawn, np.random.Generator]] = {}
@@ -151,7 +151,7 @@ class BatchRunner:
         key = request.scenario, request.seed
         if key not in self._drawn:
             rng = seeding.np_random(request.seed)[0]
-            course, plan = self._fixed or generate_plan(request.scenario, rng, hard=self._hard)
+            course, plan = self._fixed or generate_plan(request.scenario, rng, hard=self._randomization.hard_courses)
             own = car_stream(rng)
             self._drawn[key] = Drawn(course, plan, self._randomization.draw(own)), own
         drawn, rng = self._drawn[key]

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT
+from tral_env.speed_control import THROTTLE_DEAD
 from tral_fsm.control.command import Command
-from tral_fsm.control.speed import BRAKE, MOVING_MPS, ROLLING_MPS, THROTTLE_DEAD
+from tral_fsm.control.speed import BRAKE, MOVING_MPS, ROLLING_MPS
 from tral_fsm.definition.needs import HALL
 
 MAX_SILENCE_S = 0.5

@@ -12,7 +12,7 @@ from tral_fsm.tuning.parameters import Parameter
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class CostPlane:
     """Cost over two parameters; the others have the values of the result."""
 
@@ -30,7 +30,7 @@ class CostPlane:
     """(ny, nx) share of drives that ended at a wall."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class CostLine:
     """Cost along one parameter; the others have the values of the result."""
 

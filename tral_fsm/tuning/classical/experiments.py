@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from tral_env.course.layout import Course, Segment, Start
 from tral_env.geometry import SIDE_SONAR_Y_M
 from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ, CORE_LAYOUT
+from tral_env.speed_control import speed_control
 from tral_env.vector_env import TralCorridorVectorEnv
 from tral_fsm.conditions.simple import DistanceSpec
 from tral_fsm.control.laws import damping
-from tral_fsm.control.speed import speed_control
 from tral_fsm.definition.machine import MachineDefinition, TransitionSpec
 from tral_fsm.runtime.policy import MachinePolicy
 from tral_fsm.states.wall import BasicFollowWallSpec, WallSpec

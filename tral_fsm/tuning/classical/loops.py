@@ -24,7 +24,7 @@ class WallGains:
     """Keys and indices that lead to the state in the definition, as in `parameters.Site`."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Response:
     """Response of simulated cars to a step in the wanted clearance."""
 

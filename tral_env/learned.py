@@ -1,0 +1,203 @@
+"""A trained network as a policy, in numpy: neither torch nor the program that trained it is needed to drive.
+
+`tral_env.policy_file` reads and writes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.arrays import Flags
+from tral_env.errors import ConfigError, nearest
+from tral_env.interface import CORE_FIELDS, CORE_LAYOUT
+from tral_env.learner import Actuation, LearnerConfig, LearnerView
+
+Values = NDArray[np.float32]
+
+MAX_LAYERS = 16
+"""A network has so many layers at most."""
+
+ACTIVATIONS: Mapping[str, Callable[[Values], Values]] = {
+    "relu": lambda x: np.maximum(x, 0.0, out=x),
+    "tanh": lambda x: np.tanh(x, out=x),
+}
+"""What follows each layer but the last, by name."""
+OUTPUTS: Mapping[str, Callable[[Values], Values]] = {
+    "clip": lambda x: np.minimum(np.maximum(x, -1.0, out=x), 1.0, out=x),
+    "tanh": lambda x: np.tanh(x, out=x),
+}
+"""What follows the last layer, by name: actions are in [-1, 1]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Network:
+    """A perceptron that decides for cars."""
+
+    learner: LearnerConfig
+    """What it sees, how often it decides, and what its two answers mean."""
+    layers: Sequence[tuple[Values, Values]]
+    """Weights (outputs, inputs) and biases (outputs,) of each layer."""
+    activation: str = "relu"
+    """One of `ACTIVATIONS`."""
+    output: str = "clip"
+    """One of `OUTPUTS`."""
+    normalization: tuple[Values, Values] | None = None
+    """Mean and standard deviation of each input, which are taken from it and divided by; None: inputs stay as they
+    are."""
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    """Where it comes from: algorithm, courses, seeds, versions, curve; for JSON."""
+
+    def __post_init__(self) -> None:
+        for name, allowed in (("activation", ACTIVATIONS), ("output", OUTPUTS)):
+            if getattr(self, name) not in allowed:
+                raise ConfigError(f"unknown {name} '{getattr(self, name)}': {nearest(getattr(self, name), allowed)}")
+        if not 1 <= len(self.layers) <= MAX_LAYERS:
+            raise ConfigError(f"{len(self.layers)} layers: expected 1 to {MAX_LAYERS}")
+        inputs = LearnerView(self.learner, 1).size
+        for place, values in zip(("mean", "standard deviation"), self.normalization or (), strict=False):
+            if values.shape != (inputs,):
+                raise ConfigError(f"{place} of the inputs has shape {values.shape}: expected ({inputs},)")
+        for index, (weight, bias) in enumerate(self.layers):
+            outputs = 2 if index == len(self.layers) - 1 else len(bias)
+            if weight.shape != (outputs, inputs) or bias.shape != (outputs,):
+                raise ConfigError(
+                    f"layer {index} has weights {weight.shape} and biases {bias.shape}: expected ({outputs}, {inputs}) "
+                    f"and ({outputs},)"
+                )
+            inputs = outputs
+
+    def actions(self, observation: Values) -> Values:
+        """Actions (k, 2) in [-1, 1] for observations (k, H * F)."""
+        x = observation
+        if self.normalization is not None:
+            x = (x - self.normalization[0]) / self.normalization[1]
+        activation = ACTIVATIONS[self.activation]
+        for weight, bias in self.layers[:-1]:
+            x = activation(x @ weight.T + bias)
+        weight, bias = self.layers[-1]
+        return OUTPUTS[self.output](x @ weight.T + bias)
+
+
+class LearnedPolicy:
+    """Drives cars with a network."""
+
+    def __init__(self, network: Network) -> None:
+        """Make a policy for one car; `reset(n)` for more."""
+        self.network = network
+        self.needed_readings = _needed(network.learner)
+        """Names of the readings without which it cannot drive, see `tral_env.interface.check_readings`."""
+        self._size = CORE_LAYOUT.size
+        self._low = np.array([each.low for each in CORE_FIELDS], np.float32)
+        self._high = np.array([each.high for each in CORE_FIELDS], np.float32)
+        self._distance, self._speed = CORE_LAYOUT.column("distance"), CORE_LAYOUT.column("speed")
+        self.reset()
+
+    def reset(self, n: int = 1) -> None:
+        """Start again with n cars."""
+        learner = self.network.learner
+        self._view, self._actuation = LearnerView(learner, n), Actuation(learner, n)
+        self._fresh = np.ones(n, bool)
+        self._way = np.zeros(n, np.float32)
+        self._wanted = np.zeros((n, 2))
+
+    def reset_rows(self, rows: Flags) -> None:
+        """Start the cars again where `rows` (n,) is true.
+
+        Raises:
+            ConfigError: `rows` is not one truth value for each car.
+        """
+        if np.shape(rows) != self._fresh.shape or np.asarray(rows).dtype != np.bool_:
+            raise ConfigError(
+                f"rows to reset: got {np.asarray(rows).dtype} of shape {np.shape(rows)}, "
+                f"expected bool of shape {self._fresh.shape}"
+            )
+        self._fresh |= rows
+
+    def act(self, observation: NDArray[np.floating]) -> Values:
+        """Run one tick. A car whose distance has fallen begins a new episode.
+
+        Args:
+            observation: (d,) or (n, d), the columns of `tral_env.interface.Layout`; not features.
+
+        Returns:
+            (2,) or (n, 2): steering, throttle.
+
+        Raises:
+            ConfigError: the observation has another shape, or a value is NaN or out of its bounds.
+        """
+        readings = self._checked(observation)
+        fresh = self._fresh | (readings[:, self._distance] < self._way)
+        self._way = readings[:, self._distance]
+        if fresh.any():
+            self._view.update(readings, ~fresh)
+            self._view.reset(fresh, readings)
+            self._actuation.reset(fresh)
+            self._fresh = np.zeros(len(fresh), bool)
+        else:
+            self._view.update(readings)
+        due = self._view.due
+        if due.all():
+            self._wanted = self._actuation.wanted(self.network.actions(self._view.observation()))
+        elif due.any():
+            actions = self.network.actions(self._view.observation()[due])
+            self._wanted[due] = self._actuation.wanted(actions)
+        command = self._actuation.command(self._wanted, readings[:, self._speed]).astype(np.float32)
+        return command[0] if observation.ndim == 1 else command
+
+    def _checked(self, observation: NDArray[np.floating]) -> Values:
+        rows = np.atleast_2d(np.asarray(observation, np.float32))[:, : self._size]
+        if rows.shape != (len(self._fresh), self._size):
+            raise ConfigError(
+                f"observation has shape {np.shape(observation)}, expected ({len(self._fresh)}, {self._size} or more): "
+                "the fields of tral_env.interface.CORE_LAYOUT, and a row for each car of reset(n); the policy makes "
+                "its features itself"
+            )
+        within = (rows >= self._low) & (rows <= self._high)
+        if not within.all():
+            row, column = np.argwhere(~within)[0].tolist()
+            each = CORE_FIELDS[column]
+            raise ConfigError(
+                f"observation: {each.name} = {rows[row, column]:g} in row {row}, allowed {each.low:g} to "
+                f"{each.high:g} {each.unit}: hand over the readings as the environment gives them, not normalized"
+            )
+        return rows
+
+    def predict(
+        self,
+        observation: NDArray[np.floating],
+        state: Any = None,
+        episode_start: Flags | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Values, Any]:
+        """The signature of Stable-Baselines3's policies.
+
+        Args:
+            observation: (d,) or (n, d); n as in the last `reset`, or another one where all cars begin an episode.
+            state: returned unchanged, since the policy keeps its own.
+            episode_start: (n,) true for cars whose episode begins now.
+            deterministic: not used, since the policy always is.
+
+        Returns:
+            Action (2,) or (n, 2), and the state.
+
+        Raises:
+            ConfigError: see `act`.
+        """
+        n = 1 if observation.ndim == 1 else len(observation)
+        if n != len(self._fresh) and (self._fresh.all() or (episode_start is not None and np.all(episode_start))):
+            self.reset(n)
+        if episode_start is not None and n == len(self._fresh):
+            self.reset_rows(np.atleast_1d(episode_start))
+        return self.act(observation), state
+
+
+def _needed(learner: LearnerConfig) -> frozenset[str]:
+    names = CORE_LAYOUT.names
+    if learner.observation == "features" and not learner.detections:
+        names = tuple(name for name in names if not name.startswith(("gate_", "marker_")))
+    return frozenset(names)

@@ -1,0 +1,204 @@
+"""Trained policies as files that hold no code.
+
+A policy is a folder with `policy.json`, which says what the network sees and what its answers mean, and
+`policy.safetensors`, its weights.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env import json_text, tensors
+from tral_env.atomic import write_bytes
+from tral_env.errors import ConfigError, PolicyFileError
+from tral_env.interface import CORE_FIELDS
+from tral_env.learned import LearnedPolicy, Network
+from tral_env.learner import LearnerConfig, LearnerView
+
+Values = NDArray[np.float32]
+
+FORMAT = "tral-policy"
+VERSION = 1
+JSON_NAME, WEIGHTS_NAME = "policy.json", "policy.safetensors"
+KEYS = ("format", "version", "observation", "learner", "network", "provenance")
+MAX_JSON_BYTES = 2**20
+"""A policy.json has this size at most."""
+
+
+def _schema() -> list[list[Any]]:
+    """What a network relies on of the readings: each field with its unit, bounds and missing value."""
+    return [[each.name, each.unit, each.low, each.high, each.missing] for each in CORE_FIELDS]
+
+
+def _hash(value: Any) -> str:
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
+
+
+def save(network: Network, folder: str | Path) -> Path:
+    """Write a policy.
+
+    Args:
+        network: the network.
+        folder: folder of the two files; it is made if it is missing.
+
+    Returns:
+        The path of policy.json.
+
+    Raises:
+        OSError: a file cannot be written.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    arrays: dict[str, Values] = {}
+    for index, (weight, bias) in enumerate(network.layers):
+        arrays |= {f"layer{index}.weight": weight, f"layer{index}.bias": bias}
+    if network.normalization is not None:
+        arrays |= {"input.mean": network.normalization[0], "input.std": network.normalization[1]}
+    weights = tensors.dumps(arrays)
+    view = LearnerView(network.learner, 1)
+    content = {
+        "format": FORMAT,
+        "version": VERSION,
+        "observation": {"schema": _hash(_schema()), "fields": _schema(), "frame": list(view.frame_names)},
+        "learner": network.learner.record(),
+        "network": {
+            "sizes": [view.size, *(len(bias) for _, bias in network.layers)],
+            "activation": network.activation,
+            "output": network.output,
+            "normalized": network.normalization is not None,
+            "weights_sha256": hashlib.sha256(weights).hexdigest(),
+        },
+        "provenance": dict(network.provenance),
+    }
+    write_bytes(folder / WEIGHTS_NAME, weights)
+    write_bytes(folder / JSON_NAME, (json.dumps(content, indent=2, allow_nan=False) + "\n").encode())
+    return folder / JSON_NAME
+
+
+def is_policy_file(path: str | Path) -> bool:
+    """Whether a path is a folder with a policy.json, or a file that says it is one."""
+    path = Path(path)
+    try:
+        if path.is_dir():
+            return (path / JSON_NAME).is_file()
+        if path.suffix != ".json" or not path.is_file():
+            return False
+        with path.open("rb") as file:
+            return f'"{FORMAT}"'.encode() in file.read(512)
+    except (OSError, ValueError):
+        return False
+
+
+def load(path: str | Path) -> LearnedPolicy:
+    """Read a policy.
+
+    Args:
+        path: the folder, or the policy.json in it.
+
+    Raises:
+        PolicyFileError: a file cannot be read, is damaged, or was made for other readings.
+    """
+    path = Path(path)
+    return LearnedPolicy(load_network(path / JSON_NAME if path.is_dir() else path))
+
+
+def load_network(path: Path) -> Network:
+    """Read a network from its policy.json and the weights beside it.
+
+    Raises:
+        PolicyFileError: a file cannot be read, is damaged, or was made for other readings.
+    """
+    content = _content(path)
+    _check_schema(content, path)
+    try:
+        learner = LearnerConfig.of(content["learner"])
+    except (ConfigError, TypeError) as error:
+        raise PolicyFileError(f"{path}: learner: {error}") from error
+    _check_frame(content, learner, path)
+    about = content["network"]
+    weights = path.with_name(WEIGHTS_NAME)
+    try:
+        raw = weights.read_bytes() if weights.stat().st_size <= tensors.MAX_BYTES else b""
+    except OSError as error:
+        raise PolicyFileError(f"{weights}: cannot be read: {error.strerror}: it belongs beside {path.name}") from error
+    arrays = tensors.loads(raw, str(weights))
+    if hashlib.sha256(raw).hexdigest() != about.get("weights_sha256"):
+        raise PolicyFileError(f"{weights}: these are not the weights of {path}: copy both files together")
+    try:
+        return _network(learner, about, arrays, content["provenance"])
+    except (ConfigError, KeyError, TypeError) as error:
+        raise PolicyFileError(f"{path}: network: {error}") from error
+
+
+def _network(learner: LearnerConfig, about: Mapping[str, Any], arrays: dict[str, Values], provenance: Any) -> Network:
+    """The network of checked files; a KeyError tells what is missing."""
+    count = len(about["sizes"]) - 1
+    layers = [(arrays[f"layer{index}.weight"], arrays[f"layer{index}.bias"]) for index in range(count)]
+    normalization = (arrays["input.mean"], arrays["input.std"]) if about["normalized"] else None
+    return Network(
+        learner=learner,
+        layers=layers,
+        activation=about["activation"],
+        output=about["output"],
+        normalization=normalization,
+        provenance=provenance,
+    )
+
+
+def _content(path: Path) -> dict[str, Any]:
+    try:
+        if path.stat().st_size > MAX_JSON_BYTES:
+            raise PolicyFileError(f"{path}: more than {MAX_JSON_BYTES} bytes: it is no policy")
+        content = json.loads(json_text.read(path))
+    except OSError as error:
+        raise PolicyFileError(f"{path}: cannot be read: {error.strerror}") from error
+    except (ValueError, RecursionError) as error:
+        raise PolicyFileError(f"{path}: no JSON: {error}") from error
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise PolicyFileError(f'{path}: no policy: expected an object with "format": "{FORMAT}"')
+    if content.get("version") != VERSION:
+        raise PolicyFileError(f"{path}: version {content.get('version')!r}: this program reads version {VERSION}")
+    for key in KEYS:
+        if key not in content:
+            raise PolicyFileError(f"{path}: '{key}' is missing: expected {', '.join(KEYS)}")
+    for key in ("observation", "learner", "network", "provenance"):
+        if not isinstance(content[key], dict):
+            raise PolicyFileError(f"{path}: {key}: expected an object")
+    return content
+
+
+def _check_schema(content: Mapping[str, Any], path: Path) -> None:
+    """Refuse a policy that was made for other readings, and tell what differs."""
+    about = content["observation"]
+    if about.get("schema") == _hash(_schema()):
+        return
+    theirs = {each[0]: each for each in about.get("fields") or [] if isinstance(each, list) and each}
+    ours = {each[0]: each for each in _schema()}
+    differences = [f"it has no '{name}'" for name in ours if name not in theirs]
+    differences += [f"'{name}' is unknown here" for name in theirs if name not in ours]
+    differences += [
+        f"'{name}' is {theirs[name][1:]} there and {mine[1:]} here (unit, lowest, highest, missing)"
+        for name, mine in ours.items()
+        if name in theirs and theirs[name] != mine
+    ]
+    if not differences:
+        differences = ["the fields come in another order"]
+    raise PolicyFileError(f"{path}: made for other readings: {'; '.join(differences[:10])}: train it anew")
+
+
+def _check_frame(content: Mapping[str, Any], learner: LearnerConfig, path: Path) -> None:
+    ours, theirs = list(LearnerView(learner, 1).frame_names), content["observation"].get("frame")
+    if theirs != ours:
+        lacking = [name for name in ours if name not in (theirs or [])]
+        unknown = [str(name) for name in theirs or [] if name not in ours]
+        raise PolicyFileError(
+            f"{path}: made for other features: it lacks {', '.join(lacking) or 'none'}, and has beside them "
+            f"{', '.join(unknown) or 'none'}, or another order: train it anew"
+        )

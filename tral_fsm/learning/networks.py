@@ -1,0 +1,76 @@
+"""Perceptrons of torch, and how they become policies of numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from tral_env.errors import ConfigError, MissingExtraError, nearest
+from tral_env.learned import Network
+from tral_env.learner import LearnerConfig
+
+try:
+    import torch as torch  # run.py takes it from here, behind the word about the extra
+    from torch import nn
+except ImportError as error:
+    raise MissingExtraError("torch", "rl", "tral train") from error
+
+ACTIVATIONS: Mapping[str, Any] = {"relu": nn.ReLU, "tanh": nn.Tanh}
+
+
+def perceptron(sizes: Sequence[int], activation: str) -> nn.Sequential:
+    """Linear layers with an activation between them.
+
+    Args:
+        sizes: inputs, hidden layers, outputs.
+        activation: one of `ACTIVATIONS`.
+
+    Raises:
+        ConfigError: unknown activation.
+    """
+    if activation not in ACTIVATIONS:
+        raise ConfigError(f"unknown activation '{activation}': {nearest(activation, ACTIVATIONS)}")
+    parts: list[nn.Module] = []
+    for inputs, outputs in pairwise(sizes):
+        parts += [nn.Linear(inputs, outputs), ACTIVATIONS[activation]()]
+    return nn.Sequential(*parts[:-1])
+
+
+def as_network(
+    modules: Sequence[nn.Module], learner: LearnerConfig, *, output: str, provenance: Mapping[str, Any]
+) -> Network:
+    """The network of numpy that does what modules of torch do.
+
+    Args:
+        modules: linear layers with one kind of activation between them.
+        learner: what it sees and does.
+        output: what follows the last layer, one of `tral_env.learned.OUTPUTS`.
+        provenance: where it comes from.
+
+    Raises:
+        ConfigError: a module is neither a linear layer nor such an activation.
+    """
+    layers, activations = [], set()
+    for module in modules:
+        if isinstance(module, nn.Linear):
+            layers.append((_numpy(module.weight), _numpy(module.bias)))
+        else:
+            activations.add(type(module))
+    names = [name for name, kind in ACTIVATIONS.items() if kind in activations]
+    if len(activations) != len(names) or len(names) > 1:
+        told = ", ".join(sorted(kind.__name__ for kind in activations))
+        raise ConfigError(f"layers between {told}: expected one of {', '.join(ACTIVATIONS)}")
+    return Network(
+        learner=learner,
+        layers=layers,
+        activation=names[0] if names else "relu",
+        output=output,
+        provenance=provenance,
+    )
+
+
+def _numpy(tensor: torch.Tensor) -> Any:
+    return np.array(tensor.detach().cpu().numpy(), np.float32)

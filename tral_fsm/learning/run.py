@@ -1,0 +1,238 @@
+"""A training as it goes: its time, its curve, its best network, and the files from which it goes on."""
+
+from __future__ import annotations
+
+import io
+import json
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from tral_env import policy_file
+from tral_env.atomic import write_bytes
+from tral_env.errors import ConfigError
+from tral_env.learned import LearnedPolicy, Network
+from tral_fsm.evaluation.files import prepare_folder, write_json
+from tral_fsm.evaluation.host import host
+from tral_fsm.evaluation.seeds import stretches
+from tral_fsm.learning.choices import VALIDATION_SEEDS, TrainRequest
+from tral_fsm.learning.networks import torch
+from tral_fsm.learning.validation import Score, Validation
+
+REQUEST, CURVE, PICTURE, CHECKPOINT = "train.json", "curve.json", "curve.png", "checkpoint.pt"
+MIN_PAUSE_S = 20.0
+"""Time between two validations, s, at the least."""
+PAUSES = 6.0
+"""The time between two validations is so many times as long as the last one took: they take a seventh of the time."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """How far a training is."""
+
+    share: float
+    """Of the time or the steps, in [0, 1]."""
+    seconds: float
+    steps: int
+    """Decisions of all cars together."""
+    success: float | None
+    """Of the latest episodes of the training; None before the first."""
+    best: Score | None
+    """Best validation so far."""
+
+
+class Curve:
+    """Points of a training, and the summary of its file."""
+
+    def __init__(self, points: list[dict[str, Any]]) -> None:
+        self.points = points
+
+    @property
+    def seconds(self) -> float:
+        """Time of the last point, s."""
+        return float(self.points[-1]["seconds"]) if self.points else 0.0
+
+    @property
+    def steps(self) -> int:
+        """Decisions of the last point."""
+        return int(self.points[-1]["steps"]) if self.points else 0
+
+
+class TrainingRun:
+    """Files and clock of a training. Use it as a context; the clock runs within."""
+
+    def __init__(
+        self,
+        request: TrainRequest,
+        settings: Any,
+        folder: Path,
+        *,
+        resume: bool = False,
+        on_progress: Callable[[Progress], None] | None = None,
+    ) -> None:
+        """Open the folder.
+
+        Args:
+            request: what is asked for.
+            settings: the dataclass of the algorithm's hyper-parameters.
+            folder: folder of the files.
+            resume: go on with the training in the folder.
+            on_progress: called a few times a second.
+
+        Raises:
+            ConfigError: the folder cannot be written, or has no training that this one can go on with.
+        """
+        self.request, self.settings, self.folder = request, settings, folder
+        self._on_progress, self._resumed = on_progress, resume
+        prepare_folder(folder)
+        asked = {"request": request.record(), "settings": _plain(asdict(settings))}
+        points = _resumed(folder, asked) if resume else []
+        if not resume:
+            _forget(folder)
+        write_json(folder / REQUEST, asked | {"host": host()})
+        self.curve = Curve(points)
+        self.best: Score | None = _best(points)
+        self.steps = self.curve.steps
+        self._before_s = self.curve.seconds
+        self._began = time.monotonic()
+        self._validated_s, self._cost_s = self.seconds, 0.0
+        self._seeds = VALIDATION_SEEDS[: -(-request.validation // len(request.scenarios))]
+        self.validation = Validation(request.scenarios, self._seeds, request.randomization, request.nthread)
+
+    def __enter__(self) -> TrainingRun:
+        self._began = time.monotonic()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.validation.close()
+
+    def keep(self, state: Mapping[str, Any]) -> None:
+        """Write what the algorithm needs to go on: tensors, numbers, and mappings and lists of them."""
+        content = io.BytesIO()
+        torch.save(dict(state), content)
+        write_bytes(self.folder / CHECKPOINT, content.getvalue())
+
+    def kept(self) -> dict[str, Any] | None:
+        """What `keep` wrote, if this training goes on with an earlier one; else None.
+
+        Raises:
+            ConfigError: the file is damaged.
+        """
+        if not self._resumed:
+            return None
+        try:
+            state: dict[str, Any] = torch.load(self.folder / CHECKPOINT, weights_only=True)  # runs no code
+        except Exception as error:
+            raise ConfigError(f"--resume: {self.folder / CHECKPOINT} is damaged: {error}") from error
+        return state
+
+    @property
+    def seconds(self) -> float:
+        """Time of the training so far, those that it goes on with included, s."""
+        return self._before_s + time.monotonic() - self._began
+
+    @property
+    def share(self) -> float:
+        """Of the training that is done, in [0, 1]; the time of the last validation belongs to it."""
+        if self.request.steps is not None:
+            return min(self.steps / self.request.steps, 1.0)
+        assert self.request.minutes is not None
+        return min((self.seconds + self._cost_s) / (60.0 * self.request.minutes), 1.0)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether time or steps are used up."""
+        return self.share >= 1.0
+
+    def tell(self, success: float | None) -> None:
+        """Tell how far the training is."""
+        if self._on_progress is not None:
+            self._on_progress(
+                Progress(share=self.share, seconds=self.seconds, steps=self.steps, success=success, best=self.best)
+            )
+
+    @property
+    def is_validation_due(self) -> bool:
+        """Whether it is time to look at the network."""
+        return self.seconds - self._validated_s > max(MIN_PAUSE_S, PAUSES * self._cost_s)
+
+    def validate(self, network: Network, figures: Mapping[str, Any]) -> Score:
+        """Drive the validation, keep the network if it is the best so far, and write the curve.
+
+        Args:
+            network: the network.
+            figures: what the training tells of itself: success, episodes, loss.
+        """
+        began = time.monotonic()
+        score = self.validation.score(LearnedPolicy(network))
+        self._cost_s = time.monotonic() - began
+        self._validated_s = self.seconds
+        point = {"seconds": round(self.seconds, 1), "steps": self.steps, **figures, "validation": score.record()}
+        self.curve.points.append(point)
+        if score.is_better_than(self.best):
+            self.best = score
+            self._save(network, score)
+        write_json(self.folder / CURVE, self.curve.points)
+        return score
+
+    def _save(self, network: Network, score: Score) -> None:
+        provenance = {
+            **network.provenance,
+            "request": self.request.record(),
+            "settings": _plain(asdict(self.settings)),
+            "training_seeds": f"{self.request.first_seed} and what is drawn after it",
+            "validation": score.record(),
+            "validation_seeds": stretches(self._seeds),
+            "seconds": round(self.seconds, 1),
+            "steps": self.steps,
+            "curve": self.curve.points,
+            "host": host(),
+        }
+        policy_file.save(replace(network, provenance=provenance), self.folder)
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON gives it back."""
+    return json.loads(json.dumps(value))
+
+
+def _best(points: list[dict[str, Any]]) -> Score | None:
+    best: Score | None = None
+    for point in points:
+        score = Score(**point["validation"])
+        best = score if score.is_better_than(best) else best
+    return best
+
+
+def _forget(folder: Path) -> None:
+    """Remove the files of an older training, so that two do not mix."""
+    for name in (REQUEST, CURVE, PICTURE, CHECKPOINT, policy_file.JSON_NAME, policy_file.WEIGHTS_NAME):
+        (folder / name).unlink(missing_ok=True)
+
+
+_MAY_CHANGE = ("minutes", "steps", "nthread")
+"""What of a request may differ from that of the training that is gone on with."""
+
+
+def _resumed(folder: Path, asked: dict[str, Any]) -> list[dict[str, Any]]:
+    """The curve of the training in a folder, if it is the one that is asked for."""
+    if not (folder / CHECKPOINT).is_file():
+        raise ConfigError(f"--resume: {folder} has no {CHECKPOINT}: leave --resume out to begin one there")
+    try:
+        old = json.loads((folder / REQUEST).read_text(encoding="utf-8"))
+        points = json.loads((folder / CURVE).read_text(encoding="utf-8"))
+        for part in ("request", "settings"):
+            for name, value in asked[part].items():
+                if name not in _MAY_CHANGE and old[part][name] != value:
+                    raise ConfigError(
+                        f"--resume: {folder} was trained with {name} = {old[part][name]!r}, got {value!r}: "
+                        "give the same, or another --out"
+                    )
+        _best(points)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        if isinstance(error, ConfigError):
+            raise
+        raise ConfigError(f"--resume: the files in {folder} are damaged: {error!r}") from error
+    return list(points)
