@@ -10,9 +10,11 @@ import pytest
 from courses import TWO_WALLS, blind
 
 from tral_env.errors import ConfigError, TralError
-from tral_fsm.evaluation import contenders as contenders_module
+from tral_env.learned import Network
+from tral_env.learner import LearnerConfig, LearnerView
+from tral_env.policy_file import save
 from tral_fsm.evaluation.batch import BatchRunner
-from tral_fsm.evaluation.contenders import contender, contenders, object_agent, row_policies, starts_rows
+from tral_fsm.evaluation.contenders import contender, contenders, object_agent, row_policies
 from tral_fsm.evaluation.episode import EpisodeRequest
 from tral_fsm.formats import write
 
@@ -87,49 +89,49 @@ def test_an_unknown_policy_is_refused_with_the_nearest_name() -> None:
         contenders("offise")
 
 
-class Network:
-    """A policy of a file: it acts on many rows, and tells how it was made."""
+def trained(folder: Path, seed: int) -> Path:
+    """A policy file whose network has random weights."""
+    learner = LearnerConfig()
+    weights = np.random.default_rng(seed).normal(size=(2, LearnerView(learner, 1).size)).astype(np.float32)
+    layers = [(weights, np.zeros(2, np.float32))]
+    return save(Network(learner=learner, layers=layers, provenance={"algorithm": "ppo", "seed": seed}), folder)
 
-    def __init__(self, **provenance: Any) -> None:
-        self.provenance = provenance
 
+def test_policy_files_are_agents_with_their_provenance(tmp_path: Path) -> None:
+    first, second = trained(tmp_path / "ppo0", 0), trained(tmp_path / "ppo1", 1)
+    assert contender(str(first)).name == contender(str(first.parent)).name == "ppo0"
+    one = contender(f"ppo={first}+{second.parent}")
+    assert [agent.kind for agent in one.agents] == ["policy file"] * 2
+    assert [agent.provenance["seed"] for agent in one.agents] == [0, 1]
+    assert one.agents[0].digest == contender(str(first.parent)).agents[0].digest != one.agents[1].digest
+
+
+def test_a_policy_file_drives_in_a_batch_as_alone(tmp_path: Path) -> None:
+    agent = contender(str(trained(tmp_path / "ppo0", 0))).agents[0]
+    requests = [EpisodeRequest(0, "straight", seed) for seed in (1, 2, 3)]
+    found = [
+        BatchRunner(["straight"], rows=rows, randomization="none").drive_with(
+            lambda world: row_policies(agent, world), requests
+        )
+        for rows in (1, 2)
+    ]
+    assert [one.outcome for one in found[0]] == [one.outcome for one in found[1]]
+    assert [one.time_s for one in found[0]] == pytest.approx([one.time_s for one in found[1]])
+
+
+class Steady:
     def reset(self, n: int = 1) -> None:
+        pass
+
+    def reset_rows(self, rows: Any) -> None:
         pass
 
     def act(self, observation: Any) -> Any:
         return np.tile([0.9, 0.5], (len(observation), 1))
 
 
-class RestartingNetwork(Network):
-    def reset_rows(self, rows: Any) -> None:
-        pass
-
-
-def test_a_policy_file_is_one_agent_with_its_provenance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(contenders_module, "load_policy", lambda path: Network(algorithm="PPO", seed=3))
-    folder = tmp_path / "ppo3"
-    folder.mkdir()
-    (folder / "policy.json").write_text("{}")
-    (folder / "weights.safetensors").write_bytes(b"1")
-    one = contender(str(folder / "policy.json"))
-    assert (one.name, one.agents[0].kind) == ("ppo3", "policy file")
-    assert one.record()["agents"][0]["provenance"] == {"algorithm": "PPO", "seed": 3}
-    (folder / "weights.safetensors").write_bytes(b"2")
-    assert contender(str(folder / "policy.json")).agents[0].digest != one.agents[0].digest
-
-
-@pytest.mark.parametrize(("network", "starts"), [(Network, False), (RestartingNetwork, True)])
-def test_a_policy_file_that_cannot_start_a_row_is_known(
-    network: type, starts: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert starts_rows(contender("wall").agents[0])
-    monkeypatch.setattr(contenders_module, "load_policy", lambda path: network())
-    (tmp_path / "policy.json").write_text("{}")
-    assert starts_rows(contender(str(tmp_path / "policy.json")).agents[0]) is starts
-
-
 def test_an_object_drives_in_many_rows() -> None:
-    agent = object_agent("mine", RestartingNetwork(), digest="1", seed=3)
+    agent = object_agent("mine", Steady(), digest="1", seed=3)
     assert agent.record() == {
         "source": "mine", "kind": "object", "digest": "1", "sees_truth": False, "provenance": {"seed": 3}
     }  # fmt: skip

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from tral_env import task
 from tral_env.se2 import rotate_back
+from tral_env.speed_control import SpeedRegulator
 from tral_env.world import World
 from tral_fsm.control.laws import pursuit
-from tral_fsm.control.speed import speed_control
 from tral_fsm.evaluation.episode import NO_WISH, EpisodeRequest
 from tral_fsm.evaluation.loop import Index, Pair
 from tral_fsm.evaluation.row_policies import RowPolicies, Unwatched
@@ -91,11 +91,11 @@ class TruePursuit(Unwatched):
         """Look at the cars."""
         self._world = world
         self._segment = np.zeros(world.n, np.int64)
-        self._integral = np.zeros(world.n)
+        self._regulators = [SpeedRegulator() for _ in range(world.n)]
 
     def assign(self, row: int, request: EpisodeRequest) -> None:
         """Begin at the start of the route."""
-        self._segment[row], self._integral[row] = 0, 0.0
+        self._segment[row], self._regulators[row] = 0, SpeedRegulator()
 
     def release(self, row: int) -> None:
         """Do nothing."""
@@ -111,7 +111,7 @@ class TruePursuit(Unwatched):
         wanted, speed = bend_speed(track, rows, s), world.sim.truth.speed[rows]
         commands = []
         for k, row in enumerate(rows.tolist()):
-            throttle, self._integral[row] = speed_control(float(wanted[k]), float(speed[k]), float(self._integral[row]))
+            throttle = self._regulators[row].regulate(float(wanted[k]), float(speed[k]))
             commands.append((pursuit(float(x[k]), float(y[k])), throttle))
         return commands, [NO_WISH] * len(rows)
 

@@ -19,7 +19,7 @@ from tral_env.se2 import rotate_back
 from tral_env.world import Step, World
 from tral_fsm.evaluation.analysis import LAST_POSES
 from tral_fsm.evaluation.batch import MAX_ROWS, BatchRunner
-from tral_fsm.evaluation.contenders import Agent, Contender, row_policies, starts_rows
+from tral_fsm.evaluation.contenders import Agent, Contender, row_policies
 from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
 from tral_fsm.evaluation.loop import Index
 from tral_fsm.evaluation.pool import stop_check
@@ -29,6 +29,8 @@ from tral_fsm.evaluation.suites import Suite
 
 RECORDS = "records.jsonl"
 """The drives of a comparison lie in this file of its folder."""
+JOB_DRIVES = 4 * MAX_ROWS
+"""Largest number of drives of a job. Source: choice; a process tells its drives when its job ends."""
 PATH_TICKS = 8
 """A path has a pose each so many ticks: ten a second."""
 
@@ -129,25 +131,21 @@ def wanted(suite: Suite, field: Sequence[Contender], lines: Sequence[Record]) ->
 def missing(suite: Suite, field: Sequence[Contender], lines: Sequence[Record], processes: int = 1) -> Iterator[Job]:
     """Jobs for the drives that have no line, at least one for each process if there are enough drives.
 
-    All agents take their turns on each course. Only an agent that cannot start a car while others drive has jobs of its
-    own, which are one batch each.
+    All agents take their turns on each course.
     """
     done = {key(line) for line in lines if line["kind"] == "drive"}
     agents = [(one.name, agent) for one in field for agent in one.agents]
-    together = [each for each in agents if starts_rows(each[1])]
-    groups = [(together, 4 * MAX_ROWS), *(([each], MAX_ROWS) for each in agents if each not in together)]
     for level in suite.levels:
-        for group, size in groups:
-            entries = [
-                Entry(contender=name, agent=agent, family=family, seed=seed)
-                for seed in suite.seeds
-                for family in suite.families
-                for name, agent in group
-                if (name, agent.source, level, family, seed) not in done
-            ]
-            size = min(size, max(-(-len(entries) * len(suite.levels) // processes), 1))
-            for k in range(0, len(entries), size):
-                yield Job(suite=suite, level=level, entries=tuple(entries[k : k + size]))
+        entries = [
+            Entry(contender=name, agent=agent, family=family, seed=seed)
+            for seed in suite.seeds
+            for family in suite.families
+            for name, agent in agents
+            if (name, agent.source, level, family, seed) not in done
+        ]
+        size = min(JOB_DRIVES, max(-(-len(entries) * len(suite.levels) // processes), 1))
+        for k in range(0, len(entries), size):
+            yield Job(suite=suite, level=level, entries=tuple(entries[k : k + size]))
 
 
 def _drive_here(jobs: Sequence[Job], path: Path, count: Callable[[], None]) -> None:

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from tral_env.errors import ConfigError
+from tral_env.policy_file import JSON_NAME
 from tral_env.world import World
 from tral_fsm.definition import packaged
 from tral_fsm.evaluation.baselines import BASELINES
@@ -117,15 +117,15 @@ def agent(source: str) -> Agent:
         return Agent(source=source, kind="built-in", digest="", sees_truth=baseline.sees_truth, provenance=told)
     if _PYTHON.fullmatch(source):
         find_policy(source)
-        return Agent(source=source, kind="python", digest=file_digest([Path(source.partition(".py:")[0] + ".py")]))
-    policy: Any = load_policy(ALIASES.get(source, source))
+        return Agent(source=source, kind="python", digest=file_digest(Path(source.partition(".py:")[0] + ".py")))
+    policy = load_policy(ALIASES.get(source, source))
     if isinstance(policy, MachinePolicy):
         told = {"machine": policy.definition.name or source}
         return Agent(source=source, kind="machine", digest=digest(policy.definition), provenance=told)
     path = Path(source)
-    files = [path, *sorted(path.parent.glob("*.safetensors")), *sorted(path.parent.glob("*.onnx"))]
-    told = dict(getattr(policy, "provenance", None) or {})
-    return Agent(source=source, kind="policy file", digest=file_digest(files), provenance=told)
+    about = path / JSON_NAME if path.is_dir() else path  # it tells the digest of the weights
+    told = dict(policy.network.provenance)
+    return Agent(source=source, kind="policy file", digest=file_digest(about), provenance=told)
 
 
 def object_agent(source: str, policy: Any, digest: str, **provenance: Any) -> Agent:
@@ -140,12 +140,9 @@ def object_agent(source: str, policy: Any, digest: str, **provenance: Any) -> Ag
     return Agent(source=source, kind="object", digest=digest, provenance=provenance, policy=policy)
 
 
-def file_digest(paths: Sequence[Path]) -> str:
-    """Digest of the content of files, 16 hexadecimal digits."""
-    content = hashlib.sha256()
-    for path in paths:
-        content.update(path.read_bytes())
-    return content.hexdigest()[:16]
+def file_digest(path: Path) -> str:
+    """Digest of the content of a file, 16 hexadecimal digits."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
 def row_policies(who: Agent, world: World) -> RowPolicies:
@@ -156,14 +153,7 @@ def row_policies(who: Agent, world: World) -> RowPolicies:
         return SinglePolicies(lambda: find_policy(who.source), world.n)
     if who.kind == "object":
         return BatchedPolicy(who.policy, world.n)
-    policy: Any = load_policy(ALIASES.get(who.source, who.source))
+    policy = load_policy(ALIASES.get(who.source, who.source))
     if isinstance(policy, MachinePolicy):
         return DriverPool([policy.definition], world.n)
     return BatchedPolicy(policy, world.n)
-
-
-def starts_rows(who: Agent) -> bool:
-    """Whether a row can start while others drive; else all rows start together."""
-    if who.kind != "policy file":
-        return True
-    return hasattr(load_policy(who.source), "reset_rows")

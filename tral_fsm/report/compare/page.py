@@ -21,6 +21,8 @@ from tral_fsm.report.compare.tables import (
     percent,
 )
 
+MAX_TOLD = 120
+"""The page leaves out what an agent tells of its making with more letters than these, such as its curve."""
 Plans = Mapping[tuple[str, str, int], Plan]
 """Family, level and seed -> the plan of the course."""
 
@@ -63,9 +65,16 @@ def context(shown: Mapping[str, Any], plans: Plans) -> dict[str, Any]:
         "failures": _failures(shown["failures"], plans, names),
         "statistics": shown["statistics"],
         "runs": _runs(shown["runs"]),
+        "told": {one["name"]: [_told(agent) for agent in one["agents"]] for one in contenders},
         "command": shown["command"],
         "seconds": shown["seconds"],
     }
+
+
+def _told(agent: Mapping[str, Any]) -> str:
+    """What an agent tells of its making, as far as it is short; compare.json has all of it."""
+    short = {name: value for name, value in agent["provenance"].items() if len(str(value)) <= MAX_TOLD}
+    return "".join(f"; {name}: {value}" for name, value in short.items())
 
 
 def _task(task: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
