@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -43,6 +44,9 @@ def command(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the bootstrap; it changes no drive.")] = 0,
     processes: Annotated[int, typer.Option(min=1, help="Processes that drive.")] = 1,
+    videos: Annotated[
+        int, typer.Option(min=0, help="Short videos of so many failures on the page, which need OpenGL.")
+    ] = 0,
     out: Annotated[
         Path, typer.Option(file_okay=False, help="Folder of the files; a comparison that lies there goes on.")
     ] = Path("runs/compare"),
@@ -53,7 +57,7 @@ def command(
     The command writes compare.html, compare.md and compare.json, and each drive into records.jsonl as it ends. Started
     again, it goes on where it stopped. Other policies or more courses can be added later.
     """
-    shown = run(policies, suite, courses, seed, processes, out)
+    shown = run(policies, suite, out, courses=courses, seed=seed, processes=processes, videos=videos)
     if as_json:
         typer.echo(json.dumps(without_paths(shown), indent=2, allow_nan=False))
         return
@@ -61,8 +65,15 @@ def command(
     typer.echo(f"Page: {out / PAGE}")
 
 
-def run(policies: str, suite: str, courses: int | None, seed: int, processes: int, out: Path) -> dict[str, Any]:
+def run(policies: str, suite: str, out: Path, *, courses: int | None = None, **options: int) -> dict[str, Any]:
     """Drive, analyse, and write all files.
+
+    Args:
+        policies: the contenders, see `evaluation.contenders.contenders`.
+        suite: name of the suite.
+        out: folder of the files.
+        courses: number of courses of each task; None: that of the suite.
+        options: see `compare`.
 
     Returns:
         The content of compare.json.
@@ -75,13 +86,22 @@ def run(policies: str, suite: str, courses: int | None, seed: int, processes: in
 
     opengl.require_loadable()
     chosen = suites.suite(suite).with_courses(courses)
-    return compare(chosen, contenders(policies), out, seed=seed, processes=processes)
+    return compare(chosen, contenders(policies), out, **options)
 
 
 def compare(
-    suite: Suite, field: Sequence[Contender], out: Path, *, seed: int = 0, processes: int = 1
+    suite: Suite, field: Sequence[Contender], out: Path, *, seed: int = 0, processes: int = 1, videos: int = 0
 ) -> dict[str, Any]:
-    """As `run`, for a suite and contenders that were made already."""
+    """As `run`, for a suite and contenders that were made already.
+
+    Args:
+        suite: the courses.
+        field: the contenders.
+        out: folder of the files.
+        seed: seed of the bootstrap.
+        processes: number of processes that drive.
+        videos: number of failures of which the page has a video.
+    """
     from tral_fsm.evaluation.analysis import analyse
     from tral_fsm.evaluation.comparison import drive_missing, plans_of
     from tral_fsm.report.compare.markdown import markdown
@@ -95,8 +115,36 @@ def compare(
     shown |= {"command": shlex.join([program, *sys.argv[1:]]), "seconds": round(time.perf_counter() - began, 1)}
     write_json(out / FIGURES, without_paths(shown))
     write_bytes(out / TABLES, markdown(shown).encode())
-    write_bytes(out / PAGE, page_html(shown, plans_of(shown)).encode())
+    write_bytes(out / PAGE, page_html(shown, plans_of(shown), clips(shown, suite, field, videos)).encode())
     return shown
+
+
+def clips(shown: dict[str, Any], suite: Suite, field: Sequence[Contender], videos: int) -> dict[int, bytes]:
+    """Videos of the first failures that can be driven again: number of the failure -> mp4 file."""
+    from tral_fsm.evaluation.comparison import drive_again
+    from tral_fsm.evaluation.contenders import single_policy
+    from tral_fsm.report.compare.clip import Clip
+
+    agents = {(one.name, agent.source): agent for one in field for agent in one.agents}
+    made: dict[int, bytes] = {}
+    for number, failure in enumerate(shown["failures"]):
+        if len(made) == videos:
+            break
+        policy = single_policy(agents[failure["contender"], failure["agent"]])
+        if policy is None:
+            continue
+        taken: list[Clip] = []
+
+        def watch(env: Any, failure: dict[str, Any] = failure, taken: list[Clip] = taken) -> Clip:
+            taken.append(Clip(env, failure["time_s"]))
+            return taken[0]
+
+        episode = drive_again(failure, suite, policy, watch)
+        if episode.outcome == failure["outcome"]:
+            with tempfile.TemporaryDirectory() as folder:
+                taken[0].write(Path(folder) / "clip.mp4")
+                made[number] = (Path(folder) / "clip.mp4").read_bytes()
+    return made
 
 
 def without_paths(shown: dict[str, Any]) -> dict[str, Any]:

@@ -8,20 +8,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
 from tral_env.course.generate import generate_plan
 from tral_env.course.plan import Plan
+from tral_env.interface import Policy
 from tral_env.randomization import makes_hard_courses
 from tral_env.se2 import rotate_back
 from tral_env.world import Step, World
+from tral_fsm.evaluation import rollout
 from tral_fsm.evaluation.analysis import LAST_POSES
 from tral_fsm.evaluation.batch import MAX_ROWS, BatchRunner
 from tral_fsm.evaluation.contenders import Agent, Contender, row_policies
-from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
-from tral_fsm.evaluation.loop import Index
+from tral_fsm.evaluation.episode import Episode, EpisodeRequest, EpisodeResult
+from tral_fsm.evaluation.loop import Index, Observer
 from tral_fsm.evaluation.pool import stop_check
 from tral_fsm.evaluation.records import Record, append, begin_run, collect, made_with
 from tral_fsm.evaluation.row_policies import MixedPolicies, RowPolicies
@@ -235,6 +238,29 @@ def gate_offset(gate: NDArray[np.floating], pose: NDArray[np.floating]) -> float
         float(np.cos(gate[2])), float(np.sin(gate[2])), float(pose[0] - gate[0]), float(pose[1] - gate[1])
     )
     return left
+
+
+def drive_again(
+    failure: Mapping[str, Any], suite: Suite, policy: Policy, watcher: Callable[[Any], Observer]
+) -> Episode:
+    """Drive a failure of an analysis once more in an environment that renders.
+
+    Args:
+        failure: one of "failures" of `analysis.analyse`.
+        suite: the suite that it belongs to.
+        policy: the policy that failed.
+        watcher: makes, from the environment, what is called with each tick.
+    """
+    with contextlib.closing(
+        gym.make(
+            "tral_env:TralCorridor-v0",
+            scenario=failure["scenario"],
+            randomization=failure["level"],
+            camera=suite.camera,
+            render_mode="rgb_array",
+        )
+    ) as env:
+        return rollout.drive(env, policy, failure["seed"], on_step=watcher(env.unwrapped), scenario=failure["scenario"])
 
 
 def plans_of(shown: Mapping[str, Any]) -> dict[tuple[str, str, int], Plan]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from tral_env.errors import ConfigError
+from tral_env.interface import Policy
 from tral_env.policy_file import JSON_NAME
 from tral_env.world import World
 from tral_fsm.definition import packaged
@@ -143,6 +144,13 @@ def object_agent(source: str, policy: Any, digest: str, **provenance: Any) -> Ag
 def file_digest(path: Path) -> str:
     """Digest of the content of a file, 16 hexadecimal digits."""
     return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+
+
+def single_policy(who: Agent) -> Policy | None:
+    """The policy of an agent for one car in an environment; None: it has none."""
+    if who.kind in ("built-in", "object"):
+        return None
+    return find_policy(ALIASES.get(who.source, who.source))
 
 
 def row_policies(who: Agent, world: World) -> RowPolicies:

@@ -27,12 +27,13 @@ Plans = Mapping[tuple[str, str, int], Plan]
 """Family, level and seed -> the plan of the course."""
 
 
-def page_html(shown: Mapping[str, Any], plans: Plans) -> str:
+def page_html(shown: Mapping[str, Any], plans: Plans, clips: Mapping[int, bytes] | None = None) -> str:
     """The page as text.
 
     Args:
         shown: what `evaluation.analysis.analyse` found, with "command" and "seconds".
         plans: the courses of its paths and failures.
+        clips: number of a failure -> its mp4 file.
     """
     environment = Environment(
         loader=PackageLoader("tral_fsm.report.compare", "."),
@@ -41,10 +42,10 @@ def page_html(shown: Mapping[str, Any], plans: Plans) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template("page.html.j2").render(context(shown, plans)) + "\n"
+    return environment.get_template("page.html.j2").render(context(shown, plans, clips or {})) + "\n"
 
 
-def context(shown: Mapping[str, Any], plans: Plans) -> dict[str, Any]:
+def context(shown: Mapping[str, Any], plans: Plans, clips: Mapping[int, bytes]) -> dict[str, Any]:
     """Content of the template: plain texts, lists of cells, and pictures."""
     contenders, suite = shown["contenders"], shown["suite"]
     names = [one["name"] for one in contenders]
@@ -62,7 +63,7 @@ def context(shown: Mapping[str, Any], plans: Plans) -> dict[str, Any]:
         "outcomes": svg(plots.outcomes(contenders)),
         "profiles": svg(plots.profiles(shown["profiles"])),
         "paths": _paths(shown["paths"], plans),
-        "failures": _failures(shown["failures"], plans, names),
+        "failures": _failures(shown["failures"], plans, names, clips),
         "statistics": shown["statistics"],
         "runs": _runs(shown["runs"]),
         "told": {one["name"]: [_told(agent) for agent in one["agents"]] for one in contenders},
@@ -113,8 +114,10 @@ def _paths(found: Sequence[Mapping[str, Any]], plans: Plans) -> list[dict[str, s
     return list(shown.values())
 
 
-def _failures(found: Sequence[Mapping[str, Any]], plans: Plans, names: Sequence[str]) -> list[dict[str, str]]:
-    """A picture for each failure of the gallery."""
+def _failures(
+    found: Sequence[Mapping[str, Any]], plans: Plans, names: Sequence[str], clips: Mapping[int, bytes]
+) -> list[dict[str, str]]:
+    """A picture for each failure of the gallery, and its video if there is one."""
     return [
         {
             "title": f"{one['contender']}: {_fate(one)}",
@@ -128,8 +131,9 @@ def _failures(found: Sequence[Mapping[str, Any]], plans: Plans, names: Sequence[
                 ),
                 dpi=100,
             ),
+            "clip": _data(clips[number], "video/mp4") if number in clips else "",
         }
-        for one in found
+        for number, one in enumerate(found)
     ]
 
 
@@ -163,4 +167,9 @@ def _source(figure: Figure, kind: str, mime: str, **options: Any) -> str:
     content = io.BytesIO()
     metadata = {"Date": None} if kind == "svg" else None
     figure.savefig(content, format=kind, metadata=metadata, **options)
-    return f"data:{mime};base64,{base64.b64encode(content.getvalue()).decode()}"
+    return _data(content.getvalue(), mime)
+
+
+def _data(content: bytes, mime: str) -> str:
+    """A file as the source of an element."""
+    return f"data:{mime};base64,{base64.b64encode(content).decode()}"
