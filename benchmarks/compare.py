@@ -1,17 +1,18 @@
-"""A briefly trained PPO beside the state machine, on the same courses and seeds.
+"""PPO, trained briefly, beside machines and built-in policies on courses that it has not seen.
 
-    python benchmarks/compare.py --steps 20000 --scenario straight --seeds 1000:1010
+    python benchmarks/compare.py --steps 20000 --scenario straight --courses 10 --out runs/compare
 
 A few thousand steps make no good driver. The figures show that training works from env to policy, and what a learner
-has to beat.
+has to beat. The rest is `tral compare`, with its page and its records. Started again, the script trains again, and
+drives what is missing. With --suite standard the same contenders drive the courses of the published tables.
 """
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import math
 import time
-from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,17 +20,14 @@ from typing import Annotated, Any
 import gymnasium as gym
 import numpy as np
 import typer
-from rich import box
-from rich.table import Table
+from numpy.typing import NDArray
 
 from tral_env.errors import MissingExtraError, TralError
-from tral_fsm import load_policy
-from tral_fsm.evaluation.choices import Randomization, check_families
-from tral_fsm.evaluation.files import prepare_folder, write_json
-from tral_fsm.evaluation.host import host
-from tral_fsm.evaluation.rollout import drive
-from tral_fsm.evaluation.seeds import parse_seeds
-from tral_fsm.evaluation.summary import Summary, summarize
+from tral_fsm.evaluation.choices import Randomization, families
+from tral_fsm.evaluation.contenders import Agent, Contender, contenders, object_agent
+from tral_fsm.evaluation.suites import Suite, suite
+from tral_fsm.programs.compare import PAGE, compare
+from tral_fsm.report.compare.table import table
 from tral_fsm.terminal import print_figures
 
 REPEAT = 8
@@ -44,10 +42,11 @@ THROTTLE = 0.1, 0.4
 and reverse learns to stand, because a car that stands does not collide."""
 
 
-def command(choice: Any) -> Any:
-    """Steering and throttle (2,) of a choice in [-1, 1] x [-1, 1]."""
+def command(choice: Any) -> NDArray[np.float32]:
+    """Steering and throttle (..., 2) of choices in [-1, 1] x [-1, 1]."""
     low, high = THROTTLE
-    return np.array([choice[0], low + (high - low) * (choice[1] + 1) / 2], np.float32)
+    choice = np.asarray(choice, np.float32)
+    return np.stack([choice[..., 0], low + (high - low) * (choice[..., 1] + 1) / 2], axis=-1).astype(np.float32)
 
 
 class Repeat(gym.Wrapper[Any, Any, Any, Any]):
@@ -65,7 +64,7 @@ class Repeat(gym.Wrapper[Any, Any, Any, Any]):
 
 
 class Learner:
-    """A trained model as a policy, which decides as often as in its training."""
+    """A trained model as a policy for many cars, which decides as often as in its training."""
 
     def __init__(self, model: Any, normalizer: Any) -> None:
         self._model, self._normalizer = model, normalizer
@@ -76,19 +75,32 @@ class Learner:
         """Number of decisions of its training: whole rollouts, so a few more than were asked for."""
         return int(self._model.num_timesteps)
 
-    def reset(self, n: int = 1) -> None:
-        """Start anew."""
-        self._ticks = 0
-        self._action = np.zeros(2, np.float32)
+    @property
+    def digest(self) -> str:
+        """Digest of its weights, 16 hexadecimal digits."""
+        weights = hashlib.sha256()
+        for values in self._model.policy.state_dict().values():
+            weights.update(values.numpy().tobytes())
+        return weights.hexdigest()[:16]
 
-    def act(self, observation: Any) -> Any:
-        """Command for one car, (2,)."""
-        if self._ticks % REPEAT == 0:
-            normal = self._normalizer.normalize_obs(observation)
-            choice, _ = self._model.predict(normal, deterministic=True)
-            self._action = command(choice)
+    def reset(self, n: int = 1) -> None:
+        """Start anew with n cars."""
+        self._ticks = np.zeros(n, np.int64)
+        self._action = np.zeros((n, 2), np.float32)
+
+    def reset_rows(self, rows: NDArray[np.bool_]) -> None:
+        """Start the cars again where `rows` (n,) is true."""
+        self._ticks[rows] = 0
+
+    def act(self, observation: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Commands (n, 2) of the cars, or (2,) of one."""
+        rows = np.atleast_2d(observation)
+        due = self._ticks % REPEAT == 0
+        if due.any():
+            choice, _ = self._model.predict(self._normalizer.normalize_obs(rows[due]), deterministic=True)
+            self._action[due] = command(choice)
         self._ticks += 1
-        return self._action
+        return self._action.copy() if observation.ndim == 2 else self._action[0].copy()
 
 
 def train(scenario: str, randomization: str, steps: int, seed: int) -> Learner:
@@ -120,77 +132,55 @@ def train(scenario: str, randomization: str, steps: int, seed: int) -> Learner:
         return Learner(model, normalized)
 
 
-def evaluate(policy: Any, scenario: str, randomization: str, seeds: range) -> list[dict[str, Any]]:
-    """Records of a policy's episodes."""
-    env = gym.make("tral_env:TralCorridor-v0", scenario=scenario, camera="projected", randomization=randomization)
-    with contextlib.closing(env):
-        return [drive(env, policy, seed, scenario=scenario).record() for seed in seeds]
+def ppo(scenario: str, randomization: str, steps: int, seeds: range) -> Contender:
+    """PPO, trained once with each seed."""
+    agents: list[Agent] = []
+    for seed in seeds:
+        start = time.perf_counter()
+        learner = train(scenario, randomization, steps, seed)
+        told = {
+            "decisions": learner.decisions,
+            "seed": seed,
+            "trained on": f"{scenario}, {randomization}",
+            "seconds": round(time.perf_counter() - start, 1),
+            **{name: metadata.version(name) for name in ("stable-baselines3", "torch")},
+        }
+        agents.append(object_agent(f"PPO {seed}", learner, learner.digest, **told))
+    return Contender(name="PPO", agents=tuple(agents))
 
 
 def main(
-    steps: Annotated[int, typer.Option(help="Number of decisions of PPO's training.")] = 20_000,
-    scenario: str = "straight",
-    seeds: Annotated[str, typer.Option(help="Seeds FIRST:END of the evaluation.")] = "1000:1010",
-    policy: Annotated[str, typer.Option(help="Name of a packaged machine, or a machine file.")] = "office",
+    steps: Annotated[int, typer.Option(min=0, help="Number of decisions of PPO's training; 0: no PPO.")] = 20_000,
+    scenario: Annotated[str, typer.Option(help="Family of the training, and of the courses without --suite.")] = (
+        "straight"
+    ),
+    policies: Annotated[str, typer.Option(help="The other contenders, as `tral compare` takes them.")] = (
+        "office,pursuit,constant"
+    ),
+    suite_name: Annotated[
+        str, typer.Option("--suite", help="A suite instead of courses of the training's family.")
+    ] = "",
+    courses: Annotated[
+        int | None, typer.Option(min=1, help="Courses of each family and level; 10 without --suite.")
+    ] = (None),
     randomization: Randomization = "default",
-    seed: Annotated[int, typer.Option(help="Seed of the training.")] = 0,
-    out: Path = Path("benchmarks/results/compare.json"),
+    seed: Annotated[int, typer.Option(help="Seed of the first training.")] = 100_000,
+    agents: Annotated[int, typer.Option(min=1, help="Number of trainings, each with the next seed.")] = 1,
+    out: Path = Path("runs/compare"),
 ) -> None:
-    """Train PPO, let both policies drive, print and write the figures."""
+    """Train PPO, let all contenders drive, print and write the figures."""
     try:
-        run = parse_seeds(seeds)
-        check_families([scenario])
-        rival = load_policy(policy)
-        prepare_folder(out.parent)
-        start = time.perf_counter()
-        learner = train(scenario, randomization, steps, seed)
-        trained_s = time.perf_counter() - start
-        steps = learner.decisions
-        drivers = {f"machine {policy}": rival, "PPO": learner}
-        records = {name: evaluate(driver, scenario, randomization, run) for name, driver in drivers.items()}
+        (family,) = families(scenario)[:1]
+        own = Suite(name="own", families=(family,), levels=(randomization,), split="validation", courses=10)
+        chosen = (suite(suite_name) if suite_name else own).with_courses(courses)
+        field = contenders(policies)
+        if steps:
+            field.append(ppo(family, randomization, steps, range(seed, seed + agents)))
+        shown = compare(chosen, field, out)
     except TralError as error:
         raise SystemExit(f"Error: {error}") from None
-    figures = {name: summarize(rows) for name, rows in records.items()}
-    print_figures(
-        table(figures, f"{scenario}, seeds {seeds}, {randomization}; PPO: {steps} steps in {trained_s:.0f} s")
-    )
-    result = {
-        "host": host(),
-        "training": {
-            "algorithm": "PPO",
-            "steps": steps,
-            "seed": seed,
-            "repeat": REPEAT,
-            "seconds": round(trained_s, 1),
-        },
-        "learner": {name: metadata.version(name) for name in ("stable-baselines3", "torch")},
-        "scenario": scenario,
-        "seeds": seeds,
-        "randomization": randomization,
-        "figures": {name: asdict(summary) for name, summary in figures.items()},
-        "episodes": records,
-    }
-    write_json(out, result)
-
-
-def table(figures: dict[str, Summary], title: str) -> Table:
-    """Table with a row for each driver."""
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("driver", no_wrap=True)
-    for heading in ("success", "95 %", "progress", "time", "speed", "clearance\nRMSE", "off the\nroute"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for name, row in figures.items():
-        table.add_row(
-            name,
-            f"{row.successes}/{row.episodes}",
-            f"{100 * row.success_low:.0f}-{100 * row.success_high:.0f} %",
-            f"{100 * row.progress:.0f} %",
-            "-" if row.time_s is None else f"{row.time_s:.1f} s",
-            f"{row.mean_speed_mps:.2f} m/s",
-            "-" if row.clearance_rmse_m is None else f"{100 * row.clearance_rmse_m:.1f} cm",
-            "-" if row.lateral_rms_m is None else f"{100 * row.lateral_rms_m:.1f} cm",
-        )
-    return table
+    print_figures(table(shown))
+    print(f"Page: {out / PAGE}")
 
 
 if __name__ == "__main__":

@@ -6,8 +6,34 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
 
-from tral_fsm.evaluation.statistics import bootstrap, mean_of, pooled_rmse, sign_test, wilson
+from tral_fsm.evaluation.statistics import (
+    agent_choices,
+    bootstrap,
+    course_counts,
+    iqm,
+    mean_of,
+    optimality_gap,
+    percentile_interval,
+    performance_profile,
+    pooled_rmse,
+    probability_of_improvement,
+    resampled_scores,
+    sign_test,
+    wilson,
+)
+
+Array = NDArray[np.float64]
+
+
+def matrices(agents: int, tasks: int) -> st.SearchStrategy[Array]:
+    """Score matrices whose scores are quarters, so that ties are common and sums exact."""
+    return arrays(np.float64, (agents, tasks), elements=st.integers(0, 4).map(lambda k: k / 4))
+
+
+ANY_MATRIX = st.tuples(st.integers(1, 6), st.integers(1, 5)).flatmap(lambda shape: matrices(*shape))
 
 
 def test_wilson_of_known_cases() -> None:
@@ -48,3 +74,127 @@ def test_an_rmse_of_many_drives_counts_samples() -> None:
     assert pooled_rmse(rmse, samples) == pytest.approx(np.sqrt((9.0 + 3.0) / 4.0))
     rows = np.array([[0, 0], [1, 1]])
     assert pooled_rmse(rmse[rows], samples[rows]) == pytest.approx([3.0, 1.0])
+
+
+def test_the_iqm_of_known_cases() -> None:
+    """As rliable's `aggregate_iqm`: scipy.stats.trim_mean(scores, 0.25, axis=None)."""
+    assert iqm(np.arange(8.0).reshape(2, 4)) == 3.5  # of 0 to 7 stay 2 to 5
+    assert iqm(np.array([[0.0, 0.0, 1.0, 9.0]])) == 0.5
+    assert iqm(np.array([[0.0, 3.0, 100.0]])) == pytest.approx(103.0 / 3.0)  # a quarter of three is no entry
+    assert iqm(np.array([[0.0, 1.0, 2.0, 3.0, 100.0]])) == 2.0
+
+
+@given(ANY_MATRIX)
+def test_the_iqm_is_that_of_scipy(scores: Array) -> None:
+    stats = pytest.importorskip("scipy.stats")
+    assert iqm(scores) == pytest.approx(stats.trim_mean(scores, 0.25, axis=None))
+
+
+@given(ANY_MATRIX)
+def test_the_iqm_lies_between_the_least_and_the_greatest_score(scores: Array) -> None:
+    assert scores.min() <= iqm(scores) <= scores.max()
+
+
+@given(ANY_MATRIX, st.integers(-3, 3), st.integers(1, 4))
+def test_the_iqm_follows_scale_and_shift_and_no_order(scores: Array, shift: int, scale: int) -> None:
+    assert iqm(scale * scores + shift) == pytest.approx(scale * iqm(scores) + shift)
+    assert iqm(scores[::-1, ::-1]) == iqm(scores)
+
+
+@given(ANY_MATRIX)
+def test_matrices_in_a_stack_are_summed_up_one_by_one(scores: Array) -> None:
+    stack = np.array([scores, 1.0 - scores])
+    assert iqm(stack).tolist() == [iqm(scores), iqm(1.0 - scores)]
+    assert optimality_gap(stack) == pytest.approx([optimality_gap(scores), optimality_gap(1.0 - scores)])
+    assert probability_of_improvement(stack, stack[::-1]) == pytest.approx(
+        [probability_of_improvement(scores, 1.0 - scores), probability_of_improvement(1.0 - scores, scores)]
+    )
+
+
+def test_the_optimality_gap_does_not_reward_what_is_above_the_target() -> None:
+    assert optimality_gap(np.array([[0.5, 1.5]])) == 0.25
+    assert optimality_gap(np.array([[0.5, 1.5]]), target=2.0) == 1.0
+
+
+def test_a_performance_profile_counts_what_is_above() -> None:
+    scores = np.array([[0.0, 0.5], [0.5, 1.0]])
+    assert performance_profile(scores, np.array([-1.0, 0.0, 0.5, 1.0])).tolist() == [1.0, 0.75, 0.25, 0.0]
+
+
+@given(ANY_MATRIX)
+def test_a_performance_profile_never_rises_and_its_area_is_the_mean(scores: Array) -> None:
+    levels = np.arange(0.0, 1.0, 0.25)
+    profile = performance_profile(scores, levels)
+    assert (np.diff(profile) <= 0).all()
+    assert 0.25 * profile.sum() == pytest.approx(scores.mean())
+
+
+def test_the_probability_of_improvement_of_known_cases() -> None:
+    """As rliable's: U of Mann and Whitney over the pairs, averaged over tasks."""
+    better, worse = np.array([[3.0], [4.0]]), np.array([[1.0], [2.0]])
+    assert probability_of_improvement(better, worse) == 1.0
+    assert probability_of_improvement(worse, better) == 0.0
+    assert probability_of_improvement(np.array([[1.0], [3.0]]), np.array([[2.0]])) == 0.5
+    assert probability_of_improvement(np.array([[1.0, 1.0]]), np.array([[1.0, 0.0]])) == 0.75  # a tie and a win
+
+
+@given(matrices(3, 2), matrices(4, 2))
+def test_the_probability_of_improvement_is_that_of_scipy(x: Array, y: Array) -> None:
+    stats = pytest.importorskip("scipy.stats")
+    u = [stats.mannwhitneyu(x[:, k], y[:, k], alternative="greater", method="asymptotic").statistic for k in range(2)]
+    assert probability_of_improvement(x, y) == pytest.approx(np.mean(u) / 12)
+    assert probability_of_improvement(x, y) + probability_of_improvement(y, x) == pytest.approx(1.0)
+
+
+def test_a_resample_draws_as_many_courses_of_each_task_as_there_are() -> None:
+    counts = course_counts(3, 7, np.random.default_rng(0), resamples=50)
+    assert counts.shape == (50, 3, 7)
+    assert (counts.sum(axis=2) == 7).all()
+    assert (counts >= 0).all()
+
+
+def test_resampled_scores_are_those_of_the_drawn_agents_and_courses() -> None:
+    scores = np.array([[[0.0, 1.0], [2.0, 4.0]], [[10.0, 20.0], [30.0, 50.0]]])  # agents x tasks x courses
+    counts = np.array([[[2.0, 0.0], [1.0, 1.0]], [[0.0, 2.0], [0.0, 2.0]]])
+    got = resampled_scores(scores, counts, np.array([[1, 1], [1, 0]]))
+    assert got.tolist() == [[[10.0, 40.0], [10.0, 40.0]], [[20.0, 50.0], [1.0, 4.0]]]
+
+
+@given(ANY_MATRIX, st.integers(0, 2**32 - 1))
+def test_no_resample_leaves_the_range_of_the_scores(scores: Array, seed: int) -> None:
+    rng, agents = np.random.default_rng(seed), len(scores)
+    courses = np.stack([scores, 1.0 - scores], axis=2)
+    counts = course_counts(scores.shape[1], 2, rng, resamples=20)
+    got = resampled_scores(courses, counts, agent_choices(agents, rng, resamples=20))
+    assert courses.min() <= got.min()
+    assert got.max() <= courses.max()
+
+
+def test_the_same_generator_draws_the_same_resamples() -> None:
+    first, second = (course_counts(2, 5, np.random.default_rng(3), resamples=9) for _ in range(2))
+    assert (first == second).all()
+
+
+def test_shared_courses_make_a_difference_certain_that_is_the_same_on_each() -> None:
+    rng = np.random.default_rng(0)
+    hard = rng.uniform(size=(1, 2, 30))  # how hard each course is hides the difference of 0.1 if it is not paired
+    counts = course_counts(2, 30, rng, resamples=200)
+    one = np.zeros((200, 1), np.int64)
+    better, worse = resampled_scores(hard + 0.1, counts, one), resampled_scores(hard, counts, one)
+    got = percentile_interval(0.1, (better - worse).mean(axis=(1, 2)))
+    assert (got.low, got.high) == pytest.approx((0.1, 0.1))
+    assert np.ptp(better.mean(axis=(1, 2))) > 0.1
+
+
+def test_the_interval_over_agents_and_courses_covers_the_true_mean() -> None:
+    """Of 300 experiments with 12 agents and 40 courses, 95 % hold the truth, or nearly: 12 agents are few."""
+    rng, held, runs = np.random.default_rng(7), 0, 300
+    for _ in range(runs):
+        agents, courses = rng.normal(0.0, 0.1, (12, 1, 1)), rng.normal(0.0, 0.2, (1, 2, 40))
+        scores = 0.5 + agents + courses + rng.normal(0.0, 0.2, (12, 2, 40))
+        drawn = resampled_scores(scores, course_counts(2, 40, rng, 400), agent_choices(12, rng, 400))
+        got = percentile_interval(scores.mean(), drawn.mean(axis=(1, 2)))
+        assert got.low is not None
+        assert got.high is not None
+        held += got.low <= 0.5 <= got.high
+    assert 0.88 <= held / runs <= 0.99

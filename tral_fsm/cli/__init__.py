@@ -11,6 +11,7 @@ import typer
 
 from tral_fsm.cli.bench import app as bench_app
 from tral_fsm.cli.calibrate import command as calibrate_command
+from tral_fsm.cli.compare import command as compare_command
 from tral_fsm.cli.console import Guarded
 from tral_fsm.cli.courses import command as courses_command
 from tral_fsm.cli.detect import command as detect_command
@@ -31,6 +32,7 @@ app = typer.Typer(
 )
 app.command("drive")(drive_command)
 app.command("courses")(courses_command)
+app.command("compare")(compare_command)
 app.command("tune")(tune_command)
 app.command("train")(train_command)
 app.command("calibrate")(calibrate_command)

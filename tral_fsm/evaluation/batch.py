@@ -23,9 +23,8 @@ from tral_env.randomization import level
 from tral_env.world import Drawn, Step, World, car_stream
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
-from tral_fsm.evaluation.loop import DriveLoop, Index, Observer, Pair, row_info
-from tral_fsm.runtime.driver import Driver
-from tral_fsm.runtime.machine import Trace
+from tral_fsm.evaluation.loop import DriveLoop, Index, Observer, row_info
+from tral_fsm.evaluation.row_policies import DriverPool, RowPolicies, Spectator
 
 Array = NDArray[np.float64]
 
@@ -110,10 +109,37 @@ class BatchRunner:
             FormatError: a machine cannot run.
             SimulationError: the physics of a car became unstable.
         """
+        return self.drive_with(lambda world: DriverPool(machines, world.n), requests, on_tick, observers)
+
+    def drive_with(
+        self,
+        make: Callable[[World], RowPolicies],
+        requests: Sequence[EpisodeRequest],
+        on_tick: Callable[[int], None] | None = None,
+        observers: Mapping[int, Sequence[Observer]] | None = None,
+        spectator: Spectator | None = None,
+    ) -> list[EpisodeResult]:
+        """Drive all requests with policies of any kind.
+
+        Args:
+            make: makes the policies of the rows, for the cars that they will drive.
+            requests: the drives, in the order in which they begin.
+            on_tick: called each tick with the number of drives that have ended; it may raise to break off.
+            observers: number of a request -> functions that are called with each tick of its drive.
+            spectator: is shown every tick and every result as it comes.
+
+        Returns:
+            The results, in the order of the requests.
+
+        Raises:
+            TralError: a policy fails.
+            SimulationError: the physics of a car became unstable.
+        """
         if not requests:
             return []
-        run = _Run(self, self.prepare(len(requests)), machines, requests, observers or {})
-        run.fill(np.arange(min(run.world.n, len(requests))))
+        world = self.prepare(len(requests))
+        run = _Run(self, world, make(world), requests, observers or {}, spectator)
+        run.fill(np.arange(min(world.n, len(requests))))
         while run.loop.active.size:
             run.tick()
             if on_tick is not None:
@@ -161,50 +187,6 @@ def complete(results: Sequence[EpisodeResult | None]) -> list[EpisodeResult]:
     return [result for result in results if result is not None]
 
 
-class DriverPool:
-    """The machines of n rows, any machine in any row; a driver is used again after its drive."""
-
-    def __init__(self, definitions: Sequence[MachineDefinition], n: int) -> None:
-        self._definitions = definitions
-        self._drivers: list[Driver | None] = [None] * n
-        self._machine = [-1] * n
-        self._idle = [[Driver(definition)] for definition in definitions]  # the first one checks its definition
-
-    def assign(self, row: int, machine: int) -> None:
-        """Let a machine drive a row, from its root on."""
-        idle = self._idle[machine]
-        driver = idle.pop() if idle else Driver(self._definitions[machine], checked=True)
-        driver.reset()
-        self._drivers[row], self._machine[row] = driver, machine
-
-    def release(self, row: int) -> None:
-        """Free the driver of a row for other rows."""
-        self._idle[self._machine[row]].append(self._driver(row))
-        self._drivers[row] = None
-
-    def _driver(self, row: int) -> Driver:
-        driver = self._drivers[row]
-        assert driver is not None
-        return driver
-
-    def act(self, rows: Index, observation: NDArray[np.floating]) -> tuple[list[Pair], list[Pair]]:
-        """Commands and wanted clearances."""
-        commands, wanted = [], []
-        for row, readings in zip(rows.tolist(), observation[rows].tolist(), strict=True):
-            driver = self._driver(row)
-            commands.append(driver.act(readings))
-            wanted.append(driver.wanted_clearance)
-        return commands, wanted
-
-    def state(self, row: int) -> str:
-        """Name of the active state."""
-        return self._driver(row).active_path
-
-    def watch(self, row: int, trace: Trace | None) -> None:
-        """Call this for each transition that fires in a row; None: nothing."""
-        self._driver(row).trace = trace
-
-
 class _Run:
     """The state of one call of `BatchRunner.drive`."""
 
@@ -212,15 +194,16 @@ class _Run:
         self,
         runner: BatchRunner,
         world: World,
-        machines: Sequence[MachineDefinition],
+        policies: RowPolicies,
         requests: Sequence[EpisodeRequest],
         observers: Mapping[int, Sequence[Observer]],
+        spectator: Spectator | None,
     ) -> None:
         self.runner, self.world, self.requests, self.observers = runner, world, requests, observers
+        self.policies, self.spectator = policies, spectator
         n = world.n
         self.results: list[EpisodeResult | None] = [None] * len(requests)
-        self.drivers = DriverPool(machines, n)
-        self.loop = DriveLoop(n, world, self.drivers)
+        self.loop = DriveLoop(n, world, policies)
         self.ended = 0
         self._next = 0
         self._number = np.full(n, -1)
@@ -238,7 +221,7 @@ class _Run:
         watched = {}
         for row, k in zip(rows.tolist(), numbers, strict=True):
             self._number[row] = k
-            self.drivers.assign(row, self.requests[k].machine)
+            self.policies.assign(row, self.requests[k])
             if k in self.observers:
                 watched[row] = self.observers[k]
         self._best[rows] = self._since[rows] = 0.0
@@ -248,6 +231,8 @@ class _Run:
         """Drive all rows for one tick; where a drive ends, the next begins."""
         rows = self.loop.active
         step = self.loop.tick()
+        if self.spectator is not None:
+            self.spectator.watch(rows, self._number[rows], self.world, step)
         over = step.terminated | step.truncated | self._is_stuck(step)
         done = rows[over[rows]]
         if done.size:
@@ -268,12 +253,14 @@ class _Run:
         """Keep the result of the drive of a row."""
         number = int(self._number[row])
         request = self.requests[number]
-        self.results[number] = EpisodeResult(
+        result = self.results[number] = EpisodeResult(
             scenario=request.scenario,
             seed=request.seed,
             route_m=float(self.world.track.length[row]),
             **self.loop.metrics.figures(row, row_info(step, row)),
         )
         self.loop.end(row)
-        self.drivers.release(row)
+        self.policies.release(row)
         self.ended += 1
+        if self.spectator is not None:
+            self.spectator.finish(number, result)

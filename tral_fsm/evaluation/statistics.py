@@ -91,3 +91,104 @@ def sign_test(a: int, b: int) -> float:
     n, few = a + b, min(a, b)
     tail: float = sum(math.comb(n, k) for k in range(few + 1)) / 2**n
     return min(1.0, 2.0 * tail)
+
+
+# A score matrix has a row for each trained agent and a column for each task: what the agent scored there on average.
+
+
+def iqm(scores: Array) -> Array:
+    """Interquartile mean of score matrices: the mean without the lowest and the highest quarter of the entries.
+
+    Args:
+        scores: (..., a, t). Of n entries, floor(n / 4) are left out at either end.
+
+    Returns:
+        (...).
+
+    Source: Agarwal et al. 2021, Deep reinforcement learning at the edge of the statistical precipice.
+    """
+    entries = np.sort(scores.reshape(*scores.shape[:-2], -1), axis=-1)
+    n = entries.shape[-1]
+    middle: Array = entries[..., n // 4 : n - n // 4].mean(axis=-1)
+    return middle
+
+
+def optimality_gap(scores: Array, target: float = 1.0) -> Array:
+    """By how much score matrices (..., a, t) miss a target on average; what is above it does not count: (...).
+
+    Source: as `iqm`.
+    """
+    gap: Array = np.maximum(target - scores, 0.0).mean(axis=(-2, -1))
+    return gap
+
+
+def performance_profile(scores: Array, levels: Array) -> Array:
+    """Share of the scores above each level.
+
+    Args:
+        scores: any shape.
+        levels: (k,).
+
+    Returns:
+        (k,) from 1 down to 0.
+
+    Source: as `iqm`; Dolan and More 2002, Benchmarking optimization software with performance profiles.
+    """
+    share: Array = (scores.reshape(-1, 1) > levels).mean(axis=0)
+    return share
+
+
+def probability_of_improvement(x: Array, y: Array) -> Array:
+    """Probability that an agent of x beats one of y on a task, averaged over the tasks; a tie counts half.
+
+    Args:
+        x: (..., a, t) score matrices.
+        y: (..., b, t) score matrices on the same tasks.
+
+    Returns:
+        (...) in [0, 1]: the statistic U of Mann and Whitney over a b.
+
+    Source: as `iqm`.
+    """
+    mine, theirs = x[..., :, None, :], y[..., None, :, :]
+    won: Array = ((mine > theirs) + 0.5 * (mine == theirs)).mean(axis=(-3, -2, -1))
+    return won
+
+
+def course_counts(tasks: int, courses: int, rng: np.random.Generator, resamples: int = RESAMPLES) -> Array:
+    """How often each course of each task is drawn in a resample: (resamples, tasks, courses).
+
+    The courses are drawn within their task, so that each task keeps its weight. Give all contenders the same counts:
+    then their differences are paired.
+    """
+    counts = rng.multinomial(courses, np.full(courses, 1.0 / courses), size=(resamples, tasks))
+    return counts.astype(np.float64)
+
+
+def agent_choices(agents: int, rng: np.random.Generator, resamples: int = RESAMPLES) -> NDArray[np.int64]:
+    """Agents drawn with replacement, (resamples, agents): whole agents, since one agent drives all tasks."""
+    return rng.integers(agents, size=(resamples, agents))
+
+
+def resampled_scores(scores: Array, counts: Array, agents: NDArray[np.int64]) -> Array:
+    """Score matrices of a stratified bootstrap over agents and courses.
+
+    Args:
+        scores: (a, t, c) score of each agent on each course of each task.
+        counts: (b, t, c) of `course_counts`.
+        agents: (b, a) of `agent_choices`.
+
+    Returns:
+        (b, a, t).
+
+    Source: as `iqm`; Patterson et al. 2024, Empirical design in reinforcement learning: the unit is the agent.
+    """
+    means = np.matmul(counts.transpose(1, 0, 2), scores.transpose(1, 2, 0)) / scores.shape[2]
+    drawn: Array = np.take_along_axis(means.transpose(1, 2, 0), agents[:, :, None], axis=1)
+    return drawn
+
+
+def percentile_interval(value: Array | float, resampled: Array) -> Estimate:
+    """A figure with its 95 % percentile interval over resamples (b,)."""
+    low, high = np.percentile(resampled, (2.5, 97.5))
+    return Estimate(value=float(value), low=float(low), high=float(high))

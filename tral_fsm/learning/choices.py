@@ -13,13 +13,14 @@ import yaml
 from tral_env.errors import ConfigError, nearest
 from tral_env.learner import LearnerConfig
 from tral_fsm.evaluation.choices import check_families
+from tral_fsm.evaluation.suites import SPLITS
 
 Settings = TypeVar("Settings")
 
 ALGORITHMS = ("teacher", "ppo", "sac", "residual")
-TRAINING_SEED = 100_000
+TRAINING_SEED = SPLITS["train"].start
 """Training begins at this seed and draws on from there."""
-VALIDATION_SEEDS = range(500, 700)
+VALIDATION_SEEDS = SPLITS["validation"]
 """Courses on which the best network is chosen. Courses of 5000 and up are for tests and never seen here."""
 WITHOUT_DETECTIONS = frozenset({"straight", "doors", "corners", "loop", "lane_change", "obstacles"})
 """Families without gates and turn signs."""

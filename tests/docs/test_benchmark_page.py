@@ -1,0 +1,44 @@
+"""The page of the benchmark says what the code does."""
+
+from __future__ import annotations
+
+import pytest
+from pages import read, table
+
+from tral_fsm.evaluation import composite
+from tral_fsm.evaluation.baselines import BASELINES
+from tral_fsm.evaluation.contenders import ALIASES
+from tral_fsm.evaluation.suites import SPLITS, SUITES
+
+PAGE = read("docs/benchmark.md")
+
+
+def test_it_names_every_suite_with_its_courses() -> None:
+    assert [tuple(row) for row in table(PAGE, "| suite |")] == [
+        (one.name, ", ".join(one.families), ", ".join(one.levels), one.split, str(one.courses))
+        for one in SUITES.values()
+    ]
+
+
+def test_it_names_the_seeds_of_every_split() -> None:
+    shown = {row[0]: row[1] for row in table(PAGE, "| split | seeds |")}
+    assert shown == {
+        "train": f"{SPLITS['train'].start} and up",
+        **{name: f"{SPLITS[name].start} to {SPLITS[name].stop - 1}" for name in ("validation", "test")},
+    }
+
+
+@pytest.mark.parametrize("name", [*BASELINES, *ALIASES])
+def test_it_names_every_built_in_contender(name: str) -> None:
+    assert f"`{name}`" in [row[0] for row in table(PAGE, "| entry |")]
+
+
+def test_its_penalties_are_those_of_the_score() -> None:
+    shown = {row[0]: row[1] for row in table(PAGE, "| factor |")}
+    told = dict(part.rsplit(" ", 1) for part in shown["outcome"].split(", "))
+    assert {name.replace(" ", "_"): float(value) for name, value in told.items()} == composite.OUTCOME_FACTORS
+    easy, slow = composite.EASY_MPS, composite.SLOW_MPS
+    assert shown["pace"] == f"1 from {easy:g} m/s on, linearly down to {composite.SLOW_FACTOR:g} at {slow:g} m/s"
+    assert shown["steering"] == (
+        f"1 at no effort, linearly down to {composite.RESTLESS_FACTOR:g} at {composite.RESTLESS_PER_M:g} per metre"
+    )

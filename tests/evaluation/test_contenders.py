@@ -1,0 +1,142 @@
+"""Contenders by their texts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from courses import TWO_WALLS, blind
+
+from tral_env.errors import ConfigError, TralError
+from tral_env.learned import Network
+from tral_env.learner import LearnerConfig, LearnerView
+from tral_env.policy_file import save
+from tral_fsm.evaluation.batch import BatchRunner
+from tral_fsm.evaluation.contenders import contender, contenders, object_agent, row_policies
+from tral_fsm.evaluation.episode import EpisodeRequest
+from tral_fsm.formats import write
+
+
+@pytest.fixture
+def mine(tmp_path: Path) -> Path:
+    path = tmp_path / "mine.json"
+    path.write_text(write(TWO_WALLS, "json"))
+    return path
+
+
+def test_each_kind_is_known_by_its_text(mine: Path, tmp_path: Path) -> None:
+    python = tmp_path / "own.py"
+    python.write_text("class Still:\n    def act(self, observation):\n        return 0.0, 0.0\n")
+    found = contenders(f"office, {mine}, {python}:Still, pursuit")
+    assert [(one.name, one.agents[0].kind) for one in found] == [
+        ("office", "machine"),
+        ("mine", "machine"),
+        ("Still", "python"),
+        ("pursuit", "built-in"),
+    ]
+    assert [one.agents[0].sees_truth for one in found] == [False, False, False, True]
+
+
+def test_ramp_is_the_manoeuvre_of_2016() -> None:
+    assert contender("ramp").agents[0].digest == contender("gate").agents[0].digest
+
+
+def test_a_name_can_be_given(mine: Path) -> None:
+    assert contender(f"best={mine}").name == "best"
+
+
+def test_training_seeds_of_one_agent_are_one_contender(mine: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.json"
+    other.write_text(write(blind(), "json"))
+    one = contender(f"ppo={mine}+{other}")
+    assert (one.name, [agent.source for agent in one.agents]) == ("ppo", [str(mine), str(other)])
+    assert one.record()["agents"][1]["digest"] == one.agents[1].digest
+
+
+def test_an_agent_does_not_count_twice(mine: Path) -> None:
+    with pytest.raises(ConfigError, match="two agents are the same"):
+        contender(f"ppo={mine}+{mine}")
+
+
+def test_the_digest_follows_the_content(mine: Path) -> None:
+    before = contender(str(mine)).agents[0].digest
+    mine.write_text(write(blind(), "json"))
+    assert contender(str(mine)).agents[0].digest != before
+
+
+def test_a_machine_of_a_run_is_called_like_its_folder(tmp_path: Path) -> None:
+    (tmp_path / "ppo0").mkdir()
+    (tmp_path / "ppo0" / "machine.json").write_text(write(blind(), "json"))
+    assert contender(str(tmp_path / "ppo0" / "machine.json")).name == "ppo0"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (" , ", "got no policy: expected names or files"),
+        ("wall,wall", "two are called 'wall': name one of them"),
+    ],
+)
+def test_a_field_that_is_none_is_refused(text: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        contenders(text)
+
+
+def test_an_unknown_policy_is_refused_with_the_nearest_name() -> None:
+    with pytest.raises(TralError, match="did you mean 'office'"):
+        contenders("offise")
+
+
+def trained(folder: Path, seed: int) -> Path:
+    """A policy file whose network has random weights."""
+    learner = LearnerConfig()
+    weights = np.random.default_rng(seed).normal(size=(2, LearnerView(learner, 1).size)).astype(np.float32)
+    layers = [(weights, np.zeros(2, np.float32))]
+    return save(Network(learner=learner, layers=layers, provenance={"algorithm": "ppo", "seed": seed}), folder)
+
+
+def test_policy_files_are_agents_with_their_provenance(tmp_path: Path) -> None:
+    first, second = trained(tmp_path / "ppo0", 0), trained(tmp_path / "ppo1", 1)
+    assert contender(str(first)).name == contender(str(first.parent)).name == "ppo0"
+    one = contender(f"ppo={first}+{second.parent}")
+    assert [agent.kind for agent in one.agents] == ["policy file"] * 2
+    assert [agent.provenance["seed"] for agent in one.agents] == [0, 1]
+    assert one.agents[0].digest == contender(str(first.parent)).agents[0].digest != one.agents[1].digest
+
+
+def test_a_policy_file_drives_in_a_batch_as_alone(tmp_path: Path) -> None:
+    agent = contender(str(trained(tmp_path / "ppo0", 0))).agents[0]
+    requests = [EpisodeRequest(0, "straight", seed) for seed in (1, 2, 3)]
+    found = [
+        BatchRunner(["straight"], rows=rows, randomization="none").drive_with(
+            lambda world: row_policies(agent, world), requests
+        )
+        for rows in (1, 2)
+    ]
+    assert [one.outcome for one in found[0]] == [one.outcome for one in found[1]]
+    assert [one.time_s for one in found[0]] == pytest.approx([one.time_s for one in found[1]])
+
+
+class Steady:
+    def reset(self, n: int = 1) -> None:
+        pass
+
+    def reset_rows(self, rows: Any) -> None:
+        pass
+
+    def act(self, observation: Any) -> Any:
+        return np.tile([0.9, 0.5], (len(observation), 1))
+
+
+def test_an_object_drives_in_many_rows() -> None:
+    agent = object_agent("mine", Steady(), digest="1", seed=3)
+    assert agent.record() == {
+        "source": "mine", "kind": "object", "digest": "1", "sees_truth": False, "provenance": {"seed": 3}
+    }  # fmt: skip
+    runner = BatchRunner(["straight"], rows=1, randomization="none")
+    got = runner.drive_with(
+        lambda world: row_policies(agent, world), [EpisodeRequest(0, "straight", seed) for seed in (1, 2)]
+    )
+    assert [one.outcome for one in got] == ["collision", "collision"]

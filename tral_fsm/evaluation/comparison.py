@@ -1,0 +1,273 @@
+"""All contenders drive all courses of a suite; each drive is a line of a file as soon as it ends."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.utils.seeding import np_random
+from numpy.typing import NDArray
+
+from tral_env.course.generate import generate_plan
+from tral_env.course.plan import Plan
+from tral_env.interface import Policy
+from tral_env.randomization import level as level_of
+from tral_env.se2 import rotate_back
+from tral_env.world import Step, World
+from tral_fsm.evaluation import rollout
+from tral_fsm.evaluation.analysis import LAST_POSES
+from tral_fsm.evaluation.batch import MAX_ROWS, BatchRunner
+from tral_fsm.evaluation.contenders import Agent, Contender, row_policies
+from tral_fsm.evaluation.episode import Episode, EpisodeRequest, EpisodeResult
+from tral_fsm.evaluation.loop import Index, Observer
+from tral_fsm.evaluation.pool import stop_check
+from tral_fsm.evaluation.records import Record, append, begin_run, collect, made_with
+from tral_fsm.evaluation.row_policies import MixedPolicies, RowPolicies
+from tral_fsm.evaluation.suites import Suite
+
+RECORDS = "records.jsonl"
+"""The drives of a comparison lie in this file of its folder."""
+JOB_DRIVES = 4 * MAX_ROWS
+"""Largest number of drives of a job. Source: choice; a process tells its drives when its job ends."""
+PATH_TICKS = 8
+"""A path has a pose each so many ticks: ten a second."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparisonSettings:
+    """What all drives of a file have in common; the number of courses may grow."""
+
+    suite: str
+    families: str
+    levels: str
+    split: str
+    camera: str
+
+    @classmethod
+    def of(cls, suite: Suite) -> ComparisonSettings:
+        """Settings of a suite."""
+        return cls(
+            suite=suite.name,
+            families=",".join(suite.families),
+            levels=",".join(suite.levels),
+            split=suite.split,
+            camera=suite.camera,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """One drive to do."""
+
+    contender: str
+    agent: Agent
+    family: str
+    seed: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """Drives on one level of randomization, of any agents: they share a batch."""
+
+    suite: Suite
+    level: str
+    entries: tuple[Entry, ...]
+
+
+def drive_missing(
+    suite: Suite,
+    field: Sequence[Contender],
+    out: Path,
+    processes: int = 1,
+    progress: Callable[[int], contextlib.AbstractContextManager[Callable[[], None]]] | None = None,
+) -> list[Record]:
+    """Drive what the records do not hold yet.
+
+    Args:
+        suite: the courses.
+        field: the contenders.
+        out: folder of the records.
+        processes: number of processes that drive; 1: this one.
+        progress: makes a bar from the number of drives to do; it gives a function that counts one.
+
+    Returns:
+        The records of all drives of the suite and the field, and the lines of the runs that made them.
+
+    Raises:
+        ConfigError: the records were made with another suite, or a contender has changed since.
+        TralError: a contender fails.
+    """
+    path, settings = out / RECORDS, ComparisonSettings.of(suite)
+    digests = {f"{one.name}: {agent.source}": agent.digest for one in field for agent in one.agents}
+    jobs = list(missing(suite, field, made_with(path, settings, digests), processes))
+    if jobs:
+        begin_run(path, settings, digests)
+        bar = progress or (lambda _: contextlib.nullcontext(lambda: None))
+        with bar(sum(len(job.entries) for job in jobs)) as count:
+            if processes == 1:
+                _drive_here(jobs, path, count)
+            else:
+                collect(drive, [(job,) for job in jobs], processes, path, count)
+    return wanted(suite, field, made_with(path, settings, digests))
+
+
+def key(line: Record) -> tuple[str, str, str, str, int]:
+    """What tells a drive from all others."""
+    return line["contender"], line["agent"], line["level"], line["scenario"], line["seed"]
+
+
+def wanted(suite: Suite, field: Sequence[Contender], lines: Sequence[Record]) -> list[Record]:
+    """The lines of runs, and those of drives that belong to the suite and the field."""
+    agents = {(one.name, agent.source) for one in field for agent in one.agents}
+    return [
+        line
+        for line in lines
+        if line["kind"] == "run" or ((line["contender"], line["agent"]) in agents and line["seed"] in suite.seeds)
+    ]
+
+
+def missing(suite: Suite, field: Sequence[Contender], lines: Sequence[Record], processes: int = 1) -> Iterator[Job]:
+    """Jobs for the drives that have no line, at least one for each process if there are enough drives.
+
+    All agents take their turns on each course.
+    """
+    done = {key(line) for line in lines if line["kind"] == "drive"}
+    agents = [(one.name, agent) for one in field for agent in one.agents]
+    for level in suite.levels:
+        entries = [
+            Entry(contender=name, agent=agent, family=family, seed=seed)
+            for seed in suite.seeds
+            for family in suite.families
+            for name, agent in agents
+            if (name, agent.source, level, family, seed) not in done
+        ]
+        size = min(JOB_DRIVES, max(-(-len(entries) * len(suite.levels) // processes), 1))
+        for k in range(0, len(entries), size):
+            yield Job(suite=suite, level=level, entries=tuple(entries[k : k + size]))
+
+
+def _drive_here(jobs: Sequence[Job], path: Path, count: Callable[[], None]) -> None:
+    """Drive in this process; jobs of one level share a simulation, and each drive is kept as it ends."""
+
+    def keep(line: Record) -> None:
+        append(path, line)
+        count()
+
+    with contextlib.ExitStack() as stack:
+        runners: dict[str, BatchRunner] = {}
+        for job in jobs:
+            if job.level not in runners:
+                runners[job.level] = stack.enter_context(contextlib.closing(runner_of(job)))
+            run(job, runners[job.level], keep)
+
+
+def runner_of(job: Job) -> BatchRunner:
+    """The simulation of a job."""
+    return BatchRunner(job.suite.families, randomization=job.level, camera=job.suite.camera)
+
+
+def drive(job: Job) -> list[Record]:
+    """Lines of a job's drives, in a process of their own."""
+    lines: list[Record] = []
+    with contextlib.closing(runner_of(job)) as runner:
+        run(job, runner, lines.append)
+    return lines
+
+
+def run(job: Job, runner: BatchRunner, keep: Callable[[Record], None]) -> None:
+    """Drive a job; `keep` gets the line of each drive as it ends."""
+    agents = list(dict.fromkeys(entry.agent.source for entry in job.entries))
+    by_source = {entry.agent.source: entry.agent for entry in job.entries}
+    requests = [EpisodeRequest(agents.index(one.agent.source), one.family, one.seed) for one in job.entries]
+
+    def make(world: World) -> RowPolicies:
+        return MixedPolicies([row_policies(by_source[source], world) for source in agents], world.n)
+
+    runner.drive_with(make, requests, stop_check(), spectator=_Watcher(job, keep))
+
+
+class _Watcher:
+    """Keeps paths and the places where gates were passed, and makes the line of each drive."""
+
+    def __init__(self, job: Job, keep: Callable[[Record], None]) -> None:
+        self._job, self._keep = job, keep
+        self._paths: dict[int, list[list[float]]] = {}
+        self._offsets: dict[int, list[float]] = {}
+        self._ticks = np.zeros(len(job.entries), np.int64)
+        self._passed = np.zeros(len(job.entries), np.int64)
+
+    def watch(self, rows: Index, numbers: Index, world: World, step: Step) -> None:
+        """See a tick."""
+        pose, passed = step.info["pose"][rows], step.info["gates_passed"][rows]
+        over = (step.terminated | step.truncated)[rows]
+        due = over | (self._ticks[numbers] % PATH_TICKS == 0)
+        for number, place in zip(numbers[due].tolist(), pose[due].tolist(), strict=True):
+            self._paths.setdefault(number, []).append([round(value, 3) for value in place])
+        for k in np.flatnonzero(passed > self._passed[numbers]).tolist():
+            gate = world.track.gate_pose[rows[k], passed[k] - 1]
+            self._offsets.setdefault(int(numbers[k]), []).append(round(gate_offset(gate, pose[k]), 4))
+        self._ticks[numbers] += 1
+        self._passed[numbers] = passed
+
+    def finish(self, number: int, result: EpisodeResult) -> None:
+        """Make the line of a drive."""
+        entry, path = self._job.entries[number], self._paths.pop(number, [])
+        record = {
+            "kind": "drive",
+            "contender": entry.contender,
+            "agent": entry.agent.source,
+            "level": self._job.level,
+            **result.record(),
+            "gate_offsets_m": self._offsets.pop(number, []),
+        }
+        if entry.seed == self._job.suite.seeds[0]:
+            record["path"] = path
+        elif not result.success:
+            record["path"] = path[-LAST_POSES:]
+        self._keep(record)
+
+
+def gate_offset(gate: NDArray[np.floating], pose: NDArray[np.floating]) -> float:
+    """How far left of a gate's middle a car passes it, m; both are (3,) x, y [m], yaw [rad]."""
+    _, left = rotate_back(
+        float(np.cos(gate[2])), float(np.sin(gate[2])), float(pose[0] - gate[0]), float(pose[1] - gate[1])
+    )
+    return left
+
+
+def drive_again(
+    failure: Mapping[str, Any], suite: Suite, policy: Policy, watcher: Callable[[Any], Observer]
+) -> Episode:
+    """Drive a failure of an analysis once more in an environment that renders.
+
+    Args:
+        failure: one of "failures" of `analysis.analyse`.
+        suite: the suite that it belongs to.
+        policy: the policy that failed.
+        watcher: makes, from the environment, what is called with each tick.
+    """
+    with contextlib.closing(
+        gym.make(
+            "tral_env:TralCorridor-v0",
+            scenario=failure["scenario"],
+            randomization=failure["level"],
+            camera=suite.camera,
+            render_mode="rgb_array",
+        )
+    ) as env:
+        return rollout.drive(env, policy, failure["seed"], on_step=watcher(env.unwrapped), scenario=failure["scenario"])
+
+
+def plans_of(shown: Mapping[str, Any]) -> dict[tuple[str, str, int], Plan]:
+    """Plans of the courses of all paths and failures that an analysis shows: family, level, seed -> plan."""
+    keys = {(one["family"], one["level"], one["seed"]) for one in shown["paths"]}
+    keys |= {(one["scenario"], one["level"], one["seed"]) for one in shown["failures"]}
+    return {
+        (family, level, seed): generate_plan(family, np_random(seed)[0], hard=level_of(level).hard_courses)[1]
+        for family, level, seed in sorted(keys)
+    }

@@ -1,0 +1,69 @@
+"""A short video of the end of a drive, small enough to lie in a page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import imageio_ffmpeg
+import numpy as np
+from numpy.typing import NDArray
+
+from tral_env.errors import RenderError
+from tral_env.interface import CONTROL_RATE_HZ
+from tral_fsm.evaluation.episode import Tick
+from tral_fsm.report.drive.video import Views
+
+WIDTH, HEIGHT = 320, 240
+"""Size of the picture, px."""
+FPS = 10
+"""Frames per second; a clip runs in real time."""
+LAST_S = 4.0
+"""A clip shows the last seconds of a drive, s."""
+_EVERY = round(CONTROL_RATE_HZ / FPS)
+
+
+class Clip:
+    """Keeps pictures of the car from behind; `evaluation.rollout.drive` takes it as `on_step`."""
+
+    def __init__(self, views: Views, time_s: float) -> None:
+        """Wait for the end of a drive.
+
+        Args:
+            views: the env that renders the views.
+            time_s: when the drive will end, s.
+        """
+        self._views, self._from_s = views, time_s - LAST_S
+        self._frames: list[NDArray[np.uint8]] = []
+
+    def __call__(self, tick: Tick) -> None:
+        """Take a picture if one is due."""
+        if tick.index % _EVERY == 0 and tick.info["time_s"] >= self._from_s:
+            self._frames.append(self._views.render_view("chase", WIDTH, HEIGHT))
+
+    def write(self, path: Path) -> None:
+        """Write an mp4 file; the last picture stays for a second.
+
+        Raises:
+            RenderError: there is no encoder.
+        """
+        writer: Any = imageio_ffmpeg.write_frames(
+            str(path),
+            (WIDTH, HEIGHT),
+            fps=FPS,
+            codec="libx264",
+            macro_block_size=2,
+            ffmpeg_log_level="error",
+            output_params=["-crf", "30", "-preset", "veryfast", "-movflags", "+faststart"],
+        )
+        try:
+            writer.send(None)
+            for frame in self._frames + self._frames[-1:] * FPS:
+                writer.send(np.ascontiguousarray(frame))
+        except (OSError, RuntimeError) as error:
+            raise RenderError(
+                f"no encoder for the videos ({error}): install ffmpeg and set IMAGEIO_FFMPEG_EXE to it, or do without: "
+                "--videos 0"
+            ) from error
+        finally:
+            writer.close()

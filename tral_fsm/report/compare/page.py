@@ -1,0 +1,175 @@
+"""A comparison as one HTML file that needs no network: tables, figures and pictures are in it."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from matplotlib.figure import Figure
+
+from tral_env.course.plan import Plan
+from tral_fsm.report.compare import plots
+from tral_fsm.report.compare.tables import (
+    OVERVIEW,
+    OVERVIEW_UNITS,
+    PAIRS,
+    overview_rows,
+    pair_rows,
+    percent,
+)
+
+MAX_TOLD = 120
+"""The page leaves out what an agent tells of its making with more letters than these, such as its curve."""
+Plans = Mapping[tuple[str, str, int], Plan]
+"""Family, level and seed -> the plan of the course."""
+
+
+def page_html(shown: Mapping[str, Any], plans: Plans, clips: Mapping[int, bytes] | None = None) -> str:
+    """The page as text.
+
+    Args:
+        shown: what `evaluation.analysis.analyse` found, with "command" and "seconds".
+        plans: the courses of its paths and failures.
+        clips: number of a failure -> its mp4 file.
+    """
+    environment = Environment(
+        loader=PackageLoader("tral_fsm.report.compare", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("page.html.j2").render(context(shown, plans, clips or {})) + "\n"
+
+
+def context(shown: Mapping[str, Any], plans: Plans, clips: Mapping[int, bytes]) -> dict[str, Any]:
+    """Content of the template: plain texts, lists of cells, and pictures."""
+    contenders, suite = shown["contenders"], shown["suite"]
+    names = [one["name"] for one in contenders]
+    return {
+        "suite": suite,
+        "drives": contenders[0]["figures"]["drives"] if contenders else 0,
+        "contenders": contenders,
+        "overview": {"header": OVERVIEW, "units": OVERVIEW_UNITS, "rows": overview_rows(contenders)},
+        "truth": [one["name"] for one in contenders if any(agent["sees_truth"] for agent in one["agents"])],
+        "alone": [one["name"] for one in contenders if len(one["agents"]) == 1],
+        "names": names,
+        "tasks": [_task(task, names) for task in shown["tasks"]],
+        "pairs": {"header": PAIRS, "rows": pair_rows(shown["pairs"])},
+        "intervals": svg(plots.intervals(contenders)),
+        "outcomes": svg(plots.outcomes(contenders)),
+        "profiles": svg(plots.profiles(shown["profiles"])),
+        "paths": _paths(shown["paths"], plans),
+        "failures": _failures(shown["failures"], plans, names, clips),
+        "statistics": shown["statistics"],
+        "runs": _runs(shown["runs"]),
+        "told": {one["name"]: [_told(agent) for agent in one["agents"]] for one in contenders},
+        "command": shown["command"],
+        "seconds": shown["seconds"],
+    }
+
+
+def _told(agent: Mapping[str, Any]) -> str:
+    """What an agent tells of its making, as far as it is short; compare.json has all of it."""
+    short = {name: value for name, value in agent["provenance"].items() if len(str(value)) <= MAX_TOLD}
+    return "".join(f"; {name}: {value}" for name, value in short.items())
+
+
+def _task(task: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
+    """A row of the heat table."""
+    cells = []
+    for name in names:
+        one = task["contenders"][name]
+        share = one["successes"] / one["drives"]
+        cells.append(
+            {
+                "text": percent(share),
+                "range": f"{percent(one['low'])} to {percent(one['high'])}",
+                "told": f"{one['successes']} of {one['drives']} drives, score {one['score']:.3f}",
+                "colour": heat(share),
+            }
+        )
+    return {"family": task["family"], "level": task["level"], "cells": cells}
+
+
+def heat(share: float) -> str:
+    """Background of a cell: from red over yellow to green, light enough for black text."""
+    hue = 8.0 + 112.0 * share
+    return f"hsl({hue:.0f} 62% 78%)"
+
+
+def _paths(found: Sequence[Mapping[str, Any]], plans: Plans) -> list[dict[str, str]]:
+    """A picture for each family, on the first level."""
+    shown: dict[str, dict[str, str]] = {}
+    for one in found:
+        if one["family"] not in shown:
+            plan = plans[one["family"], one["level"], one["seed"]]
+            shown[one["family"]] = {
+                "title": f"{one['family']}, {one['level']}, seed {one['seed']}",
+                "src": png(plots.paths(plan, one["contenders"]), dpi=110),
+            }
+    return list(shown.values())
+
+
+def _failures(
+    found: Sequence[Mapping[str, Any]], plans: Plans, names: Sequence[str], clips: Mapping[int, bytes]
+) -> list[dict[str, str]]:
+    """A picture for each failure of the gallery, and its video if there is one."""
+    return [
+        {
+            "title": f"{one['contender']}: {_fate(one)}",
+            "told": f"{one['scenario']}, {one['level']}, seed {one['seed']}: {one['time_s']:.1f} s, "
+            f"{percent(one['progress'])} % of the route",
+            "src": png(
+                plots.failure(
+                    plans[one["scenario"], one["level"], one["seed"]],
+                    one["path"],
+                    plots.style(names.index(one["contender"]))["color"],
+                ),
+                dpi=100,
+            ),
+            "clip": _data(clips[number], "video/mp4") if number in clips else "",
+        }
+        for number, one in enumerate(found)
+    ]
+
+
+def _fate(one: Mapping[str, Any]) -> str:
+    if one["outcome"] == "collision":
+        return "crash" if one["crash"] else "touch"
+    return str(one["outcome"]).replace("_", " ")
+
+
+def _runs(hosts: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The computers and versions of the runs, each once."""
+    texts = [
+        f"{host['cpu']}, {host['cores']} cores, {host['system']}; commit {host['commit'] or 'unknown'}; "
+        + ", ".join(f"{name} {version}" for name, version in host["versions"].items())
+        for host in hosts
+    ]
+    return list(dict.fromkeys(texts))
+
+
+def svg(figure: Figure) -> str:
+    """A figure as the source of an image."""
+    return _source(figure, "svg", "image/svg+xml")
+
+
+def png(figure: Figure, dpi: int) -> str:
+    """A figure as the source of an image, in pixels."""
+    return _source(figure, "png", "image/png", dpi=dpi)
+
+
+def _source(figure: Figure, kind: str, mime: str, **options: Any) -> str:
+    content = io.BytesIO()
+    metadata = {"Date": None} if kind == "svg" else None
+    figure.savefig(content, format=kind, metadata=metadata, **options)
+    return _data(content.getvalue(), mime)
+
+
+def _data(content: bytes, mime: str) -> str:
+    """A file as the source of an element."""
+    return f"data:{mime};base64,{base64.b64encode(content).decode()}"
