@@ -79,7 +79,7 @@ class PulseCommands:
         """Send the pulses of a command after the slew limit."""
         del evidence
         command = limit_slew([steering, throttle], self.applied, CONTROL_PERIOD_S, self._calibration)
-        self.applied = tuple(command.tolist())
+        self.applied = float(command[0]), float(command[1])
         self._send(*pulses(command, self._calibration).tolist())
 
     def check(self) -> None:

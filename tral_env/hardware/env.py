@@ -152,8 +152,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             limits = Limits(evidence_s=None) if sensors is None else Limits()
         # The board first: until it is set up it answers to the address of the first ultrasonic too.
         self.output = _output(output, self.calibration, bus, limits, clock, sleep)
-        is_process = isinstance(self.output, ActuatorProcess)
-        self._commands: Commands = self.output if is_process else PulseCommands(self.output, self.calibration)
+        self._commands = _commands(self.output, self.calibration)
         try:
             self.sensors = _sensors(sensors, bus, sleep)
             _check_provided(groups, self.sensors)
@@ -322,6 +321,10 @@ def _output(
     if output == "pca9685":
         return Pca9685(calibration, bus, sleep=sleep)
     raise ConfigError(f"unknown output '{output}': {nearest(output, OUTPUTS)}")
+
+
+def _commands(output: PulseOutput | ActuatorProcess, calibration: CarCalibration) -> Commands:
+    return output if isinstance(output, ActuatorProcess) else PulseCommands(output, calibration)
 
 
 def _check_provided(groups: Sequence[str], sensors: Sensors | None) -> None:

@@ -57,8 +57,10 @@ class ChannelCalibration(_Section):
     @property
     def law(self) -> Channel:
         """The numbers from which `tral_env.hardware.actuator.laws` makes pulses."""
-        knots = (float(us) for us in self.knots)
-        return Channel(self.channel, *knots, self.min_us, self.max_us, self._rests_within_us, self.slew_per_s)
+        minus, centre, plus, skip = (float(us) for us in self.knots)
+        return Channel(
+            self.channel, minus, centre, plus, skip, self.min_us, self.max_us, self._rests_within_us, self.slew_per_s
+        )
 
     @property
     def _rests_within_us(self) -> float:

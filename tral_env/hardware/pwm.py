@@ -81,7 +81,8 @@ class Pca9685(Physical):
 
     The board gets neutral before its outputs wake, and again at its close, at the end of its ``with`` block and at the
     end of the interpreter; it goes on sending neutral then, because a motor controller without pulses may do anything.
-    A process that is killed outright (SIGKILL, SIGTERM without a handler) leaves the board with the last pulses.
+    A process that is killed outright (SIGKILL, SIGTERM without a handler) leaves the board with the last pulses: a real
+    car is driven by `tral_env.hardware.actuator.client.ActuatorProcess`.
     Source of registers and order: data sheet of NXP, revision 4.
     """
 

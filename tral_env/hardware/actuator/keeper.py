@@ -14,6 +14,7 @@ import signal
 import socket
 import sys
 import time
+import traceback
 from collections.abc import Callable
 from contextlib import suppress
 
@@ -72,11 +73,12 @@ def _fork(settings: Settings, driver: Driver, commands: socket.socket) -> int:
         granted = rights.claim()
         hello = {"worker": os.getpid(), "keeper": os.getppid(), **granted}
         commands.send(json.dumps(hello).encode())
-        status = 1
         try:
-            status = Worker(settings, driver, commands, theirs).run()
+            os._exit(Worker(settings, driver, commands, theirs).run())
+        except BaseException:
+            _complain(traceback.format_exc())
         finally:
-            os._exit(status)
+            os._exit(1)
     theirs.close()
     return Keeper(settings, driver, commands, ours, worker).run()
 
@@ -112,10 +114,10 @@ class Keeper:
         if status is None:
             self._signal(signal.SIGKILL)
             self._status()
-        _complain("the worker died or stood still: neutral, then no pulses")
         if self.end_pulses():
+            _complain("the worker died or stood still; the keeper has ended the pulses")
             return 0
-        _complain("THE PULSES COULD NOT BE ENDED: cut the power of the motor")
+        _complain("the worker died or stood still, and THE PULSES COULD NOT BE ENDED: cut the power of the motor")
         return 1
 
     def end_pulses(self) -> bool:
@@ -147,7 +149,7 @@ class Keeper:
                     return True
                 self._worker.send(ALIVE)
             except BlockingIOError:
-                pass
+                continue
             except OSError:
                 return True
             if (now_ns := self._clock_ns()) - fed_ns > _WATCHDOG_S * NS:
@@ -172,7 +174,7 @@ class Keeper:
     def _tell(self, neutral_us: tuple[float, float]) -> bool:
         """Tell the source of the commands."""
         reply = Reply(
-            State.LATCHED, Reason.WORKER, Refusal.NONE, -1, self._clock_ns(), 0.0, 0.0, *neutral_us, 0, 0, 0, 0
+            State.LATCHED, Reason.WORKER, Refusal.NONE, 0, self._clock_ns(), 0.0, 0.0, *neutral_us, 0, 0, 0, 0
         )
         with suppress(OSError):
             self._commands.send(pack_reply(reply))
@@ -185,6 +187,7 @@ def notify(states: dict[str, str]) -> None:
     if not address:
         return
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.setblocking(False)
         try:
             manager.connect("\0" + address[1:] if address[0] == "@" else address)
             manager.send("\n".join(f"{name}={value}" for name, value in states.items()).encode())
@@ -193,7 +196,9 @@ def notify(states: dict[str, str]) -> None:
 
 
 def _complain(text: str) -> None:
-    print(f"actuator: {text}", file=sys.stderr, flush=True)
+    """Say what happened, after the pulses ended: a terminal that is gone or blocks must not keep anyone from that."""
+    with suppress(OSError):
+        print(f"actuator: {text}", file=sys.stderr, flush=True)
 
 
 def switch_off(arguments: list[str]) -> int:

@@ -94,5 +94,5 @@ class Settings:
     def from_json(cls, text: str) -> Settings:
         """Settings from text."""
         content: dict[str, Any] = json.loads(text)
-        channels = {name: Channel(*content.pop(name)) for name in ("steering", "throttle")}
-        return cls(limits=Limits(**content.pop("limits")), **channels, **content)
+        steering, throttle = (Channel(*content.pop(name)) for name in ("steering", "throttle"))
+        return cls(steering=steering, throttle=throttle, limits=Limits(**content.pop("limits")), **content)

@@ -95,6 +95,7 @@ class Command(NamedTuple):
     """What the policy's process sends."""
 
     sequence: int
+    """Counts up from 1."""
     stamp_ns: int
     """Time at which it was sent."""
     steering: float
@@ -114,7 +115,7 @@ class Reply(NamedTuple):
     refusal: Refusal
     """Why the last packet was refused."""
     sequence: int
-    """The newest command that was taken."""
+    """The newest command that was taken; 0: none yet."""
     stamp_ns: int
     steering: float
     throttle: float
@@ -131,12 +132,12 @@ class Reply(NamedTuple):
     """Transactions with the board that were tried again."""
 
 
-NOTHING_YET = Command(sequence=-1, stamp_ns=0, steering=0.0, throttle=0.0, evidence=0)
+NOTHING_YET = Command(sequence=0, stamp_ns=0, steering=0.0, throttle=0.0, evidence=0)
 """Stands for the command before the first one."""
 
 _COMMAND = struct.Struct("<4sHHHxxQqddQ")
-_REPLY = struct.Struct("<4sHBBBxxxqqddddIIII")
-_FLAGS = Flag.ARM | Flag.DISARM | Flag.STOP
+_REPLY = struct.Struct("<4sHBBBxxxQqddddIIII")
+_FLAGS = int(Flag.ARM | Flag.DISARM | Flag.STOP)
 MAX_PACKET = 4096
 """No packet is longer."""
 
@@ -150,10 +151,10 @@ def read(packet: bytes) -> Command | None:
     """Command of a packet, or None if it is none. Its content has not been judged yet: see `refusal`."""
     if len(packet) != _COMMAND.size:
         return None
-    magic, version, flags, source, *content = _COMMAND.unpack(packet)
+    magic, version, flags, source, sequence, stamp_ns, steering, throttle, evidence = _COMMAND.unpack(packet)
     if magic != MAGIC or version != VERSION or flags & ~_FLAGS:
         return None
-    return Command(*content, flags=Flag(flags), source=source)
+    return Command(sequence, stamp_ns, steering, throttle, evidence, Flag(flags), source)
 
 
 def refusal(command: Command, before: Command, now_ns: int, max_age_ns: int) -> Refusal:
