@@ -48,16 +48,16 @@ def main(arguments: list[str]) -> int:
     """
     for ignored in (signal.SIGINT, signal.SIGHUP, signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU):
         signal.signal(ignored, signal.SIG_IGN)
-    commands = socket.socket(fileno=int(arguments[0]))
-    commands.setblocking(False)
     settings = Settings.from_json(arguments[1])
-    try:
-        driver = open_driver(settings)
-        driver.start()
-    except (TralError, OSError) as error:
-        commands.send(json.dumps({"error": str(error), "kind": type(error).__name__}).encode()[:MAX_PACKET])
-        return 1
-    return _fork(settings, driver, commands)
+    with socket.socket(fileno=int(arguments[0])) as commands:
+        commands.setblocking(False)
+        try:
+            driver = open_driver(settings)
+            driver.start()
+        except (TralError, OSError) as error:
+            commands.send(json.dumps({"error": str(error), "kind": type(error).__name__}).encode()[:MAX_PACKET])
+            return 1
+        return _fork(settings, driver, commands)
 
 
 def _fork(settings: Settings, driver: Driver, commands: socket.socket) -> int:
