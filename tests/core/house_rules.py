@@ -23,6 +23,7 @@ PHYSICS = {"mujoco"}
 HEAVY = PHYSICS | {"torch", "stable_baselines3", "matplotlib"}
 LAWS = {f"tral_env.{room}" for room in ("sensors", "actuation", "task", "noise", "config")}
 ON_THE_CAR = {f"tral_env.{room}" for room in ("hardware", "recording", "learned", "ros")}
+ACTUATOR = "tral_env.hardware.actuator"
 CAR_NEEDS = WAIST | ON_THE_CAR | LAWS - {"tral_env.task"} | {"tral_env.perception"}
 OPTIONS_NEED = {f"tral_env.{room}" for room in ("config", "randomization", "course", "perception", "calibration")}
 SHELLS = {f"tral_env.{room}" for room in ("env", "vector_env", "sb3")}
@@ -154,6 +155,17 @@ def the_car_reaches_nothing_heavy(imports: Imports) -> list[str]:
     ]
 
 
+def the_actuator_reaches_the_standard_library_and_the_buses_alone(imports: Imports) -> list[str]:
+    # Its process runs no `tral_env/__init__`: see `tral_env.hardware.actuator.__main__`.
+    loaded = {module: names for module, names in imports.items() if module != "tral_env"}
+    return [
+        f"{module} reaches {name}"
+        for module in sorted(loaded)
+        if module.startswith(ACTUATOR)
+        for name in sorted(_reaches(loaded, module) - sys.stdlib_module_names - {"smbus2", "serial"})
+    ]
+
+
 def simulation_knows_no_world(imports: Imports) -> list[str]:
     return _outside(imports, {"tral_env.simulation"}, SIMULATION_NEEDS)
 
@@ -247,6 +259,7 @@ RULES: tuple[Rule, ...] = (
     course_needs_the_waist_and_config,
     the_car_needs_little,
     the_car_reaches_nothing_heavy,
+    the_actuator_reaches_the_standard_library_and_the_buses_alone,
     simulation_knows_no_world,
     shells_know_the_world_and_not_the_simulation,
     the_two_environments_do_not_know_each_other,
@@ -262,6 +275,7 @@ LOADING = {
     laws_reach_no_physics,
     calibration_reaches_no_physics,
     the_car_reaches_nothing_heavy,
+    the_actuator_reaches_the_standard_library_and_the_buses_alone,
     report_reaches_no_physics,
 }
 

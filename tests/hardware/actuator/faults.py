@@ -27,7 +27,9 @@ END_S = 8.0
 """A fault has ended the pulses after this time, or it never will."""
 
 POLICY = """
-import ctypes, os, sys, time, types
+import ctypes, os, signal, sys, time, types
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell lets its background jobs ignore these two
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 bare = types.ModuleType("tral_env")
 bare.__path__ = [sys.argv[1]]
 sys.modules["tral_env"] = bare

@@ -1,5 +1,7 @@
 """The registers of the PWM board: neutral before it wakes, both pulses at once, off, and settings read back."""
 
+from collections.abc import Sequence
+
 import pytest
 from fakes import FakeSmbus, Pca9685Fake
 from rig import STEERING, THROTTLE
@@ -47,6 +49,27 @@ def test_a_board_that_was_left_driving_is_started_in_neutral() -> None:
     second.start()
     assert chip.seen[-1] == pytest.approx((1530, 1500), abs=STEP_US / 2)
     assert second.check() == ""
+
+
+def test_a_board_that_waits_for_a_restart_is_restarted() -> None:
+    class Waiting(Pca9685Fake):
+        """A chip that keeps its bit RESTART until 1 is written to it, as the data sheet describes."""
+
+        waits = True
+
+        def read(self, register: int, length: int) -> list[int]:
+            found = super().read(register, length)
+            return [found[0] | 0x80, *found[1:]] if register == 0 and self.waits else found
+
+        def write(self, register: int, data: Sequence[int]) -> None:
+            if register == 0 and data[0] & 0x80:
+                self.waits = False
+            super().write(register, data)
+
+    opened, bus = board(Waiting())
+    opened.start()
+    assert bus.log[-1] == (0x40, 0x00, (0xA0,))
+    assert opened.check() == ""
 
 
 def test_off_ends_both_pulses_in_one_transaction_and_pulses_come_back() -> None:

@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -92,6 +93,27 @@ def test_a_worker_that_failed_or_died_is_followed_by_neutral_and_off(watch: Any,
     assert case.keeper.run() == 0
     assert case.board.done[0][2] == NEUTRAL
     assert case.board.stands == OFF
+
+
+def test_a_sign_of_life_is_answered_and_fed_to_the_service_manager(
+    watch: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = watch("pass")
+    wait_until(lambda: is_gone(case.child.pid))
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        monkeypatch.setenv("WATCHDOG_USEC", "1000000")
+        for _ in range(3):
+            case.worker.send(b".")
+        case.worker.shutdown(socket.SHUT_WR)
+        assert case.keeper.run() == 0
+        assert [case.worker.recv(8) for _ in range(3)] == [b"."] * 3
+        begin, fed, end = (manager.recv(64) for _ in range(3))
+        assert (begin, fed, end) == (b"READY=1\nWATCHDOG_USEC=1000000", b"WATCHDOG=1", b"WATCHDOG_USEC=0")
+        manager.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            manager.recv(64)
 
 
 def test_the_pulses_are_ended_as_soon_as_the_board_takes_it(watch: Any) -> None:

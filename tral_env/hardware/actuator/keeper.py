@@ -110,11 +110,13 @@ class Keeper:
         signal.signal(signal.SIGTERM, self._pass_on)
         status = self._status() if self._watch() else None
         if status == 0:
+            notify({"WATCHDOG_USEC": "0"})
             return 0
         if status is None:
             self._signal(signal.SIGKILL)
             self._status()
         if self.end_pulses():
+            notify({"WATCHDOG_USEC": "0"})
             _complain("the worker died or stood still; the keeper has ended the pulses")
             return 0
         _complain("the worker died or stood still, and THE PULSES COULD NOT BE ENDED: cut the power of the motor")
@@ -142,7 +144,8 @@ class Keeper:
         """Return when the worker has closed its socket (True), or has shown no life for too long (False)."""
         poll, fed_ns = select.poll(), 0
         poll.register(self._worker, select.POLLIN)
-        notify({"READY": "1"})
+        watchdog = os.environ.get("WATCHDOG_USEC")
+        notify({"READY": "1"} | ({"WATCHDOG_USEC": watchdog} if watchdog else {}))
         while poll.poll(self._settings.limits.hang_s * 1000):
             try:
                 if not self._worker.recv(MAX_PACKET):
@@ -182,7 +185,7 @@ class Keeper:
 
 
 def notify(states: dict[str, str]) -> None:
-    """Tell systemd, if it asks for that; see sd_notify(3)."""
+    """Tell systemd, if it asks for that; see sd_notify(3). ``WATCHDOG_USEC=0`` ends its watch: the pulses have ended."""
     address = os.environ.get("NOTIFY_SOCKET")
     if not address:
         return
