@@ -170,6 +170,26 @@ def test_a_running_worker_has_imported_the_standard_library_and_the_bus_alone(gi
 ALLOWED = {"tral_env.errors", "tral_env.hardware", "tral_env.hardware.i2c"}
 
 
+def test_a_board_has_one_owner(actuator: ActuatorProcess, given: Settings, log: Path) -> None:
+    actuator.arm()
+    with pytest.raises(HardwareError, match=f"another process drives the board at 0x40 on {log}"):
+        ActuatorProcess(given)
+
+
+def test_a_policy_that_is_started_again_waits_for_the_end_of_the_one_before(given: Settings, log: Path) -> None:
+    first = ActuatorProcess(given)
+    first.arm()
+    drive(first)
+    os.kill(first.hello["worker"], signal.SIGTERM)
+    with ActuatorProcess(given) as second:
+        offs = [i for i, (_, pulses) in enumerate(pulses_in(log)) if pulses == OFF]
+        assert len(offs) == 1
+        second.arm()
+        drive(second)
+        assert pulses_in(log)[-1][1] == (1457.5, 1300.0)
+    first.close()
+
+
 def test_no_numerics_are_mapped_into_a_running_worker(actuator: ActuatorProcess) -> None:
     maps = Path(f"/proc/{actuator.hello['worker']}/maps").read_text()
     assert "libc" in maps

@@ -6,6 +6,7 @@ time. It is opened before the fork: an emergency is no time to open files, impor
 
 from __future__ import annotations
 
+import errno
 import gc
 import json
 import os
@@ -15,10 +16,11 @@ import socket
 import sys
 import time
 import traceback
+import zlib
 from collections.abc import Callable
 from contextlib import suppress
 
-from tral_env.errors import TralError
+from tral_env.errors import HardwareError, TralError
 from tral_env.hardware.actuator import rights
 from tral_env.hardware.actuator.drivers import Driver, open_driver
 from tral_env.hardware.actuator.pca9685 import all_off
@@ -33,6 +35,8 @@ _GIVE_UP_S = 30.0
 """In an emergency the keeper tries for this long to end the pulses."""
 _WATCHDOG_S = 0.1
 """The service manager hears this often that all is well."""
+_CLAIM_S = 2.0
+"""A process that drives the board and is about to end is given so long."""
 _DEATH_S = 0.02
 """The keeper waits this long for a killed worker to be gone: one that hangs in a transaction dies at its end."""
 
@@ -51,13 +55,35 @@ def main(arguments: list[str]) -> int:
     settings = Settings.from_json(arguments[1])
     with socket.socket(fileno=int(arguments[0])) as commands:
         commands.setblocking(False)
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as claim:
+            try:
+                _claim(claim, settings)
+                driver = open_driver(settings)
+                driver.start()
+            except (TralError, OSError) as error:
+                told = {"error": str(error), "kind": type(error).__name__}
+                commands.send(json.dumps(told).encode()[:MAX_PACKET])
+                return 1
+            return _fork(settings, driver, commands)
+
+
+def _claim(claim: socket.socket, settings: Settings) -> None:
+    """Make sure that no other process of this kind drives the board: a name in the kernel, free when both are gone.
+
+    Raises:
+        HardwareError: another one drives it, and does not end.
+    """
+    bus = f"/dev/i2c-{settings.bus}" if isinstance(settings.bus, int) else os.path.realpath(settings.bus)
+    until_s = time.monotonic() + _CLAIM_S
+    while True:
         try:
-            driver = open_driver(settings)
-            driver.start()
-        except (TralError, OSError) as error:
-            commands.send(json.dumps({"error": str(error), "kind": type(error).__name__}).encode()[:MAX_PACKET])
-            return 1
-        return _fork(settings, driver, commands)
+            return claim.bind(f"\0tral-actuator {zlib.crc32(f'{bus} {settings.address}'.encode()):08x}")
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE or time.monotonic() > until_s:
+                raise HardwareError(
+                    f"another process drives the board at 0x{settings.address:02x} on {bus}: end it first"
+                ) from error
+        time.sleep(_TRY_S)
 
 
 def _fork(settings: Settings, driver: Driver, commands: socket.socket) -> int:
@@ -185,7 +211,7 @@ class Keeper:
 
 
 def notify(states: dict[str, str]) -> None:
-    """Tell systemd, if it asks for that; see sd_notify(3). ``WATCHDOG_USEC=0`` ends its watch: the pulses have ended."""
+    """Tell systemd, if it asks for that; see sd_notify(3). ``WATCHDOG_USEC=0`` ends its watch."""
     address = os.environ.get("NOTIFY_SOCKET")
     if not address:
         return
