@@ -15,7 +15,7 @@ from tral_env.hardware.actuator.worker import Worker
 MS = 1_000_000
 NEUTRAL: Pulses = (1530.0, 1500.0)
 OFF: Pulses = (0.0, 0.0)
-STEERING = Channel(0, 1810.0, 1530.0, 1240.0, 0.0, 1240.0, 1810.0)
+STEERING = Channel(0, 1810.0, 1530.0, 1240.0, 0.0, 1240.0, 1810.0, 0.0)
 THROTTLE = Channel(1, 1900.0, 1500.0, 1100.0, 0.0, 1100.0, 1900.0, 40.0)
 """Full forward is 1100 us, full reverse 1900 us, and the motor rests within 40 us."""
 SETTINGS = Settings(

@@ -64,6 +64,7 @@ def test_a_slew_limit_holds_and_never_delays_a_throttle_of_zero(
 def test_the_divider_and_the_step_of_the_data_sheet() -> None:
     # Its example: 200 Hz with the inner clock of 25 MHz is 0x1E.
     assert laws.prescale(25e6, 5000) == 0x1E
+    assert laws.prescale(25e6, 34_000) == 207
     assert laws.step_us(0x1E, 25e6) == pytest.approx(1.24)
 
 

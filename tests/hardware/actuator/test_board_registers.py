@@ -7,28 +7,43 @@ from fakes import FakeSmbus, Pca9685Fake
 from rig import STEERING, THROTTLE
 
 from tral_env.errors import HardwareError
+from tral_env.hardware.actuator.laws import Channel
 from tral_env.hardware.actuator.pca9685 import Board, all_off
 from tral_env.hardware.i2c import Bus
 
 STEP_US = 4.24
 
 
-def board(chip: Pca9685Fake) -> tuple[Board, FakeSmbus]:
+def board(
+    chip: Pca9685Fake, steering: Channel = STEERING, throttle: Channel = THROTTLE, naps: list[float] | None = None
+) -> tuple[Board, FakeSmbus]:
     bus = FakeSmbus({0x40: chip})
     device = Bus(bus).device(0x40, "PWM board PCA9685")
-    steering, throttle = STEERING, THROTTLE
-    opened = Board(
-        device, period_us=17430, oscillator_hz=25e6, steering=steering, throttle=throttle, sleep=lambda seconds: None
-    )
-    return opened, bus
+    sleep = ([] if naps is None else naps).append
+    return Board(device, period_us=17430, oscillator_hz=25e6, steering=steering, throttle=throttle, sleep=sleep), bus
 
 
 def test_a_board_wakes_with_neutral_and_its_settings_read_back_right() -> None:
-    chip = Pca9685Fake()
-    opened, _ = board(chip)
+    chip, naps = Pca9685Fake(), list[float]()
+    chip.registers[0x01] = 0x10  # an open-drain board, changed on STOP or ACK
+    opened, bus = board(chip, naps=naps)
     opened.start()
     assert chip.seen[0] == pytest.approx((1530, 1500), abs=STEP_US / 2)
     assert opened.check() == ""
+    assert chip.registers[0x01] == 0x04
+    assert bus.log[0] == (0x40, 0x00, (0x30,)), "asleep, and deaf to its second address"
+    assert bus.log[-1] == (0x40, 0x00, (0x20,)), "no restart where none is due"
+    assert 0.0005 <= sum(naps) < 0.005
+
+
+def test_the_outputs_may_be_any_two_neighbours_in_either_order() -> None:
+    chip = Pca9685Fake()
+    opened, bus = board(chip, STEERING._replace(output=6), THROTTLE._replace(output=5))
+    opened.start()
+    opened.set_pulses(1700, 1300)
+    assert bus.log[-1][1] == 0x06 + 4 * 5
+    assert (chip.pulse_us(6), chip.pulse_us(5)) == pytest.approx((1700, 1300), abs=STEP_US / 2)
+    assert not any(chip.pulse_us(other) for other in range(16) if other not in (5, 6))
 
 
 def test_another_chip_is_found_out() -> None:
@@ -78,7 +93,7 @@ def test_off_ends_both_pulses_in_one_transaction_and_pulses_come_back() -> None:
     opened.start()
     before = len(bus.log)
     opened.off()
-    assert len(bus.log) == before + 1
+    assert bus.log[before:] == [(0x40, 0x06, (0, 0, 0, 0x10, 0, 0, 0, 0x10))]
     assert chip.seen[-1] == (0.0, 0.0)
     opened.set_pulses(1600, 1400)
     assert chip.seen[-1] == pytest.approx((1600, 1400), abs=STEP_US / 2)

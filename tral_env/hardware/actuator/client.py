@@ -9,11 +9,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Self
 
 from tral_env.errors import HardwareError, MissingExtraError
+from tral_env.hardware.actuator.guard import OFF
+from tral_env.hardware.actuator.laws import pulse_us
 from tral_env.hardware.actuator.settings import Settings
 from tral_env.hardware.actuator.wire import (
     MAX_PACKET,
@@ -137,9 +138,11 @@ class ActuatorProcess(Physical):
         Raises:
             HardwareError: the board does not take pulses; or the process is gone, whose keeper ends the pulses.
         """
-        reply = self._ask(Flag.DISARM)
-        if reply.reason is Reason.BUS:
-            raise HardwareError(f"{TOLD[reply.reason]}. {_POWER}")
+        until_s = time.monotonic() + _ANSWER_S
+        while not self._stands(self._ask(Flag.DISARM)):
+            if time.monotonic() > until_s:
+                raise HardwareError(f"{TOLD[Reason.BUS]}. {_POWER}")
+            time.sleep(_HEARTBEAT_S)
 
     def close(self) -> None:
         """Let go of the process, which ends in neutral, then no pulses; wait for that. A second call does nothing.
@@ -163,6 +166,12 @@ class ActuatorProcess(Physical):
         """Close it, whatever happened."""
         self.close()
 
+    def _stands(self, reply: Reply) -> bool:
+        """Whether the board has the pulses that the worker wants for a car that does not drive."""
+        settings, sent = self._settings, (reply.steering_us, reply.throttle_us)
+        wanted = pulse_us(reply.steering, settings.steering), pulse_us(reply.throttle, settings.throttle)
+        return reply.state is not State.ARMED and sent in (wanted, OFF)
+
     def _hello(self) -> Mapping[str, Any]:
         self._socket.settimeout(_START_S)
         try:
@@ -181,19 +190,23 @@ class ActuatorProcess(Physical):
     def _send(self, steering: float, throttle: float, flags: Flag = Flag.NONE) -> None:
         self._sequence += 1
         command = Command(self._sequence, time.monotonic_ns(), steering, throttle, self._evidence, flags)
-        self._socket.settimeout(_ANSWER_S)
         try:
+            self._socket.settimeout(_ANSWER_S)
             self._socket.send(pack(command))
         except OSError as error:
             raise self._lost() from error
 
     def _hear(self) -> None:
         """Take the replies that wait; the newest counts."""
-        self._socket.setblocking(False)
-        with suppress(BlockingIOError, ConnectionResetError):
+        try:
+            self._socket.setblocking(False)
             while packet := self._socket.recv(MAX_PACKET):
                 self._reply = read_reply(packet) or self._reply
-            raise self._lost()
+        except BlockingIOError:
+            return
+        except OSError as error:
+            raise self._lost() from error
+        raise self._lost()
 
     def _ask(self, flags: Flag) -> Reply:
         """Send neutral with flags, again where it is not taken, and wait for the answer."""

@@ -25,7 +25,7 @@ class Channel(NamedTuple):
     """The map leaves out so much beside the centre: the dead zone."""
     min_us: float
     max_us: float
-    dead_zone_us: float = 0.0
+    dead_zone_us: float
     """The motor rests this near to the centre."""
     slew_per_s: float | None = None
     """Largest change of the command in one second; None: no limit."""
