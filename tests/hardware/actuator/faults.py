@@ -57,6 +57,7 @@ PROGRAMS = {
     "sys.exit": "sys.exit(3)",
     "busy loop": "while True: pass",
     "C code that holds the GIL": "ctypes.PyDLL(None).sleep(60)",
+    "SIGKILL of a policy whose fork lives on": "os.fork() and os.kill(os.getpid(), 9) or time.sleep(1)",
     "NaN commands": "drive(60, throttle=float('nan'))",
     "observations frozen": "drive(60, seeing=False)",
 }

@@ -218,6 +218,8 @@ def test_a_worker_ends_when_its_source_did(failures: int, status: int) -> None:
     car.board.failures = failures
     worker = Worker(settings(), car.board, *car.ends, clock_ns=Hurry(30.0 if status == 0 else 500.0))
     assert worker.run() == status
+    assert worker.guard.reason is Reason.LOST
+    assert signal.getsignal(signal.SIGTERM) == worker.end
     assert (car.board.stands == OFF) is (status == 0)
     car.close()
 
