@@ -91,7 +91,8 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
 
     ### Truncation
     The episode took longer than the route's length / `nominal_speed` (0.3 m/s) + `grace_s` (10 s), both of
-    `TaskConfig`. The limit depends on the course, so `spec.max_episode_steps` is None. `gym.make(..., max_episode_steps=n)`
+    `TaskConfig`. The limit depends on the course, so `spec.max_episode_steps` is None. `info["time_limit_s"]` tells it,
+    also at a reset: an episode has `ceil(80 * time_limit_s)` steps at most. `gym.make(..., max_episode_steps=n)`
     adds a second limit; the earlier one truncates.
 
     ## Info
@@ -112,6 +113,7 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
     | `pose` | m, m, rad | always | x, y, yaw of the car in the course's frame |
     | `speed_mps` | m/s | always | speed along the car's x axis |
     | `time_s` | s | always | time since reset |
+    | `time_limit_s` | s | always | `time_s` at which the episode is truncated |
     | `reward_terms` | | steps | the terms of the reward by name; `sum(info["reward_terms"].values())` is the reward |
     | `is_success` | | last step | the same as `success` |
     | `car` | | reset | the drawn parameters of the car by name, see `tral_env.randomization.Randomization` |
@@ -138,7 +140,7 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
     | `randomization` | `'default'` | How much cars differ from one another: `"none"`, `"default"`, `"hard"`, the path of a file of ranges (.json, .yaml, .yml), or a `Randomization` of other ranges. |
     | `groups` | `()` | Optional groups of readings behind the core ones: names out of `"line"`, `"imu"`, `"battery"`. |
     | `car` | `None` | A `CarConfig`: the car's geometry. Only `full_lock_deg` may differ from the car of `assets/car.xml`. |
-    | `lens` | `None` | The camera's lens: a `CameraConfig`, `"default"`, `"wide"`, or the path of a calibration file (.yaml, .yml). |
+    | `lens` | `None` | The camera's lens: a `CameraConfig`, `"default"`, `"wide"`, or the path of a calibration file (.yaml, .yml, .xml, .ini). |
     | `task` | `None` | A `TaskConfig`: the weights of the reward, the time limit and the speed of a crash. |
     | `image_faults` | `None` | An `ImageCorruption`: how much of each fault an `image_degradation` of 1 brings to a rendered image. Streaks and covered patches are off by default. |
     | `decision_hz` | `80.0` | Decisions a second: each takes a whole number of ticks of 1/80 s, in which the command is held and rewards add up. A step of the environment is a decision. |

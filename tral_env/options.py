@@ -79,7 +79,8 @@ class CorridorConfig(LearnerConfig):
     car: CarConfig = field(default_factory=CarConfig, metadata={"read": partial(as_config, CarConfig)})
     """A `CarConfig`: the car's geometry. Only `full_lock_deg` may differ from the car of `assets/car.xml`."""
     lens: CameraConfig = field(default_factory=CameraConfig, metadata={"read": load_lens})
-    """The camera's lens: a `CameraConfig`, `"default"`, `"wide"`, or the path of a calibration file (.yaml, .yml)."""
+    """The camera's lens: a `CameraConfig`, `"default"`, `"wide"`, or the path of a calibration file (.yaml, .yml, .xml,
+    .ini)."""
     task: TaskConfig = field(default_factory=TaskConfig, metadata={"read": partial(as_config, TaskConfig)})
     """A `TaskConfig`: the weights of the reward, the time limit and the speed of a crash."""
     image_faults: ImageCorruption = field(

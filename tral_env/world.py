@@ -360,6 +360,7 @@ class World:
             "pose": sim.pose.copy(),
             "speed_mps": sim.truth.speed.copy(),
             "time_s": sim.time_s.copy(),
+            "time_limit_s": self._limit_s.copy(),
         }
 
     def images(self) -> NDArray[np.uint8]:

@@ -206,14 +206,17 @@ def test_courses_lists_every_family_with_what_it_is() -> None:
     assert all(name in listed for name in SCENARIOS)
 
 
-def test_a_course_file_is_the_course_that_the_env_drives(tmp_path: Path) -> None:
+@pytest.mark.parametrize("randomization", ["default", "hard"])
+def test_a_course_file_is_the_course_that_the_env_drives(tmp_path: Path, randomization: str) -> None:
     import gymnasium as gym
 
-    out = tmp_path / "corners.json"
-    tral("courses", "--scenario", "corners", "--seed", 4, "--out", out)
-    env = gym.make("tral_env:TralCorridor-v0", scenario="corners")
-    env.reset(seed=4)
-    assert Course.load(out) == env.unwrapped.course == seeded_course("corners", 4)  # type: ignore[attr-defined]
+    out, hard = tmp_path / "gates.json", randomization == "hard"
+    tral("courses", "--scenario", "gates", "--seed", 7, "--randomization", randomization, "--out", out)
+    env = gym.make("tral_env:TralCorridor-v0", scenario="gates", randomization=randomization)
+    env.reset(seed=7)
+    course = env.unwrapped.course  # type: ignore[attr-defined]
+    assert Course.load(out) == course == seeded_course("gates", 7, hard=hard)
+    assert (course == seeded_course("gates", 7)) is not hard
     env.close()
 
 

@@ -135,11 +135,23 @@ def test_bad_usage_ends_with_2(arguments: list[str], message: str) -> None:
     assert message in result.stderr
 
 
-def test_an_image_that_does_not_fit_the_lens_is_named(tmp_path: Path) -> None:
-    cv2.imwrite(str(tmp_path / "wide.png"), np.zeros((360, 640), np.uint8))
-    result = tral(tmp_path / "wide.png", "--lens", "default")
-    assert result.exit_code == 2
-    assert "wide.png: the image is 640 x 360 px" in " ".join(result.stderr.split())
+def test_an_image_that_does_not_fit_the_lens_is_told_without_places_and_the_next_one_with_them(
+    photo: Path, tmp_path: Path
+) -> None:
+    upright = tmp_path / "a.png"
+    cv2.imwrite(str(upright), cv2.copyMakeBorder(photograph(GATE), 0, 400, 0, 0, cv2.BORDER_REPLICATE))
+    result = tral(upright, photo, "--lens", "default")
+    assert result.exit_code == 0
+    first, second = result.stdout.split(f"{photo}:")
+    assert "marker 8: gate 4, left\n" in first
+    assert "! no places: the image is 640 x 880 px, the lens is for 640 x 480" in first
+    assert "marker 8: gate 4, left: 3.0" in second
+
+
+def test_a_first_image_that_cannot_be_read_takes_no_name_of_a_picture(photo: Path, tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(photo.read_bytes()[:20])
+    assert tral(tmp_path / "a.png", photo, "--out", tmp_path / "seen.png").exit_code == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.png", "photo.png", "seen.png"]
 
 
 def test_an_image_is_never_drawn_over(photo: Path, tmp_path: Path) -> None:

@@ -122,8 +122,9 @@ def test_a_crash_ends_the_episode_and_is_told_from_a_touch() -> None:
 
 def test_a_car_that_stands_runs_out_of_time() -> None:
     env = corridor(course="short")
-    env.reset(seed=0)
+    _, info = env.reset(seed=0)
     limit = env.unwrapped.plan.length / 0.3 + 10
+    assert info["time_limit_s"] == pytest.approx(limit)
     ticks, truncated = 0, False
     while not truncated:
         *_, terminated, truncated, info = env.step(np.zeros(2, np.float32))
@@ -137,9 +138,8 @@ def test_a_car_that_stands_runs_out_of_time() -> None:
 def test_a_second_limit_of_steps_truncates_once_at_the_earlier_of_both(steps: int, ends_after: int) -> None:
     assert gym.spec("TralCorridor-v0").max_episode_steps is None
     env = gym.make("tral_env:TralCorridor-v0", course="short", max_episode_steps=steps)
-    env.reset(seed=0)
-    own_limit = 80 * (env.unwrapped.plan.length / 0.3 + 10)
-    assert ends_after == min(steps, np.ceil(own_limit))
+    _, info = env.reset(seed=0)
+    assert ends_after == min(steps, np.ceil(80 * info["time_limit_s"]))
     ends = [env.step(np.zeros(2, np.float32))[2:4] for _ in range(ends_after)]
     assert ends == [(False, False)] * (ends_after - 1) + [(False, True)]
 
@@ -157,7 +157,7 @@ def test_the_true_clearances_are_what_the_side_ultrasonics_measure() -> None:
 CLEARANCES = {"clearance_left_m", "clearance_right_m"}
 TRUTHS = {
     *CLEARANCES, "success", "collision", "crash", "missed_gate", "progress", "gates_passed", "gates_total",
-    "lateral_offset_m", "pose", "speed_mps", "time_s",
+    "lateral_offset_m", "pose", "speed_mps", "time_s", "time_limit_s",
 }  # fmt: skip
 
 

@@ -9,10 +9,12 @@ from stable_baselines3 import PPO
 
 from tral_env.config import TaskConfig
 from tral_env.course.generate import generate_plan
+from tral_env.course.layout import Course
 from tral_env.errors import ConfigError
 from tral_env.interface import CORE_LAYOUT
 from tral_env.sb3 import SB3CorridorVecEnv, make_vec_env
 from tral_env.vector_env import TralCorridorVectorEnv
+from tral_fsm import load_policy
 
 
 def test_the_end_of_an_episode_is_told_as_sb3_wants_it() -> None:
@@ -105,3 +107,18 @@ def test_ppo_learns_on_it_for_a_few_steps() -> None:
     model.learn(512)
     action, _ = model.predict(np.zeros((8, CORE_LAYOUT.size), np.float32), deterministic=True)
     assert action.shape == (8, 2)
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_a_machine_drives_whole_episodes_in_the_loop_of_the_page_whether_it_is_told_where_they_begin(
+    told: bool,
+) -> None:
+    course = Course.model_validate({"name": "short", "segments": [{"length": 3.0, "width": 2.4}]})
+    env, policy = make_vec_env(10, seed=0, course=course), load_policy("wall")
+    observation, start, successes, ends = env.reset(), np.ones(10, bool), 0, 0
+    while ends < 20:
+        action, _ = policy.predict(observation, episode_start=start if told else None)
+        observation, _, start, infos = env.step(action)
+        ends += int(start.sum())
+        successes += sum(info["is_success"] for info in infos if "is_success" in info)
+    assert (successes, ends) == (20, 20)

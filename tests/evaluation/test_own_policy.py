@@ -180,13 +180,49 @@ def test_a_reset_with_or_without_a_number_of_cars_is_called_at_each_episode() ->
     assert own.resets == 2
 
 
-def test_a_whole_policy_is_taken_as_it_is() -> None:
-    policy = Cruiser()
-    assert as_policy(policy) is policy
+class Tells(Predicts):
+    """A policy that tells its clearance and its states."""
+
+    def __init__(self, **told: Any) -> None:
+        super().__init__()
+        vars(self).update(told)
+
+
+@pytest.mark.parametrize("wanted", [(1.0, 0.5), [[1.0, 0.5]], np.array([1.0, 0.5])])
+def test_a_wanted_clearance_is_a_pair_or_a_row(wanted: Any) -> None:
+    episode = drive(Lane(steps=2), Tells(wanted_clearance=wanted, active_states=("near",)), seed=1)
+    assert episode.trace.wanted.tolist() == [[1.0, 0.5]] * 2
+    assert episode.trace.states == ("near", "near")
+
+
+@pytest.mark.parametrize(
+    ("told", "error"),
+    [
+        ({"wanted_clearance": 0.5}, r"policy Tells: wanted_clearance = 0\.5: expected two numbers: \+1 for the left"),
+        ({"wanted_clearance": ("left", 0.5)}, "expected two numbers"),
+        ({"active_states": "follow"}, r"policy Tells: active_states = 'follow': expected a list"),
+        ({"active_states": 3}, "expected a list"),
+    ],
+)
+def test_what_a_policy_tells_in_another_form_is_refused(told: dict[str, Any], error: str) -> None:
+    with pytest.raises(PolicyError, match=error):
+        drive(Lane(steps=1), Tells(**told), seed=1)
+
+
+def test_a_property_that_fails_is_worded() -> None:
+    class Absent(Cruiser):
+        @property
+        def wanted_clearance(self) -> Any:
+            return self.not_there  # type: ignore[attr-defined]
+
+    with pytest.raises(PolicyError, match="policy Absent failed to tell its wanted_clearance: AttributeError"):
+        drive(Lane(steps=1), Absent(), seed=1)
 
 
 def test_what_cannot_drive_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"policy int: got 3: expected an object with act\(observation\)"):
         drive(Lane(), 3, seed=1)
+    with pytest.raises(ConfigError, match=r"policy Predicts: got the class: expected an object: Predicts\(\)"):
+        drive(Lane(), Predicts, seed=1)
     with pytest.raises(ConfigError, match="drives one car, got 2"):
         OwnPolicy(Predicts()).reset(2)

@@ -88,8 +88,8 @@ def test_what_says_nothing_of_its_readings_is_not_checked() -> None:
     check_readings(load_policy("office"), object())
 
 
-TICKS_TO_SILENCE, TICKS_TO_STANDSTILL = 40, 160
-"""0.5 s and 2 s."""
+TICKS_TO_SILENCE, TICKS_TO_STANDSTILL = 40, 96
+"""0.5 s and 1.2 s."""
 
 
 def ticks_until_stopped(bench: Bench, most: int, **readings: float) -> int:
@@ -132,9 +132,9 @@ def test_a_stopped_car_brakes_while_it_rolls_and_stays_until_a_reset() -> None:
 
 def test_a_regulated_car_that_never_moves_is_stopped_and_brakes_blindly_for_a_second() -> None:
     bench = one_state(type="Motor", speed=0.5)
-    pause = 16  # ticks of neutral after each second
-    assert ticks_until_stopped(bench, 400) == TICKS_TO_STANDSTILL + 2 * pause + 1
-    assert "told to drive for 2 s" in bench.active
+    pause = 16  # ticks of neutral after the first second
+    assert ticks_until_stopped(bench, 400) == TICKS_TO_STANDSTILL + pause
+    assert "told to drive for 1.2 s" in bench.active
     throttles = [bench.tick()[1] for _ in range(100)]
     assert throttles == [-0.3] * 79 + [0.0] * 21
 
@@ -145,6 +145,28 @@ def test_a_hall_sensor_that_dies_on_a_car_that_is_driven_on_is_noticed_in_half_a
         bench.tick(distance=0.00625 * tick, speed=0.5)
     assert ticks_until_stopped(bench, 100, speed=0.0) == TICKS_TO_SILENCE
     assert bench.active == "stopped: no hall tick for 0.5 s of driving on from 0.5 m/s"
+
+
+BRAKES_THEN_DRIVES = {"type": "Motor", "throttle": 0.0}, {"type": "Motor", "speed": 0.4}
+
+
+def ticks_after_coasting(seconds: float) -> int:
+    """Ticks of driving on until a car is stopped whose hall sensor died at 1.2 m/s, as it began to coast."""
+    coasting, driving = BRAKES_THEN_DRIVES
+    bench = two_states({"type": "Timer", "seconds": 0.5 + seconds}, first=coasting, second=driving)
+    for tick in range(40):
+        bench.tick(distance=0.015 * tick, speed=1.2)
+    while bench.active == "a":
+        bench.tick(speed=0.0)
+    return ticks_until_stopped(bench, 200)
+
+
+def test_a_hall_sensor_that_dies_while_the_car_coasts_is_noticed_when_it_is_driven_on() -> None:
+    assert ticks_after_coasting(0.1) == pytest.approx(TICKS_TO_SILENCE, abs=2)
+
+
+def test_a_car_that_may_have_come_to_rest_gets_time_to_move_off() -> None:
+    assert ticks_after_coasting(1.0) > TICKS_TO_STANDSTILL
 
 
 @pytest.mark.parametrize(
@@ -189,7 +211,7 @@ def test_the_machine_office_without_its_front_ultrasonic_stops_before_a_corner()
 
 def test_the_machine_wall_without_a_hall_sensor_does_not_wind_its_throttle_up() -> None:
     driver = drive_blind(straight(2.0), "wall", 6.0, distance=0.0, speed=0.0)
-    assert driver.active_path.startswith("stopped: told to drive for 2 s")
+    assert driver.active_path.startswith("stopped: told to drive for 1.2 s")
     assert driver.act(CORE_LAYOUT.pack({}, 1)[0])[1] == 0.0
 
 

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tral_env.errors import ConfigError
+from tral_fsm.evaluation.episode import EpisodeResult
 from tral_fsm.tuning.holdout import Change, compare
 from tral_fsm.tuning.objective import Objective, Weights, parts
 
@@ -158,3 +159,13 @@ def test_more_arrivals_are_better_and_less_of_anything_else() -> None:
     assert compare(failing, arriving, Objective()).success.change is Change.BETTER
     assert compare(arriving, failing, Objective()).success.change is Change.WORSE
     assert compare(failing, arriving, Objective()).time_per_m.difference.value is None  # nothing to compare
+
+
+def test_figures_of_fewer_than_six_courses_where_both_arrived_are_neither_better_nor_worse() -> None:
+    def drives(arrived: int, **figures: float) -> list[EpisodeResult]:
+        return [drive("success" if k < arrived else "collision", seed=k, **figures) for k in range(40)]
+
+    old = drives(5, clearance_rmse=0.05, time_s=20.0)
+    found = compare(old, drives(30, clearance_rmse=0.049, time_s=19.9), Objective())
+    assert found.time_per_m.courses == 5
+    assert "Better: success. No clear change: clearance RMSE, settled RMSE, time, steering." in found.verdict

@@ -17,12 +17,13 @@ from tral_env.errors import ConfigError, MissingExtraError
 from tral_fsm.conditions.combined import NotSpec
 from tral_fsm.conditions.simple import DistanceSpec
 from tral_fsm.definition.machine import MachineDefinition, TransitionSpec
+from tral_fsm.evaluation.episode import EpisodeRequest
 from tral_fsm.evaluation.pool import interrupts_ignored
 from tral_fsm.formats.library import load
 from tral_fsm.states.basic import MotorSpec
 from tral_fsm.tuning import Objective, Progress, Racing, Settings, Stage, Task, Tuned, tune
 from tral_fsm.tuning.evaluator import Evaluator
-from tral_fsm.tuning.folder import MACHINE, NUMBERS, PAGE, STUDY
+from tral_fsm.tuning.folder import LOCK, MACHINE, NUMBERS, PAGE, STUDY, held
 from tral_fsm.tuning.found import described
 from tral_fsm.tuning.holdout import compare
 from tral_fsm.tuning.journal import Journal
@@ -326,6 +327,29 @@ def test_every_machine_drives_every_course() -> None:
         drives = evaluator.on_courses([CRASHING, blind(-0.5, 1.0)], TASK.courses)
     assert [[each.seed for each in mine] for mine in drives] == [[0, 1], [0, 1]]
     assert drives[0] != drives[1]
+
+
+def test_the_error_of_a_process_comes_before_the_others_have_driven_to_the_end() -> None:
+    stages: list[Stage] = []
+    missing = 99
+    requests = [EpisodeRequest(k % 2 * missing, "straight", k) for k in range(200)]  # the second process fails at once
+    with (
+        Evaluator(TASK, processes=2, rows=1, on_stage=stages.append) as evaluator,
+        pytest.raises(IndexError),
+    ):
+        evaluator.drive([CRASHING], requests)
+    assert max((stage.done for stage in stages), default=0) < 50
+
+
+def test_two_searches_never_write_into_one_folder(tmp_path: Path) -> None:
+    with held(tmp_path), pytest.raises(ConfigError, match="another search writes into this folder: give each its own"):
+        search(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == [LOCK]
+
+
+def test_a_result_without_a_whole_trial_can_be_written(whole: tuple[Path, Tuned]) -> None:
+    dropped = [replace(each, full=False) for each in whole[1].trials]
+    assert replace(whole[1], trials=dropped).record()["best"] is None
 
 
 def test_a_folder_that_is_not_there_is_made(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Lenses by name and as files: the YAML that ROS calls camera_info is written; also OpenCV's and ROS topics' are read.
+"""Lenses by name and as files: the YAML that ROS calls camera_info is written, those of other programs are read, too.
 
 Such a file says nothing of the mounting, the frame rate and the size of markers; these are the defaults of
 `CameraConfig`.
@@ -18,14 +18,16 @@ import yaml
 
 from tral_env import json_text
 from tral_env.atomic import write_bytes
+from tral_env.calibration.lens_files import lens_documents
 from tral_env.config import WIDE_LENS, CameraConfig, as_config
 from tral_env.errors import CalibrationError, ConfigError, nearest
-from tral_env.yaml_text import Items, Lines, documents, number
+from tral_env.yaml_text import Items, Lines, number
 
 LENSES = {"default": CameraConfig(), "wide": WIDE_LENS}
 """These lenses have a name."""
 
-_SUFFIXES = (".yaml", ".yml")
+_SUFFIXES = (".yaml", ".yml", ".xml", ".ini")
+_ENDS = f"{', '.join(_SUFFIXES[:-1])} or {_SUFFIXES[-1]}"
 _MODELS = ("plumb_bob", "radtan", "rational_polynomial")
 """A file may name one of these distortion models, or none; all coefficients beyond the fifth have to be 0."""
 _FISHEYE = ("equidistant", "fisheye", "kannala_brandt", "kannala_brandt4", "equi")
@@ -36,7 +38,7 @@ _NAMES = {
     "image_width": ("imagewidth", "width"),
     "image_height": ("imageheight", "height"),
     "camera_matrix": ("cameramatrix", "k", "intrinsicmatrix", "mtx"),
-    "distortion_coefficients": ("distortioncoefficients", "distcoeffs", "distortioncoeffs", "dist", "d"),
+    "distortion_coefficients": ("distortioncoefficients", "distcoeffs", "distortioncoeffs", "dist", "d", "distortion"),
 }
 """Programs write each of these keys in several ways; capitals and underscores make no difference."""
 _ADD = {
@@ -60,7 +62,8 @@ def load_lens(source: str | Path | CameraConfig | Mapping[str, Any] | None) -> C
     """Find a lens by its name, by its file, or as it is.
 
     Args:
-        source: "default", "wide", path of a camera_info file (.yaml, .yml), a configuration or a mapping of its values;
+        source: "default", "wide", path of a lens file (.yaml, .yml, .xml, .ini), a configuration or a mapping of its
+            values;
             None: the default.
 
     Raises:
@@ -69,7 +72,7 @@ def load_lens(source: str | Path | CameraConfig | Mapping[str, Any] | None) -> C
     """
     if isinstance(source, str) and not source.lower().endswith(_SUFFIXES):
         if source not in LENSES:
-            raise ConfigError(f"unknown lens '{source}': {nearest(source, LENSES)}; a path has to end in .yaml or .yml")
+            raise ConfigError(f"unknown lens '{source}': {nearest(source, LENSES)}; a path has to end in {_ENDS}")
         return LENSES[source]
     if isinstance(source, str | Path):
         return read_camera_info(source)
@@ -77,11 +80,11 @@ def load_lens(source: str | Path | CameraConfig | Mapping[str, Any] | None) -> C
 
 
 def read_camera_info(path: str | Path) -> CameraConfig:
-    """Read a lens from a camera_info file, a FileStorage file of OpenCV or the output of `ros2 topic echo`.
+    """Read a lens from a camera_info file, or from a file of OpenCV, Kalibr, ROS 1 or `ros2 topic echo`.
 
     Raises:
-        CalibrationError: the file cannot be read, is no YAML, lacks something or has it in the wrong form, or needs
-            another model of distortion than plumb_bob.
+        CalibrationError: the file cannot be read, is in no such format, lacks something or has it in the wrong form, or
+            needs another model of distortion than plumb_bob.
     """
     try:
         text = json_text.read(path)
@@ -94,13 +97,13 @@ def parse_camera_info(text: str, where: str) -> CameraConfig:
     """Read a lens from the text of such a file; see `read_camera_info`.
 
     Args:
-        text: the YAML; if it holds several lenses, as a stream of messages does, they have to be the same.
+        text: the file; if it holds several lenses, as a stream of messages does, they have to be the same.
         where: name of the file in error messages.
 
     Raises:
         CalibrationError: see `read_camera_info`.
     """
-    lenses = [_lens(content, where) for content in documents(text, where, CalibrationError) or [None]]
+    lenses = [_lens(content, where) for content in lens_documents(text, where) or [None]]
     if lenses.count(lenses[0]) < len(lenses):
         raise CalibrationError(f"{where}: {len(lenses)} lenses between lines of '---' that differ: keep one of them")
     return lenses[0]
@@ -172,19 +175,18 @@ def _distortion(content: Lines, coefficients: _Entry, where: str) -> tuple[float
 
 def _require_known_model(content: Lines, where: str) -> None:
     """Check the name of the model: ROS says distortion_model, some programs camera_model, OpenCV fisheye_model: 1."""
-    keys = ("distortion_model", "camera_model", "fisheye_model")
-    key = next((key for key in keys if content.get(key) not in (None, "", 0)), None)
-    if key is None:
-        return
-    model, place = content[key], f"{where}:{content.lines[key]}: {key}"
-    name = model.strip().lower().replace("-", "_") if isinstance(model, str) else None
-    if name in _FISHEYE or key == "fisheye_model":
-        raise CalibrationError(
-            f"{place} {_SHORT.repr(model)}: a fisheye lens, which this package cannot simulate. For a lens of at most "
-            f"120 degrees, {_REMEDY}"
-        )
-    if name not in _MODELS and (key, name) != ("camera_model", "pinhole"):
-        raise CalibrationError(f"{place} {_SHORT.repr(model)}: {nearest(_SHORT.repr(model), _MODELS)}")
+    for key in ("distortion_model", "camera_model", "fisheye_model"):
+        if content.get(key) in (None, "", 0):
+            continue
+        model, place = content[key], f"{where}:{content.lines[key]}: {key}"
+        name = model.strip().lower().replace("-", "_") if isinstance(model, str) else None
+        if name in _FISHEYE or key == "fisheye_model":
+            raise CalibrationError(
+                f"{place} {_SHORT.repr(model)}: a fisheye lens, which this package cannot simulate. For a lens of at "
+                f"most 120 degrees, {_REMEDY}"
+            )
+        if name not in _MODELS and (key, name) != ("camera_model", "pinhole"):
+            raise CalibrationError(f"{place} {_SHORT.repr(model)}: {nearest(_SHORT.repr(model), _MODELS)}")
 
 
 def _require_whole_image(content: Lines, where: str) -> None:

@@ -14,6 +14,7 @@ from tral_env.course.layout import Course, Door, Segment
 from tral_env.env import TralCorridorEnv
 from tral_env.options import CorridorConfig
 from tral_env.perception.aruco import Detector, marker_poses
+from tral_env.simulation.vision import Webcam
 from tral_env.vector_env import TralCorridorVectorEnv
 from tral_env.world import World
 from tral_fsm.bench.bare import bare_step
@@ -74,16 +75,19 @@ def camera_cost(*, rounds: int = 5, seconds: float = 0.05) -> dict[str, float]:
     sim = env.world.sim
     pose, qpos, mounting, row = sim.pose, sim.physics.qpos, np.zeros((1, 3)), np.zeros(1, np.int64)
     detector, camera = Detector(), CameraConfig()
-    image = env.render_view("onboard", 640, 480)
+    webcam = Webcam(1, sim.pool, camera)
+    webcam.place(0, sim.plan(0), degradation=0.0, seed=0)
+    image = webcam.image(0, qpos[0], mounting[0])
     markers = detector.detect(image)
     acts: dict[str, Callable[[], object]] = {
         "in_env_ms": lambda: sim.cameras.vision.see(row, pose, qpos, mounting),
-        "bare_render_ms": lambda: env.render_view("onboard", 640, 480),
+        "bare_render_ms": lambda: webcam.image(0, qpos[0], mounting[0]),
         "bare_detect_ms": lambda: detector.detect(image),
         "bare_pose_ms": lambda: marker_poses(markers, camera),
     }
     field = [Contestant(name=name, step=_once(act)) for name, act in acts.items()]
     take_turns(field, rounds=rounds, seconds=seconds)
+    webcam.close()
     env.close()
     return {contestant.name: 1e3 * contestant.seconds_per_step for contestant in field}
 

@@ -28,14 +28,20 @@ def command(
     course: Annotated[
         str | None, typer.Option(help="One course instead: its name, or a course file. It is checked.")
     ] = None,
+    randomization: Annotated[
+        str, typer.Option(help="Level of the drives: hard, or a file with hard_courses, draws harder courses.")
+    ] = "default",
     out: Annotated[
         Path | None, typer.Option(dir_okay=False, help="Draw the course into this .png, or write it into this .json.")
     ] = None,
 ) -> None:
     """List families and courses, check a course file, draw courses, or write a course file.
 
-    A seed gives the same course here as in `tral drive`, but for `--randomization hard`, which draws harder courses.
+    A seed gives the same course here as in `tral drive` with the same `--randomization`.
     """
+    from tral_env.randomization import level
+
+    hard = level(randomization).hard_courses
     if scenario is not None:
         check_families([scenario])
     if course is not None:
@@ -47,13 +53,14 @@ def command(
     elif suffix_of(out, _SUFFIXES) == ".json":
         if scenario is None:
             raise ConfigError(f"--out {out}: a course file holds one course, so --scenario or --course is needed")
-        _save(seeded_course(scenario, seed), out)
+        _save(seeded_course(scenario, seed, hard=hard), out)
     else:
         from tral_env.course.generate import SCENARIOS
         from tral_env.course.geometry import build_plan
 
         families = [scenario] if scenario else list(SCENARIOS)
-        _draw({f"{family}, seed {seed}": build_plan(seeded_course(family, seed)) for family in families}, out)
+        drawn = {family: seeded_course(family, seed, hard=hard) for family in families}
+        _draw({f"{family}, seed {seed}": build_plan(one) for family, one in drawn.items()}, out)
 
 
 def _list(scenario: str | None) -> None:
@@ -111,11 +118,11 @@ def _save(course: Course, out: Path) -> None:
     typer.echo(f"Written: {out}")
 
 
-def seeded_course(scenario: str, seed: int) -> Course:
-    """The course that the env generates at `reset(seed=seed)`."""
+def seeded_course(scenario: str, seed: int, *, hard: bool = False) -> Course:
+    """The course that the env generates at `reset(seed=seed)`; `hard`: with randomization "hard"."""
     from gymnasium.utils import seeding
 
     from tral_env.course.generate import generate
 
     # The env draws its course from this generator before it draws anything else.
-    return generate(scenario, seeding.np_random(seed)[0])
+    return generate(scenario, seeding.np_random(seed)[0], hard=hard)

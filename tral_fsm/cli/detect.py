@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -62,7 +63,7 @@ def command(
     before: tuple[str, tuple[int, ...]] = "", ()
     with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C is the usual end of a camera
         for name, image in read_images(found, every):
-            sight = _looked_at(name, image, camera)
+            sight = _looked_at(image, camera)
             video, _, frame = name.rpartition(":")
             now = video if frame.isdigit() else "", tuple(sorted(marker.id for marker in sight.markers))
             if now == before and now[0]:
@@ -79,15 +80,17 @@ def command(
         raise typer.Exit(FAILED)
 
 
-def _looked_at(name: str, image: NDArray[np.uint8] | None, lens: CameraConfig | None) -> Sight:
+def _looked_at(image: NDArray[np.uint8] | None, lens: CameraConfig | None) -> Sight:
     from tral_env.perception.sight import Sight, look
 
     if image is None:
         return Sight((), (), ("damaged, empty or not to be opened",))
+    picture = image[..., ::-1].copy()
     try:
-        return look(image[..., ::-1].copy(), lens)
-    except ConfigError as error:
-        raise ConfigError(f"{name}: {error}") from error
+        return look(picture, lens)
+    except ConfigError as error:  # the lens is for images of other proportions
+        sight = look(picture)
+        return replace(sight, problems=(f"no places: {error}", *sight.problems))
 
 
 def _text(name: str, sight: Sight) -> str:

@@ -7,7 +7,7 @@ import inspect
 import re
 import reprlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -110,21 +110,65 @@ class OwnPolicy:
             return type(error)(f"policy {self._name}: {error}")
         return PolicyError(f"policy {self._name} failed {when}: {reason(error, self._file)}")
 
+    @property
+    def active_states(self) -> list[str]:
+        """Names of the states of its car, as the object tells them; empty if it tells none.
+
+        Raises:
+            PolicyError: the object raised an error, or what it tells is no list of names.
+        """
+        states = self._told("active_states", ())
+        if isinstance(states, str) or not isinstance(states, Iterable):
+            raise PolicyError(
+                f"policy {self._name}: active_states = {_short(states)}: expected a list with the name of the state"
+            )
+        return [str(state) for state in states]
+
+    @property
+    def wanted_clearance(self) -> NDArray[np.float64]:
+        """(1, 2) side of the wall and clearance [m] that the object wants; NaN if it wants none.
+
+        Raises:
+            PolicyError: the object raised an error, or what it tells are not two numbers.
+        """
+        wanted = self._told("wanted_clearance", None)
+        if wanted is None:
+            return np.full((1, 2), np.nan)
+        try:
+            numbers = np.array(wanted, np.float64)
+        except (TypeError, ValueError):
+            numbers = np.zeros(0)
+        if numbers.shape not in ((2,), (1, 2)):
+            raise PolicyError(
+                f"policy {self._name}: wanted_clearance = {_short(wanted)}: expected two numbers: +1 for the left or "
+                "-1 for the right wall, and m; NaN for none"
+            )
+        return numbers.reshape(1, 2)
+
+    def _told(self, name: str, default: Any) -> Any:
+        """An attribute of the object, or the default if it has none; a property may fail."""
+        try:
+            return getattr(self._own, name)
+        except Exception as error:
+            if isinstance(error, AttributeError) and inspect.getattr_static(self._own, name, None) is None:
+                return default
+            raise self._failed(f"to tell its {name}", error) from error
+
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
         return getattr(self._own, name)
 
 
-def as_policy(own: Any) -> Policy:
-    """Any object that drives, as a policy: one with `act` and `reset(n)` as it is, another one as `OwnPolicy`.
+def as_policy(own: Any) -> MachinePolicy | OwnPolicy:
+    """Any object that drives, as a policy for one car: a machine as it is, another one as `OwnPolicy`.
 
     Raises:
-        ConfigError: it has neither `act` nor `predict`.
+        ConfigError: it has neither `act` nor `predict`, or it is a class.
     """
-    reset = _method(own, "reset")
-    policy: Policy = own if _method(own, "act") and reset is not None and _takes(reset, 1) else OwnPolicy(own)
-    return policy
+    if isinstance(own, type):
+        raise ConfigError(f"policy {own.__name__}: got the class: expected an object: {own.__name__}()")
+    return own if isinstance(own, MachinePolicy | OwnPolicy) else OwnPolicy(own)
 
 
 def find_policy(source: str) -> Policy:

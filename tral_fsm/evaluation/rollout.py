@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from tral_env.interface import Policy, check_readings
 from tral_env.world import Step
-from tral_fsm.evaluation.episode import NO_WISH, Episode, Tick, TickRecorder
+from tral_fsm.evaluation.episode import Episode, Tick, TickRecorder
 from tral_fsm.evaluation.loop import DriveLoop, Pair
-from tral_fsm.evaluation.own_policy import as_policy
+from tral_fsm.evaluation.own_policy import OwnPolicy, as_policy
 from tral_fsm.runtime.machine import Trace, Transit
 from tral_fsm.runtime.policy import MachinePolicy
 
@@ -94,23 +94,20 @@ class _GymCar:
 class _OnePolicy:
     """A policy as that of one row."""
 
-    def __init__(self, policy: Policy) -> None:
+    def __init__(self, policy: MachinePolicy | OwnPolicy) -> None:
         self._policy = policy
         self._before: Trace | None = None
 
     def act(self, rows: Index, observation: NDArray[np.floating]) -> tuple[list[Any], list[Pair]]:
         """Command and wanted clearance."""
         command = np.asarray(self._policy.act(np.array(observation[0])), np.float32)
-        wanted = getattr(self._policy, "wanted_clearance", None)
-        if wanted is None:
-            return [command], [NO_WISH]
-        side, metres = np.asarray(wanted, float)[0].tolist()
+        side, metres = self._policy.wanted_clearance[0].tolist()
         return [command], [(side, metres)]
 
     def state(self, row: int) -> str:
         """Name of the active state; empty for a policy without states."""
-        states = getattr(self._policy, "active_states", None)
-        return str(states[0]) if states else ""
+        states = self._policy.active_states
+        return states[0] if states else ""
 
     def watch(self, row: int, trace: Trace | None) -> None:
         """Report the transitions of a machine to `trace` too, beside the callback that it already has."""

@@ -16,10 +16,13 @@ that four rangings are lost; a reading is 0.18 s old at most when the next one c
 stop."""
 MIN_THROTTLE = 0.05
 """More throttle than this tells the car to drive. Source: ArduPilot Rover, CRASH_CHECK_THROTTLE_MIN."""
-MAX_STANDSTILL_S = 2.0
-"""A car may stand for so long in all while it is told to drive. Source: ArduPilot Rover, CRASH_CHECK_TRIGGER_SEC."""
+MAX_STANDSTILL_S = 1.2
+"""A car may stand for so long in all while it is told to drive. Source: measured; a healthy car stands for 0.68 s at
+most. The crash check of ArduPilot Rover waits for 2 s, in which a car whose hall sensor is dead reaches 1 m/s."""
 ROLLING_ON_MPS = 0.3
 """A car that counted a hall tick at this speed, and is driven on, soon counts the next one. Source: choice."""
+SLOWING_MPS2 = 4.0
+"""A car that is not driven on loses no more speed than this, m/s^2. Source: choice, about twice what `BRAKE` does."""
 MAX_PAUSE_S = 0.5
 """Such a car counts the next hall tick within this time, even at a sixth of the speed. Source: choice."""
 BLIND_BRAKE_S = 1.0
@@ -73,9 +76,9 @@ class Watch:
         """Ticks without motion in which the car was told to drive."""
         self._distance = 0.0
         self._rolled = 0.0
-        """Speed at which the distance grew last, if the car has been driven on since, m/s."""
+        """Speed that the car has at least, by its last hall tick and what it may have lost since, m/s."""
         self._paused = 0
-        """Ticks since then."""
+        """Ticks without a hall tick in which the car was driven on."""
         self._stopped = 0
         self._speed_known = self._needs_hall
 
@@ -103,17 +106,18 @@ class Watch:
 
     def _watch_hall(self, row: Sequence[float], command: Command, throttle: float) -> None:
         distance, speed = row[_DISTANCE], row[_SPEED]
+        driving = (throttle > MIN_THROTTLE or throttle < -MIN_THROTTLE) and self._is_driving(command)
+        driven_on = driving and throttle > THROTTLE_DEAD
+        if not driven_on:
+            self._rolled -= SLOWING_MPS2 * CONTROL_PERIOD_S
         if distance != self._distance:
             self._distance, self._rolled = distance, speed
             self._paused = self._pushed = 0
             return
         if speed >= MOVING_MPS:
             self._pushed = 0
-        driving = (throttle > MIN_THROTTLE or throttle < -MIN_THROTTLE) and self._is_driving(command)
         self._pushed += driving
-        self._paused += 1
-        if not driving or throttle <= THROTTLE_DEAD:
-            self._rolled = 0.0
+        self._paused += driven_on
         if self._rolled >= ROLLING_ON_MPS and self._paused * CONTROL_PERIOD_S > MAX_PAUSE_S:
             self._blame_hall(f"no hall tick for {MAX_PAUSE_S:g} s of driving on from {self._rolled:.1f} m/s")
         elif self._pushed * CONTROL_PERIOD_S > MAX_STANDSTILL_S:

@@ -197,6 +197,9 @@ class Evaluator:
         with worker_losses():
             futures = [self._pool.submit(_drive, list(machines), part) for part in parts]
             self._watch(futures)
+            for future in futures:
+                if future.done():
+                    future.result()  # the error of a process that has failed, before others have driven to the end
             for k, future in enumerate(futures):
                 drives[k :: self.processes] = future.result()
         return complete(drives)

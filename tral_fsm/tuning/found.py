@@ -63,12 +63,13 @@ class Tuned:
 
     def record(self) -> dict[str, Any]:
         """As plain values."""
+        best = best_of(self.trials)
         return {
             "complete": self.complete,
             "parameters": [each.record() for each in self.parameters],
             "values": None if self.values is None else list(self.values),
             "old": self.old_trial.record(),
-            "best": None if not self.trials else best_of(self.trials).record(),
+            "best": None if best is None else best.record(),
             "trials": len(self.trials),
             "drives": sum(each.drives for each in self.trials),
             "seconds": round(self.seconds, 1),
@@ -79,9 +80,9 @@ class Tuned:
         }
 
 
-def best_of(trials: Sequence[Trial]) -> Trial:
-    """The trial with the lowest cost of those that drove all courses."""
-    return min((each for each in trials if each.full), key=lambda each: each.cost)
+def best_of(trials: Sequence[Trial]) -> Trial | None:
+    """The trial with the lowest cost of those that drove all courses; None if there is none."""
+    return min((each for each in trials if each.full), key=lambda each: each.cost, default=None)
 
 
 def described(tuned: Tuned, origin: str) -> MachineDefinition:

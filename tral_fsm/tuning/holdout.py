@@ -47,13 +47,18 @@ class Paired:
     new: Estimate
     difference: Estimate
     """`new` minus `old`; bootstrap over the courses, each of which counts for both machines."""
+    courses: int
+    """Number of courses that it is measured on, such as those where both arrived."""
     more_is_better: bool = False
 
     @property
     def change(self) -> Change:
-        """Whether the new machine is better or worse by it, or neither, as the interval of the difference holds 0."""
+        """Whether the new machine is better or worse by it, or neither, as the interval of the difference holds 0.
+
+        On fewer courses than `MIN_COURSES` luck alone improves all of them more than one time in 20.
+        """
         low, high = self.difference.low, self.difference.high
-        if low is None or high is None or low <= 0.0 <= high:
+        if self.courses < MIN_COURSES or low is None or high is None or low <= 0.0 <= high:
             return Change.NOISE
         return Change.BETTER if (low > 0.0) == self.more_is_better else Change.WORSE
 
@@ -97,17 +102,10 @@ class Comparison:
             "steering": self.steering_per_m,
         }
 
-    def change_of(self, figure: Paired) -> Change:
-        """Whether a figure is better, worse, or neither beyond noise.
-
-        On fewer courses than `MIN_COURSES` luck alone improves all of them more than one time in 20.
-        """
-        return Change.NOISE if self.courses < MIN_COURSES else figure.change
-
     @property
     def change(self) -> Change:
         """Whether the cost of the new machine is better, worse, or neither beyond noise."""
-        return self.change_of(self.cost)
+        return self.cost.change
 
     @property
     def within_noise(self) -> bool:
@@ -119,7 +117,7 @@ class Comparison:
         """Verdict on the cost, then what became better, what worse, and what stayed."""
         sentences = [f"{_VERDICTS[self.change]} ({self.cost.old.value:.3f} -> {self.cost.new.value:.3f})."]
         for change, said in _SAID.items():
-            names = [name for name, figure in self.figures.items() if self.change_of(figure) is change]
+            names = [name for name, figure in self.figures.items() if figure.change is change]
             if names:
                 sentences.append(f"{said}: {', '.join(names)}.")
         return " ".join(sentences)
@@ -184,7 +182,10 @@ def _paired(
     old, new = (figure(np.array([of(pair[k]) for pair in pairs], float)) for k in (0, 1))
     n = len(pairs)
     return Paired(
-        old=bootstrap(old, n), new=bootstrap(new, n), difference=bootstrap(lambda index: new(index) - old(index), n)
+        old=bootstrap(old, n),
+        new=bootstrap(new, n),
+        difference=bootstrap(lambda index: new(index) - old(index), n),
+        courses=n,
     )
 
 
@@ -194,6 +195,7 @@ def _success(pairs: Sequence[tuple[EpisodeResult, EpisodeResult]]) -> Paired:
         old=_rate([a for a, _ in pairs]),
         new=_rate([b for _, b in pairs]),
         difference=plain.difference,
+        courses=plain.courses,
         more_is_better=True,
     )
 

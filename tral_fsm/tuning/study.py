@@ -19,7 +19,7 @@ from tral_fsm.evaluation.seeds import stretches
 from tral_fsm.formats import library, write
 from tral_fsm.tuning.choices import SAMPLERS, Sampler
 from tral_fsm.tuning.evaluator import Evaluator, OnStage, Racing, Scored, SeededCourse, StageName, Task
-from tral_fsm.tuning.folder import MACHINE, RESULTS, aside_said
+from tral_fsm.tuning.folder import MACHINE, RESULTS, aside_said, held
 from tral_fsm.tuning.found import Tuned, best_of, save
 from tral_fsm.tuning.holdout import compare
 from tral_fsm.tuning.journal import Journal
@@ -304,18 +304,27 @@ def tune(
     check_apart(task, settings)
     check_budget(task, settings)
     parameters = find(definition, list(params), tie=tie)
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-    study = Study(
-        definition, parameters, task, objective, settings, out=out, resume=resume, storage=storage, on_note=on_note
-    )
+    with held(out):
+        study = Study(
+            definition, parameters, task, objective, settings, out=out, resume=resume, storage=storage, on_note=on_note
+        )
+        return _tuned(study, processes or os.cpu_count() or 1, origin, on_progress, on_stage)
+
+
+def _tuned(
+    study: Study,
+    processes: int,
+    origin: str,
+    on_progress: Callable[[Progress], None] | None,
+    on_stage: OnStage | None,
+) -> Tuned:
+    """Search, finals and held-out check."""
     began = time.perf_counter()
-    processes = processes or os.cpu_count() or 1
-    with Evaluator(task, processes=processes, on_stage=on_stage) as evaluator:
+    with Evaluator(study.task, processes=processes, on_stage=on_stage) as evaluator:
         tuned = _search(study, evaluator, origin, on_progress)
         _finals(study, tuned, evaluator)
         study.save(tuned, origin)
-    if settings.report_seeds:
+    if study.settings.report_seeds:
         _hold_out(study, tuned, processes, on_stage)
     tuned.complete, tuned.seconds = True, time.perf_counter() - began
     study.save(tuned, origin)
@@ -373,8 +382,8 @@ def _search(study: Study, evaluator: Evaluator, origin: str, on_progress: Callab
 
 def _tell(study: Study, tuned: Tuned, on_progress: Callable[[Progress], None] | None) -> None:
     """Tell the progress once a candidate has driven all courses."""
-    if on_progress is not None and any(each.full for each in tuned.trials):
-        best, budget = best_of(tuned.trials), study.settings.budget
+    best, budget = best_of(tuned.trials), study.settings.budget
+    if on_progress is not None and best is not None:
         drives = sum(each.drives for each in tuned.trials)
         count = len(study.journal.generations)
         on_progress(Progress(generation=count, drives=drives, budget=budget, best=best, old=tuned.old_trial))
@@ -382,7 +391,7 @@ def _tell(study: Study, tuned: Tuned, on_progress: Callable[[Progress], None] | 
 
 def _found(study: Study, old_trial: Trial, trials: list[Trial]) -> Tuned:
     """The result so far: the best candidate if it costs less than the old machine, else the old machine."""
-    best = min((each for each in trials if each.full), key=lambda each: each.cost, default=None)
+    best = best_of(trials)
     values = best.values if best is not None and best.cost < old_trial.cost else None
     new = study.machine if values is None else apply(study.machine, study.parameters, values)
     objectives = study.settings.objectives or OBJECTIVES

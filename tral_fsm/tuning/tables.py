@@ -59,7 +59,7 @@ def check_rows(found: Comparison) -> list[list[str]]:
 
 
 def _check_row(found: Comparison, name: str, figure: Paired, scale: float = 1.0, digits: int = 2) -> list[str]:
-    change = found.change_of(figure)
+    change = figure.change
     cells = [estimate_cell(each, scale, digits) for each in (figure.old, figure.new)]
     difference = estimate_cell(figure.difference, scale, digits, "+")
     return [name, *cells, difference, "" if change is Change.NOISE else change.value]
