@@ -94,7 +94,7 @@ class Estimator:
         if left.new or right.new:
             self._find_walls(left, right)
         if front.new:
-            self._front_obstacle.update(front.range, readings.distance, self.odometry.arc_length)
+            self._front_obstacle.update(front.range, self.odometry.arc_length)
         self._see(readings, time)
         return self._estimate(readings, time, left, front, right)
 
