@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from readings import one_state, two_states
+from readings import Feed, one_state, two_states
 
 from tral_env.interface import CORE_LAYOUT
 from tral_fsm.estimation.estimate import CarEstimate
@@ -60,6 +60,23 @@ class TestEstimator:
         bench.tick(distance=0.0, speed=0.0, throttle=-0.3)
         bench.tick(distance=0.1, speed=0.3, throttle=-0.3)
         assert bench.estimate.x == pytest.approx(-0.1)
+
+
+class TestCorners:
+    def test_a_turn_out_of_the_corridor_forgets_its_walls_though_no_range_comes_in_meanwhile(self) -> None:
+        estimator, feed = Estimator(), Feed()
+        for k in range(30):
+            estimate = estimator.update(feed.row(left=0.8, right=1.0, distance=0.04 * k, speed=1.0))
+        assert estimate.left_wall.known
+        known = []
+        while estimate.yaw < math.radians(60.0):
+            k += 1
+            estimate = estimator.update(feed.row(steering=1.0, distance=0.04 * k, speed=1.0))
+            known.append(
+                (round(math.degrees(estimate.yaw)) > 38, estimate.left_wall.known or estimate.right_wall.known)
+            )
+        assert {still for beyond, still in known if not beyond} == {True}
+        assert {still for beyond, still in known if beyond} == {False}
 
 
 class TestAxis:

@@ -103,12 +103,6 @@ class TestWalls:
         assert walls.right.lost == 0
         assert walls.right.estimate.known
 
-    def test_turning_out_of_the_corridor_forgets_its_walls(self) -> None:
-        walls = settled()
-        walls.update(walls.right, 6.0, at(1.04, yaw=math.radians(40.0)), 0.0)
-        assert not walls.left.estimate.known
-        assert not walls.right.estimate.known
-
     @given(degrees=st.floats(-8.0, 8.0))
     def test_a_wrong_direction_is_put_right_within_a_metre(self, degrees: float) -> None:
         walls, along = WallFilter(), 0.0

@@ -288,8 +288,6 @@ class WallFilter:
         """
         heading = sample.yaw - along
         self._predict(sample, math.sin(heading))
-        if abs(heading) > MAX_CORRIDOR_ANGLE:
-            self.forget()
         if abs(heading) > MAX_ECHO_ANGLE:
             return NO_CORRECTION
         x, y = self._x, self._y
