@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from readings import one_state, two_states
+from readings import Feed, one_state, two_states
 
 from tral_env.interface import CORE_LAYOUT
 from tral_fsm.estimation.estimate import CarEstimate
@@ -62,6 +62,23 @@ class TestEstimator:
         assert bench.estimate.x == pytest.approx(-0.1)
 
 
+class TestCorners:
+    def test_a_turn_out_of_the_corridor_forgets_its_walls_though_no_range_comes_in_meanwhile(self) -> None:
+        estimator, feed = Estimator(), Feed()
+        for k in range(30):
+            estimate = estimator.update(feed.row(left=0.8, right=1.0, distance=0.04 * k, speed=1.0))
+        assert estimate.left_wall.known
+        known = []
+        while estimate.yaw < math.radians(60.0):
+            k += 1
+            estimate = estimator.update(feed.row(steering=1.0, distance=0.04 * k, speed=1.0))
+            known.append(
+                (round(math.degrees(estimate.yaw)) > 38, estimate.left_wall.known or estimate.right_wall.known)
+            )
+        assert {still for beyond, still in known if not beyond} == {True}
+        assert {still for beyond, still in known if beyond} == {False}
+
+
 class TestAxis:
     """A near gate tells which way the corridor leads."""
 
@@ -73,7 +90,8 @@ class TestAxis:
     def test_it_mends_a_wrong_direction_of_the_corridor(self, axis_deg: float, distance: float, believed: bool) -> None:
         bench = one_state(type="Motor", throttle=0.1)
         gate = {"gate_id": 0.0, "gate_x": distance, "gate_y": 0.0, "gate_heading": math.radians(axis_deg)}
-        for _ in range(3):
+        for _ in range(5):
+            assert bench.estimate.heading == 0.0  # fewer images tell nothing
             bench.tick(**gate, gate_age=0.0)
         expected = -axis_deg if believed else 0.0
         assert math.degrees(bench.estimate.heading) == pytest.approx(expected, abs=0.01)

@@ -103,11 +103,18 @@ class TestWalls:
         assert walls.right.lost == 0
         assert walls.right.estimate.known
 
-    def test_turning_out_of_the_corridor_forgets_its_walls(self) -> None:
-        walls = settled()
-        walls.update(walls.right, 6.0, at(1.04, yaw=math.radians(40.0)), 0.0)
-        assert not walls.left.estimate.known
-        assert not walls.right.estimate.known
+    @pytest.mark.parametrize("error_deg", [-2.0, 2.0])
+    def test_at_an_angle_a_wall_that_is_where_it_should_be_goes_on_teaching_the_heading(self, error_deg: float) -> None:
+        # turned by 22 degrees on the narrowest circle: 1e-3 m x 0.384 / 0.64 m = (1.4 degrees)^2
+        walls, yaw, turned = settled(3.0), math.radians(22.0), 0.0
+        for k in range(10):
+            s, heading = 0.04 * k, yaw + math.radians(error_deg)
+            x, y, along = 3.0 + s * math.cos(yaw), s * math.sin(yaw), -turned
+            sample = OdometrySample(x, y, yaw, 3.0 + s, heading_variance=1e-3 * 0.384 / 0.64)
+            for wall, start in ((walls.left, 0.8), (walls.right, 1.0)):
+                reading = start - wall.sign * (SIDE_SONAR_X_M + s) * math.sin(heading)
+                turned += walls.update(wall, reading, sample, along).heading
+        assert math.degrees(turned) == pytest.approx(error_deg, abs=0.5)
 
     @given(degrees=st.floats(-8.0, 8.0))
     def test_a_wrong_direction_is_put_right_within_a_metre(self, degrees: float) -> None:
@@ -186,6 +193,29 @@ class TestWalls:
             turned += walls.update(walls.left, 0.8, at(s), 0.0).heading
             turned += walls.update(walls.right, math.hypot(1.0, 0.04 * k), at(s), 0.0).heading
         assert abs(turned) < math.radians(1.5)
+
+    @pytest.mark.parametrize("slope", [-0.3, 0.3])
+    def test_a_box_that_stands_askew_does_not_turn_the_corridor(self, slope: float) -> None:
+        # the direction is known by 1.7 degrees; a box of 0.28 m, turned by 17 degrees, stands on the right
+        walls, turned = settled(4.0), 0.0
+        for k in range(10):
+            s = 0.04 * k
+            sample = OdometrySample(4.0 + s, 0.0, 0.0, 4.0 + s, heading_variance=0.03 * 0.03)
+            box = 0.4 + slope * s if k < 7 else 1.0
+            turned += walls.update(walls.right, box, sample, -turned).heading
+        assert abs(turned) < math.radians(1.0)
+
+    def test_a_wall_that_was_lost_and_is_found_where_it_was_teaches_the_heading_at_once(self) -> None:
+        turned = {}
+        for place in (0.8, 0.6):
+            walls, turned[place] = settled(4.0), 0.0
+            for k in range(12):
+                s = 0.04 * k
+                sample = OdometrySample(4.0 + s, 0.0, 0.0, 4.0 + s, heading_variance=0.03 * 0.03)
+                reading = 6.0 if k < 2 else place - 0.05 * (s - 0.08)
+                turned[place] += walls.update(walls.left, reading, sample, -turned[place]).heading
+        assert math.degrees(turned[0.8]) > 1.0
+        assert abs(math.degrees(turned[0.6])) < 0.2
 
     @given(readings=st.lists(st.tuples(st.floats(0.03, 6.0), st.floats(0.03, 6.0)), min_size=1, max_size=60))
     def test_whatever_is_heard_the_filter_stays_sound(self, readings: list[tuple[float, float]]) -> None:

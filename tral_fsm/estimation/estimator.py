@@ -15,7 +15,7 @@ from tral_fsm.estimation.gate_memory import GateMemory
 from tral_fsm.estimation.odometry import Odometry
 from tral_fsm.estimation.readings import Readings
 from tral_fsm.estimation.sonar import Sonar, SonarReading, is_new
-from tral_fsm.estimation.wall_filter import Wall, WallFilter
+from tral_fsm.estimation.wall_filter import MAX_CORRIDOR_ANGLE, Wall, WallFilter
 
 _MAX_TRIM = 0.25
 """A larger error is no matter of trim: 5.5 degrees. Source: choice."""
@@ -24,6 +24,8 @@ _MAX_GAIN_ERROR = 0.2
 _NEAR_GATE_M, _GATE_ANGLE = 2.0, math.radians(22.0)
 """A gate that is so near stands within this angle of its corridor. Source: the family `gates` has 10 degrees, and as
 much for the camera."""
+_AXIS_SUPPORT = 5
+"""So many images must agree on such a gate. Source: choice, a third of a second at 15 Hz."""
 _FRESH_S = 0.5
 """A gate seen so lately is where it was seen from the car, wherever walls say that the car points."""
 _WALLS_REACH_M = 2.5
@@ -65,6 +67,11 @@ class Estimator:
         self._marker = NOTHING
         self._walls_now = self.walls.left.estimate, self.walls.right.estimate, self.walls.sure
 
+    @property
+    def _heading(self) -> float:
+        """Of the car against the corridor, in [-45, 45) degrees, rad."""
+        return less_quarters(self.odometry.yaw - self._corridor_yaw)
+
     def straight_steering(self, given_trim: float | None) -> float:
         """Steering at which the car drives straight: the trim that its file gives, and the learnt offset."""
         return self.steering_offset + (given_trim or 0.0)
@@ -88,13 +95,15 @@ class Estimator:
         if target is not None:
             self.gates.target = target
         self.odometry.update(readings, self.straight_steering(given_trim), self.steering_gain)
+        if abs(self._heading) > MAX_CORRIDOR_ANGLE:
+            self._forget_walls()
         left = self._left.update(readings.ultrasonic_left, readings.ultrasonic_left_age, time)
         front = self._front.update(readings.ultrasonic_front, readings.ultrasonic_front_age, time)
         right = self._right.update(readings.ultrasonic_right, readings.ultrasonic_right_age, time)
         if left.new or right.new:
             self._find_walls(left, right)
         if front.new:
-            self._front_obstacle.update(front.range, readings.distance, self.odometry.arc_length)
+            self._front_obstacle.update(front.range, self.odometry.arc_length)
         self._see(readings, time)
         return self._estimate(readings, time, left, front, right)
 
@@ -115,7 +124,7 @@ class Estimator:
             odometry.x,
             odometry.y,
             odometry.yaw,
-            less_quarters(odometry.yaw - self._corridor_yaw),
+            self._heading,
             odometry.arc_length,
             odometry.direction,
             left_wall,
@@ -145,7 +154,7 @@ class Estimator:
         sample = odometry.sample_before(age)
         if self.gates.beside(sample.x, sample.y):
             return  # a post is no wall
-        along = odometry.yaw - less_quarters(odometry.yaw - self._corridor_yaw)
+        along = odometry.yaw - self._heading
         turn, trim, gain = walls.update(wall, range_m, sample, along)
         if not walls.direction_known or self.gates.nearest.age <= _FRESH_S:
             self._corridor_yaw -= turn
@@ -205,7 +214,7 @@ class Estimator:
         odometry, (left, right, _) = self.odometry, self._walls_now
         if not self.walls.direction_known or math.hypot(x - odometry.x, y - odometry.y) > _WALLS_REACH_M:
             return False
-        along = odometry.yaw - less_quarters(odometry.yaw - self._corridor_yaw)
+        along = odometry.yaw - self._heading
         return any(wall.range_from(x, y, along) < -_WALL_MARGIN_M for wall in (left, right))
 
     def _see_gate(self, seen: Detection) -> None:
@@ -220,8 +229,14 @@ class Estimator:
     def _follow_axis(self, gate: Detection) -> None:
         """Corridors lead through their gates: a direction that contradicts the axis of a near one was wrong."""
         near = math.hypot(gate.x - self.odometry.x, gate.y - self.odometry.y) < _NEAR_GATE_M
-        if near and abs(less_quarters(gate.heading - self._corridor_yaw)) > _GATE_ANGLE:
+        agreed = gate.support >= _AXIS_SUPPORT
+        if near and agreed and abs(less_quarters(gate.heading - self._corridor_yaw)) > _GATE_ANGLE:
             self._corridor_yaw = gate.heading
-            self.walls.forget()
             self.walls.doubt_direction()
-            self._walls_now = self.walls.left.estimate, self.walls.right.estimate, self.walls.sure
+            self._forget_walls()
+
+    def _forget_walls(self) -> None:
+        """The car is out of the corridor whose walls it knew, or they were taken for others."""
+        walls = self.walls
+        walls.forget()
+        self._walls_now = walls.left.estimate, walls.right.estimate, walls.sure

@@ -1,4 +1,4 @@
-"""What the front ultrasonic hears, kept while the car comes nearer: how far it is, since when, and how far aside."""
+"""What the front ultrasonic hears, kept while the car moves: how far it is, since when, and how far aside."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ _JUMP_M = 0.08
 """What is heard ahead comes nearer by what was driven, give or take this, m."""
 _MAX_MISSES = 3
 """So many readings in a row may be wrong before something else is ahead."""
+_MIN_KNOWN = 3
+"""What was heard in fewer readings is not remembered."""
 _SAME_M = 0.25
 """What is heard anew is what was lost if it is where that was, give or take this, m."""
 _MEMORY_M = 1.0
@@ -72,64 +74,64 @@ class FrontObstacle(NamedTuple):
 class FrontObstacleTracker:
     """Makes a `FrontObstacle` of front ranges, for one car."""
 
-    __slots__ = ("_begin", "_driven", "_known", "_last_driven", "_missed", "_range", "obstacle")
+    __slots__ = ("_begin", "_known", "_last_way", "_missed", "_range", "_way", "obstacle")
 
     def __init__(self) -> None:
         self.obstacle = FrontObstacle()
-        self._last_driven = 0.0
-        self._range = math.inf
-        self._driven = 0.0
+        self._last_way = 0.0
+        """Way at the last reading, m."""
+        self._range, self._way = math.inf, 0.0
+        """Last reading that was predicted, and the way at it, m."""
         self._missed = 0
         self._begin = 0.0
         self._known = (math.inf, 0.0, 0.0)
 
-    def update(self, reading: float, driven: float, arc_length: float) -> None:
+    def update(self, reading: float, way: float) -> None:
         """Take a new reading.
 
         Args:
             reading: m.
-            driven: the way so far by the hall sensor, m.
-            arc_length: the way so far, less where the car reversed, m.
+            way: the way so far, less where the car reversed, m.
         """
         before = self.obstacle
-        predicted = before.last_range - (driven - self._last_driven)
+        predicted = before.last_range - (way - self._last_way)
         streak = before.streak + 1 if -_JUMP_M <= reading - predicted <= _JUMP_M else 1
-        self._last_driven = driven
-        predicted = self._range - (driven - self._driven)
+        self._last_way = way
+        predicted = self._range - (way - self._way)
         if reading < MAX_ECHO_RANGE_M and -_JUMP_M <= reading - predicted <= _JUMP_M:
             self._missed = 0
-            self._range, self._driven = reading, driven
-            sums = self._added(before.sums, reading, driven)
-            if sums[0] >= _MAX_MISSES:
-                self._known = reading, arc_length, before.first_range
+            self._range, self._way = reading, way
+            sums = self._added(before.sums, reading, way)
+            if sums[0] >= _MIN_KNOWN:
+                self._known = reading, way, before.first_range
             self.obstacle = FrontObstacle(reading, before.first_range, reading, streak, sums)
         elif self._missed < _MAX_MISSES and predicted < math.inf:
             self._missed += 1
             self.obstacle = FrontObstacle(before.range, before.first_range, reading, streak, before.sums)
         else:
-            self._begin_anew(reading, driven, arc_length, streak)
+            self._begin_anew(reading, way, streak)
 
-    def _begin_anew(self, reading: float, driven: float, arc_length: float, streak: int) -> None:
+    def _begin_anew(self, reading: float, way: float, streak: int) -> None:
         """Something else is ahead, or nothing."""
         self._missed = 0
         self._range = first_range = math.inf
-        self._begin = self._driven = driven
+        self._begin = self._way = way
         sums = _NO_SUMS
         if reading < MAX_ECHO_RANGE_M:
             self._range = reading
-            first_range = max(reading, self._remembered(reading, arc_length))
-            sums = self._added(sums, reading, driven)
+            first_range = max(reading, self._remembered(reading, way))
+            sums = self._added(sums, reading, way)
         self.obstacle = FrontObstacle(math.inf, first_range, reading, streak, sums)
 
-    def _remembered(self, reading: float, arc_length: float) -> float:
+    def _remembered(self, reading: float, way: float) -> float:
         """From where on what is heard now had been heard before it was lost, m; 0: it is something else."""
         known, then, first_range = self._known
-        same = abs(arc_length - then) <= _MEMORY_M and abs(reading - known + arc_length - then) <= _SAME_M
+        same = abs(way - then) <= _MEMORY_M and abs(reading - known + way - then) <= _SAME_M
         return first_range if same else 0.0
 
-    def _added(self, sums: Sums, reading: float, driven: float) -> Sums:
+    def _added(self, sums: Sums, reading: float, way: float) -> Sums:
         """The sums with one reading more."""
-        s = driven - self._begin
+        s = way - self._begin
         z = reading * reading - s * s
         n, ss, s2, sz, zs = sums
         return n + 1.0, ss + s, s2 + s * s, sz + z, zs + z * s

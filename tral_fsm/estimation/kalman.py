@@ -103,7 +103,7 @@ def gate_accepts(y: float, S: float, sigmas: float) -> bool:
 
 
 def update(P: Matrix, y: float, Ph: Row, S: float) -> tuple[Row, Matrix]:
-    """K = P h' / S; x = K y; P = P - K (P h')', made symmetric again.
+    """K = P h' / S; x = K y; P = P - K (P h')', computed on the diagonal and above it, since P is symmetric.
 
     Args:
         P: covariance.
@@ -114,10 +114,20 @@ def update(P: Matrix, y: float, Ph: Row, S: float) -> tuple[Row, Matrix]:
     Returns:
         x: what is to be added to the unknowns; P.
     """
+    (a, b, c, d, e), (_, f, g, h, i), (_, _, j, k, m), (_, _, _, n, o), (_, _, _, _, u) = P
     p, q, r, s, t = Ph
-    K = [each / S for each in Ph]
-    P = [(a - k * p, b - k * q, c - k * r, d - k * s, e - k * t) for k, (a, b, c, d, e) in zip(K, P, strict=True)]
-    return [k * y for k in K], _mirrored(P)
+    kp, kq, kr, ks, kt = p / S, q / S, r / S, s / S, t / S  # K
+    b, c, d, e = b - kp * q, c - kp * r, d - kp * s, e - kp * t
+    g, h, i = g - kq * r, h - kq * s, i - kq * t
+    k, m, o = k - kr * s, m - kr * t, o - ks * t
+    updated = (
+        (a - kp * p, b, c, d, e),
+        (b, f - kq * q, g, h, i),
+        (c, g, j - kr * r, k, m),
+        (d, h, k, n - ks * s, o),
+        (e, i, m, o, u - kt * t),
+    )
+    return (kp * y, kq * y, kr * y, ks * y, kt * y), updated
 
 
 def update_each(P: Matrix, y: Sequence[float], H: Sequence[Row], R: Sequence[float]) -> tuple[Row, Matrix]:

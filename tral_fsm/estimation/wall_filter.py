@@ -19,7 +19,8 @@ from tral_fsm.estimation.odometry import CURVATURE_PER_STEERING, GAIN_SIGMA, TRI
 MAX_WALL_RANGE_M = 2.2
 """A larger range is no wall of the corridor the car is in, m. Source: corridors up to 2.6 m, the car 0.2 m wide."""
 MAX_ECHO_ANGLE = math.radians(18.0)
-"""A wall met at a larger angle may give no echo, rad. Source: 20 to 25 degrees, less the doubt about the heading."""
+"""A wall met at a larger angle may give no echo, so that a reading that does not fit tells nothing, rad. Source: 20 to
+25 degrees, less the doubt about the heading."""
 MAX_CORRIDOR_ANGLE = math.radians(38.0)
 """Beyond this the car turns out of the corridor, rad; at 45 degrees along becomes across."""
 _JUMP_M = 0.02
@@ -32,6 +33,9 @@ _WALL_SIGMA = 0.02
 """Standard deviation of a wall's place when it was found anew, m."""
 _WALL_WALK = 0.01
 """Standard deviation by which a wall's place wanders in a metre, m."""
+_BOX_WALK = 0.2
+"""Standard deviation by which the place of what may be a box wanders in a metre, m: boxes stand askew and have edges.
+Source: choice, 10 cm over a box of 30 cm."""
 _HALL_ERROR = 0.05
 """Share of the way that the hall sensor may be wrong by."""
 _HALL_WAY_M = 0.04
@@ -117,10 +121,25 @@ class Wall:
     | unknown | -                             | unknown                | known there, `moved` + 1, `lost` 0  |
     | known   | known, corrected, `lost` 0    | known; unknown after 2 | likewise; `slip` if it was new      |
 
-    A third one that is far itself leaves `lost` as it is: an opening that has a wall behind it is one all the same.
+    A third one that is far itself leaves `lost` as it is: an opening that has a wall behind it is one all the same. A
+    car that stands at more than 18 degrees to the corridor may hear no echo, or hear something else by its edge: then
+    only readings that fit tell anything.
     """
 
-    __slots__ = ("_candidate", "_gone", "_readings", "_support", "_x", "_y", "lost", "moved", "range", "sign", "slip")
+    __slots__ = (
+        "_candidate",
+        "_gone",
+        "_readings",
+        "_replaces",
+        "_support",
+        "_x",
+        "_y",
+        "lost",
+        "moved",
+        "range",
+        "sign",
+        "slip",
+    )
 
     def __init__(self, sign: float) -> None:
         self.sign = sign
@@ -140,6 +159,7 @@ class Wall:
         has not moved."""
         self._readings = 0
         self._support = 0
+        self._replaces = False
         self._candidate = self._gone = math.nan
         self._x = self._y = math.nan
 
@@ -153,6 +173,14 @@ class Wall:
         """It has been where it is for a while."""
         return self._readings >= _MIN_STEADY
 
+    @property
+    def walk(self) -> float:
+        """Standard deviation by which its place wanders in a metre, m.
+
+        What has taken the place of another wall may be a box, until it has been there for a while.
+        """
+        return _BOX_WALK if self._replaces and not self.steady else _WALL_WALK
+
     def move(self, left: float) -> None:
         """The ultrasonic has moved by so much to the left of the corridor's direction, m; NaN: not known."""
         nearer = self.sign * left
@@ -164,21 +192,24 @@ class Wall:
         """The ultrasonic was at x, y [m] at the last reading."""
         self._x, self._y = x, y
 
+    def fits(self, reading: float, S: float) -> bool:
+        """Whether a reading [m] whose innovation has a variance S [m^2] is of this wall."""
+        error = reading - self.range
+        return abs(error) <= _JUMP_M or kalman.gate_accepts(error, S, _GATE_SIGMAS)
+
     def accept(self, reading: float, S: float) -> bool:
         """Take a reading [m] whose innovation has a variance S [m^2].
 
         Returns:
             Whether the reading is of this wall. If not, it may begin or end one.
         """
-        error = reading - self.range
         self.slip = 0.0
-        if abs(error) <= _JUMP_M or kalman.gate_accepts(error, S, _GATE_SIGMAS):
+        if self.fits(reading, S):
             self.lost = self._support = 0
             self._candidate = math.nan
             self._readings += 1
             return True
-        before = self._gone if math.isnan(self.range) else self.range
-        opening = reading > MAX_WALL_RANGE_M or reading - before > _OPENING_M
+        opening = reading > MAX_WALL_RANGE_M or reading - self._last_known > _OPENING_M
         if opening:
             self._lose()
         if reading > MAX_WALL_RANGE_M:
@@ -186,6 +217,11 @@ class Wall:
         elif self._settle(reading) and not opening:
             self.lost = 0
         return False
+
+    @property
+    def _last_known(self) -> float:
+        """Range of the wall, or of the one that is gone, m; NaN: there was none."""
+        return self._gone if math.isnan(self.range) else self.range
 
     def _lose(self) -> None:
         """One more reading without the wall: after two it is gone."""
@@ -205,6 +241,7 @@ class Wall:
             self._candidate, self._support = reading, 1
         if self._support < _MIN_SUPPORT:
             return False
+        self._replaces = abs(self._candidate - self._last_known) > 2.0 * _JUMP_M
         if 0 < self._readings < _MIN_STEADY:
             self.slip = self.sign * (self.range - self._candidate)
         self.range, self._readings = self._candidate, self._support
@@ -226,15 +263,15 @@ class WallFilter:
             | -s    m c s   -m q   1  0 |
             |  s   -m c s    m q   0  1 |
 
-                                                |  w + d    -d   |
+                                                | wl + d    -d   |
         Q = diag(heading noise, trim noise, 0,  |                | )
-                                                |   -d    w + d  |
+                                                |   -d    wr + d |
 
-    A wrong trim and a wrong gain turn the car, a wrong heading moves it. w is how the walls wander; d is what the hall
-    sensor adds where the car drives at a slant, to one range as much as it takes from the other. F is that of small
-    angles: it takes c at straight ahead (at full lock it is 1.16 times as large), a gain of 1, and a way that does not
-    depend on the curvature. Each reading measures one range: h = (0, 0, 0, 1, 0) on the left, (0, 0, 0, 0, 1) on the
-    right.
+    A wrong trim and a wrong gain turn the car, a wrong heading moves it. wl and wr are how the walls wander: one that
+    has just taken the place of another may be a box, and tells little of the heading. d is what the hall sensor adds
+    where the car drives at a slant, to one range as much as it takes from the other. F is that of small angles: it
+    takes c at straight ahead (at full lock it is 1.16 times as large), a gain of 1, and a way that does not depend on
+    the curvature. Each reading measures one range: h = (0, 0, 0, 1, 0) on the left, (0, 0, 0, 0, 1) on the right.
     """
 
     __slots__ = ("P", "_sample", "_slip", "_x", "_y", "_yaw", "left", "right")
@@ -288,18 +325,16 @@ class WallFilter:
         """
         heading = sample.yaw - along
         self._predict(sample, math.sin(heading))
-        if abs(heading) > MAX_CORRIDOR_ANGLE:
-            self.forget()
-        if abs(heading) > MAX_ECHO_ANGLE:
-            return NO_CORRECTION
         x, y = self._x, self._y
         self._put(sample.x, sample.y, sample.yaw)
         left = to_left(self._x - x, self._y - y, along)
         self.left.move(left)
         self.right.move(left)
         side, h = (_LEFT, _H_LEFT) if wall is self.left else (_RIGHT, _H_RIGHT)
-        moved = wall.moved
         Ph, S = kalman.innovation(self.P, h, _R)
+        if abs(heading) > MAX_ECHO_ANGLE and not wall.fits(reading, S):
+            return NO_CORRECTION
+        moved = wall.moved
         if wall.accept(reading, S):
             if wall.steady:
                 self._slip = 0.0
@@ -329,7 +364,7 @@ class WallFilter:
         s, q = sample.arc_length - before.arc_length, sample.heading_change - before.heading_change
         cs, m = CURVATURE_PER_STEERING * s, SIDE_SONAR_X_M + s / 2.0
         hall = _HALL_WAY_M * abs(s) * (_HALL_ERROR * slant) ** 2
-        wall = _WALL_WALK * _WALL_WALK * abs(s) + hall
+        left, right = self.left.walk, self.right.walk
         F = (
             (_HEADING, _TRIM, -cs), (_HEADING, _GAIN, q),
             (_LEFT, _HEADING, -s), (_LEFT, _TRIM, m * cs), (_LEFT, _GAIN, -m * q),
@@ -337,7 +372,8 @@ class WallFilter:
         )  # fmt: skip
         Q = (
             (_HEADING, _HEADING, sample.heading_noise(before)), (_TRIM, _TRIM, sample.trim_noise(before)),
-            (_LEFT, _LEFT, wall), (_LEFT, _RIGHT, -hall), (_RIGHT, _RIGHT, wall),
+            (_LEFT, _LEFT, left * left * abs(s) + hall), (_LEFT, _RIGHT, -hall),
+            (_RIGHT, _RIGHT, right * right * abs(s) + hall),
         )  # fmt: skip
         self.P = kalman.predict(self.P, F, Q)
 
