@@ -386,9 +386,10 @@ def array_dataclasses_that_compare(root: Path) -> list[str]:
 
 def _holds_arrays(node: ast.ClassDef) -> bool:
     return any(
-        isinstance(field, ast.AnnAssign) and isinstance(name, ast.Name) and name.id in ARRAYS
+        isinstance(name, ast.Name) and name.id in ARRAYS
         for field in node.body
-        for name in ast.walk(getattr(field, "annotation", field))
+        if isinstance(field, ast.AnnAssign) and "compare=False" not in ast.unparse(field)
+        for name in ast.walk(field.annotation)
     )
 
 

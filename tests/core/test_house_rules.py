@@ -173,6 +173,7 @@ def test_what_holds_arrays_is_not_compared_by_its_values() -> None:
         ("@dataclass", "route: Array", ["tral_env/plan.py: Plan"]),
         ("@dataclass(frozen=True)", "route: NDArray[Any] | None = None", ["tral_env/plan.py: Plan"]),
         ("@dataclass(eq=False)", "route: Array", []),
+        ("@dataclass", "route: Array = field(compare=False)", []),
         ("@dataclass", "laps: int", []),
     ],
 )

@@ -110,7 +110,7 @@ class TickRecorder:
         )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True)
 class EpisodeResult:
     """Result of one drive, in figures."""
 
@@ -178,7 +178,7 @@ def _measured(metres: float) -> float | None:
     return None if math.isnan(metres) else round(metres, 5)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True)
 class Episode(EpisodeResult):
     """Result of one drive, with its ticks. Episodes are equal if their figures are."""
 
