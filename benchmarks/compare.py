@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import math
 import time
 from importlib import metadata
 from pathlib import Path
@@ -22,14 +23,19 @@ import typer
 from numpy.typing import NDArray
 
 from tral_env.errors import MissingExtraError, TralError
-from tral_fsm.cli.compare import PAGE, compare, table
-from tral_fsm.cli.terminal import print_figures
 from tral_fsm.evaluation.choices import Randomization, families
 from tral_fsm.evaluation.contenders import Agent, Contender, contenders, object_agent
 from tral_fsm.evaluation.suites import Suite, suite
+from tral_fsm.programs.compare import PAGE, compare
+from tral_fsm.terminal import comparison_table, drives_bar, print_figures
 
 REPEAT = 8
 """Ticks for which the learner's command is held: the learner decides ten times a second."""
+ENVS = 4
+BATCH = 256
+MAX_BATCHES = 8
+"""Number of batches of decisions, from all environments together, that PPO learns from at once. Fewer in a training
+that is shorter."""
 THROTTLE = 0.1, 0.4
 """Range of the learner's throttle: the car always rolls, at up to 0.8 m/s. A brief training that may also stand, brake
 and reverse learns to stand, because a car that stands does not collide."""
@@ -112,13 +118,14 @@ def train(scenario: str, randomization: str, steps: int, seed: int) -> Learner:
     torch.set_num_threads(1)  # nets this small are slower on more
     envs = make_vec_env(
         "tral_env:TralCorridor-v0",
-        n_envs=4,
+        n_envs=ENVS,
         seed=seed,
         env_kwargs={"scenario": scenario, "camera": "projected", "randomization": randomization},
         wrapper_class=Repeat,
     )
     with contextlib.closing(VecNormalize(envs)) as normalized:
-        model = PPO("MlpPolicy", normalized, n_steps=512, batch_size=256, gamma=0.99, seed=seed, device="cpu")
+        rollout = min(MAX_BATCHES, math.ceil(steps / BATCH)) * BATCH // ENVS
+        model = PPO("MlpPolicy", normalized, n_steps=rollout, batch_size=BATCH, gamma=0.99, seed=seed, device="cpu")
         model.learn(steps, progress_bar=False)
         normalized.training = False
         return Learner(model, normalized)
@@ -168,10 +175,10 @@ def main(
         field = contenders(policies)
         if steps:
             field.append(ppo(family, randomization, steps, range(seed, seed + agents)))
-        shown = compare(chosen, field, out)
+        shown = compare(chosen, field, out, progress=drives_bar)
     except TralError as error:
         raise SystemExit(f"Error: {error}") from None
-    print_figures(table(shown))
+    print_figures(comparison_table(shown))
     print(f"Page: {out / PAGE}")
 
 

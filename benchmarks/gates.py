@@ -9,7 +9,7 @@ The script appends each drive to the file as it ends; started again, it goes on 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,15 +23,15 @@ from tral_env.course.plan import BOX_KINDS, Plan
 from tral_env.errors import ConfigError, TralError
 from tral_env.se2 import relative, to_inner, to_outer
 from tral_fsm import MachinePolicy, load_machine
-from tral_fsm.cli.terminal import drives_bar
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.choices import Camera, Randomization
 from tral_fsm.evaluation.episode import EpisodeRequest, Tick, outcome
 from tral_fsm.evaluation.files import prepare_folder, write_figure
 from tral_fsm.evaluation.pool import stop_check
-from tral_fsm.evaluation.records import begin_run, collect, digest, made_with, read_lines
+from tral_fsm.evaluation.records import digest, drive_missing, read_lines
 from tral_fsm.evaluation.seeds import parse_seeds, stretches
 from tral_fsm.evaluation.statistics import wilson
+from tral_fsm.terminal import drives_bar
 
 CHUNK = 8
 """Number of drives in a batch."""
@@ -78,15 +78,17 @@ def drive(seeds: range, settings: RunSettings, processes: int, out: Path) -> Non
         ConfigError: the file was made with other settings, or another machine.
     """
     machine = MachinePolicy(load_machine(settings.policy)).definition  # a machine that cannot drive begins no file
-    drivers = {settings.policy: digest(machine)}
-    done = {line["seed"] for line in made_with(out, settings, drivers) if line["kind"] == "drive"}
-    missing = [seed for seed in seeds if seed not in done]
-    if not missing:
-        return
-    begin_run(out, settings, drivers)
-    parts = [missing[i : i + CHUNK] for i in range(0, len(missing), CHUNK)]
-    with drives_bar(len(missing)) as count:
-        collect(batch, [(part, settings) for part in parts], processes, out, count)
+    drive_missing(
+        {"gates": seeds},
+        batch,
+        lambda line: ("gates", line["seed"]),
+        out=out,
+        settings=settings,
+        machines={settings.policy: digest(machine)},
+        chunk=CHUNK,
+        processes=processes,
+        bar=drives_bar,
+    )
 
 
 class Watch:
@@ -156,10 +158,10 @@ def gap(
     return min(math.hypot(*each) for each in beyond)
 
 
-def batch(seeds: list[int], settings: RunSettings) -> list[dict[str, Any]]:
+def batch(scenario: str, seeds: Sequence[int], settings: RunSettings) -> list[dict[str, Any]]:
     """Records of drives that run side by side."""
-    runner = BatchRunner(["gates"], rows=len(seeds), camera=settings.camera, randomization=settings.randomization)
-    requests = [EpisodeRequest(0, "gates", seed) for seed in seeds]
+    runner = BatchRunner([scenario], rows=len(seeds), camera=settings.camera, randomization=settings.randomization)
+    requests = [EpisodeRequest(0, scenario, seed) for seed in seeds]
     watches = [Watch(request.seed, runner.draw(request)[0].plan) for request in requests]
     stop = stop_check()
     try:

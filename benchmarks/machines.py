@@ -19,15 +19,15 @@ import typer
 from tral_env.course.generate import SCENARIOS
 from tral_env.errors import TralError
 from tral_fsm import load_machine
-from tral_fsm.cli.terminal import drives_bar
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.choices import Randomization, families
 from tral_fsm.evaluation.episode import EpisodeRequest
 from tral_fsm.evaluation.pool import stop_check
-from tral_fsm.evaluation.records import begin_run, collect, digest, made_with, read_lines
+from tral_fsm.evaluation.records import digest, drive_missing, read_lines
 from tral_fsm.evaluation.seeds import parse_seeds, stretches
 from tral_fsm.evaluation.summary import rmse_of, summarize
+from tral_fsm.terminal import drives_bar
 
 MADE_FOR = {
     "straight": "wall",
@@ -97,17 +97,17 @@ def drive(
         TralError: a machine cannot be read; no file is begun then.
     """
     drivers = {name: digest(machine(name, settings)) for name in sorted({*MADE_FOR.values(), "office"})}
-    before = made_with(out, settings, drivers)
-    done = {(line["machine"], line["scenario"], line["seed"]) for line in before if line["kind"] == "drive"}
-    batches = []
-    for scenario, all_of_it in wanted.items():
-        missing = [(name, seed) for name, seed in all_of_it if (name, scenario, seed) not in done]
-        batches += [(scenario, missing[k : k + CHUNK]) for k in range(0, len(missing), CHUNK)]
-    if not batches:
-        return
-    begin_run(out, settings, drivers)
-    with drives_bar(sum(len(part) for _, part in batches)) as count:
-        collect(batch, [(*part, settings) for part in batches], processes, out, count)
+    drive_missing(
+        wanted,
+        batch,
+        lambda line: (line["scenario"], (line["machine"], line["seed"])),
+        out=out,
+        settings=settings,
+        machines=drivers,
+        chunk=CHUNK,
+        processes=processes,
+        bar=drives_bar,
+    )
 
 
 def machine(name: str, settings: MachinesSettings) -> MachineDefinition:

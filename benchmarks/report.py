@@ -8,6 +8,7 @@ The script appends each episode to the file as it ends; started again, it goes o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,12 +18,12 @@ from run_settings import RunSettings
 from tral_env.course.generate import SCENARIOS
 from tral_env.errors import TralError
 from tral_fsm import load_policy
-from tral_fsm.cli.terminal import drives_bar
 from tral_fsm.evaluation.choices import Camera, Randomization, families
 from tral_fsm.evaluation.pool import stop_check
-from tral_fsm.evaluation.records import begin_run, collect, made_with, read_lines
+from tral_fsm.evaluation.records import drive_missing, made_with, read_lines
 from tral_fsm.evaluation.seeds import parse_seeds, stretches
 from tral_fsm.evaluation.summary import Summary, summarize
+from tral_fsm.terminal import drives_bar
 
 
 def main(
@@ -38,14 +39,18 @@ def main(
     """Drive seeds x families and print a table."""
     settings = RunSettings(policy=policy, camera=camera, randomization=randomization)
     try:
-        done = read(out, settings)
-        jobs = [(name, seed) for name in families(scenarios) for seed in parse_seeds(seeds)]
-        missing = [] if table_only else [job for job in jobs if job not in done]
-        if missing:
+        if not table_only:
             load_policy(policy)  # a policy that cannot drive begins no file
-            begin_run(out, settings)
-            with drives_bar(len(missing)) as count:
-                collect(episode, [(*job, settings) for job in missing], processes, out, count)
+            drive_missing(
+                {name: parse_seeds(seeds) for name in families(scenarios)},
+                episodes,
+                lambda line: (line["scenario"], line["seed"]),
+                out=out,
+                settings=settings,
+                chunk=1,
+                processes=processes,
+                bar=drives_bar,
+            )
         print(markdown(out, settings))
     except TralError as error:
         raise SystemExit(f"Error: {error}") from None
@@ -63,8 +68,8 @@ def read(path: Path, settings: RunSettings) -> dict[tuple[str, int], dict[str, A
 _kept: dict[tuple[str, RunSettings], tuple[Any, Any]] = {}
 
 
-def episode(scenario: str, seed: int, settings: RunSettings) -> list[dict[str, Any]]:
-    """The line of one episode; the process keeps its last env."""
+def episodes(scenario: str, seeds: Sequence[int], settings: RunSettings) -> list[dict[str, Any]]:
+    """The lines of some episodes; the process keeps its last env."""
     from tral_fsm.evaluation.rollout import drive
 
     key = (scenario, settings)
@@ -74,7 +79,8 @@ def episode(scenario: str, seed: int, settings: RunSettings) -> list[dict[str, A
         _kept.clear()
         _kept[key] = _make(scenario, settings)
     env, policy = _kept[key]
-    return [{"kind": "episode", **drive(env, policy, seed, on_step=stop_check(), scenario=scenario).record()}]
+    drives = (drive(env, policy, seed, on_step=stop_check(), scenario=scenario) for seed in seeds)
+    return [{"kind": "episode", **each.record()} for each in drives]
 
 
 def _make(scenario: str, settings: RunSettings) -> tuple[Any, Any]:

@@ -19,13 +19,13 @@ from rich.table import Table
 
 from tral_env.errors import ConfigError, TralError
 from tral_fsm import load_machine
-from tral_fsm.cli.terminal import print_figures
 from tral_fsm.evaluation.batch import MAX_ROWS, BatchRunner
 from tral_fsm.evaluation.choices import check_families
 from tral_fsm.evaluation.episode import EpisodeRequest
 from tral_fsm.evaluation.files import prepare_folder, write_json
 from tral_fsm.evaluation.host import host
 from tral_fsm.evaluation.pool import ProcessPool, spawned, worker_losses
+from tral_fsm.terminal import print_figures
 
 SEEDS = 8
 """Number of courses that all candidates share, as in a search."""

@@ -370,7 +370,7 @@ class Actuation:
         if self._is_plain:
             return wanted
         wanted = np.minimum(np.maximum(wanted, -1.0), 1.0)
-        wanted[:, THROTTLE] = self._low + (wanted[:, THROTTLE] + 1.0) * self._half
+        wanted[:, THROTTLE] = _rounded(self._low + (wanted[:, THROTTLE] + 1.0) * self._half)
         return wanted
 
     def command(
@@ -393,7 +393,13 @@ class Actuation:
         speeds, now = wanted[:, THROTTLE].tolist(), speed.tolist()
         for row in driving:
             command[row, THROTTLE] = self._regulators[row].regulate(speeds[row], now[row])
+        command[:, THROTTLE] = _rounded(command[:, THROTTLE])
         return command
+
+
+def _rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values as float32 has them, as policies answer: so environments drive the same bit for bit."""
+    return values.astype(np.float32).astype(np.float64)
 
 
 def inverse(config: LearnerConfig, steering: NDArray[np.floating], drive: NDArray[np.floating]) -> Values:

@@ -13,8 +13,8 @@ class NoiseTape:
     """Uniform and normal numbers, drawn per row in advance and read in order.
 
     A generator per row makes row i independent of all other rows, and a tape makes that cheap: a read is one gather.
-    No number is read twice: a tape that read its first numbers again would give a row the same few outliers again and
-    again, at a rate of its own.
+    Both kinds have one cursor: a read of one passes over as many numbers of the other. No number is read twice: a tape
+    that read its first numbers again would give a row the same few outliers again and again, at a rate of its own.
     """
 
     def __init__(self, n: int, length: int = LENGTH) -> None:

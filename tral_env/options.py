@@ -16,7 +16,8 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 from tral_env.calibration.camera_info import load_lens
-from tral_env.config import CameraConfig, CarConfig, TaskConfig, as_config, one_of
+from tral_env.checks import as_config, one_of
+from tral_env.config import CameraConfig, CarConfig, TaskConfig
 from tral_env.course.generate import SCENARIOS
 from tral_env.course.layout import Course, example_names, example_path
 from tral_env.errors import ConfigError, UnknownOptionError, UnreadableCourseError, nearest
@@ -223,7 +224,9 @@ def check_counts(**counts: object) -> None:
 
 def is_seed(value: object) -> bool:
     """Whether a value can seed an episode: `None`, or a whole number, 0 or more; `True` is none."""
-    return value is None or (isinstance(value, int | np.integer) and not isinstance(value, bool) and bool(value >= 0))
+    if value is None:
+        return True
+    return isinstance(value, int | np.integer) and not isinstance(value, bool) and bool(value >= 0)
 
 
 def as_plain(value: Any) -> Any:

@@ -11,6 +11,7 @@ A level of one's own is a `Randomization`, or a file that `read_level` reads.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -18,10 +19,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
-from tral_env.config import Bounds, EscConfig, UltrasonicConfig, as_config, check_number, check_plausible, one_of
+from tral_env import json_text, yaml_text
+from tral_env.checks import Bounds, as_config, check_number, check_plausible, one_of
+from tral_env.config import EscConfig, UltrasonicConfig
 from tral_env.errors import ConfigError, nearest, problem_report
 
 Range = tuple[float, float]
@@ -271,22 +273,41 @@ def _value_in_file(name: str, given: Any) -> bool | Range:
 
 
 def _content(path: str | Path) -> dict[str, Any]:
-    """The mapping in a JSON or YAML file; JSON is YAML."""
+    """The mapping in a JSON or YAML file."""
     try:
-        text = Path(path).read_text("utf-8-sig")
-        content, node = yaml.safe_load(text), yaml.compose(text, yaml.SafeLoader)
+        text = json_text.read(path)
     except (OSError, UnicodeDecodeError) as error:
         told = getattr(error, "strerror", None) or error
         raise ConfigError(f"randomization {path}: cannot be read: {told}") from error
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        mark = getattr(error, "problem_mark", None)
-        place = f"{path}:{mark.line + 1}:{mark.column + 1}" if mark else str(path)
-        raise ConfigError(f"{place}: not YAML or JSON: {getattr(error, 'problem', None) or error}") from error
+    content = _json(text, path) if str(path).lower().endswith(".json") else _yaml(text, path)
     if not isinstance(content, dict) or not content:
-        raise ConfigError(
-            f"{path}: got {type(content).__name__}: expected parameters and their ranges, such as friction: [0.4, 0.6]"
-        )
-    keys = [key.value for key, _ in node.value]
-    if repeated := sorted({str(key) for key in keys if keys.count(key) > 1}):
-        raise ConfigError(f"{path}: {', '.join(repeated)}: there more than once. Allowed: each name once")
+        got = "list" if isinstance(content, list) else type(content).__name__
+        raise ConfigError(f"{path}: got {got}: expected parameters and their ranges, such as friction: [0.4, 0.6]")
     return content
+
+
+def _json(text: str, path: str | Path) -> Any:
+    try:
+        repeated = json_text.repeated_keys(text)
+        content = json.loads(text)
+    except json.JSONDecodeError as error:
+        place = f"{path}:{error.lineno}:{error.colno}"
+        raise ConfigError(f"{place}: not JSON: {error.msg}{json_text.reason(error)}") from error
+    except (ValueError, RecursionError) as error:  # an integer of thousands of digits, endless nesting
+        raise ConfigError(f"{path}: not readable: {error}") from error
+    if repeated:
+        twice = ", ".join(pointer.removeprefix("/") for pointer in repeated)
+        raise ConfigError(f"{path}: {twice}: there more than once. Allowed: each name once")
+    return content
+
+
+def _yaml(text: str, path: str | Path) -> Any:
+    found = yaml_text.documents(text, str(path), ConfigError)
+    if len(found) > 1:
+        raise ConfigError(f"{path}: got {len(found)} documents between lines of '---': expected one")
+    content = found[0] if found else None
+    return {name: _numbers(given) for name, given in content.items()} if isinstance(content, dict) else content
+
+
+def _numbers(given: Any) -> Any:
+    return [yaml_text.number(each) for each in given] if isinstance(given, list) else yaml_text.number(given)

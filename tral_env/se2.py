@@ -27,7 +27,7 @@ def clip(value: float, limit: float = 1.0) -> float:
 
 
 def wrap(angle: Number) -> Number:
-    """Bring an angle [rad] into [-pi, pi)."""
+    """Bring an angle [rad] into [-pi, pi), to rounding: just below -pi it becomes +pi."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from tral_env.config import one_of
+from tral_env.checks import one_of
 from tral_env.decisions import Decisions
 from tral_env.errors import ConfigError
 from tral_env.interface import CONTROL_RATE_HZ, FloatArray, action_space, as_command

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tral_env import task
 from tral_env.arrays import Array, Flags, Index
-from tral_env.config import check_number, one_of
+from tral_env.checks import check_number, one_of
 from tral_env.course.generate import generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course

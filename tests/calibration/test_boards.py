@@ -88,6 +88,7 @@ def test_the_gates_detector_sees_no_marker_on_a_board():
     ("values", "message"),
     [
         ({"kind": "chess"}, "did you mean 'chessboard'"),
+        ({"kind": ["chessboard"]}, r"unknown board \['chessboard'\]: did you mean 'chessboard'"),
         ({"columns": 2}, "Board.columns = 2: expected a whole number of 3 or more"),
         ({"square": 0.0}, "Board.square = 0.0: expected a length of 0.0001 to 100"),
         ({"square": float("nan")}, "Board.square = nan"),

@@ -207,13 +207,13 @@ def test_a_drive_among_others_is_the_one_alone_and_is_not_driven_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     calm = RunSettings(policy="gate", camera="projected", randomization="none")
-    both = gates.batch([3, 4], calm)
+    both = gates.batch("gates", [10, 11], calm)
     out = tmp_path / "a.jsonl"
-    gates.main(seeds="4:5", out=out, **BY_DEFAULT)
+    gates.main(seeds="11:12", out=out, **BY_DEFAULT)
     assert gates.read(out)[1] == [json.loads(json.dumps(both[1]))]
     assert both[1]["outcome"] == "success"
     assert all(gate["passed"] and abs(gate["offset_m"]) < gate["width_m"] / 2 for gate in both[1]["gates"])
     before = out.read_text()
-    gates.main(seeds="4:5", out=out, **BY_DEFAULT)
+    gates.main(seeds="11:12", out=out, **BY_DEFAULT)
     assert out.read_text() == before
-    assert "| gate | none | 4 | 1/1 |" in capsys.readouterr().out
+    assert "| gate | none | 11 | 1/1 |" in capsys.readouterr().out

@@ -8,7 +8,8 @@ from readings import Bench, two_states
 
 from tral_env.errors import MachineError
 from tral_env.geometry import MARKER_BOARD_WIDTH_M, curvature, steering_play
-from tral_fsm.conditions.simple import Aligned, AlignedSpec, Finished, FinishedSpec
+from tral_env.interface import CONTROL_PERIOD_S
+from tral_fsm.conditions.simple import Aligned, AlignedSpec, Finished, FinishedSpec, Unreachable, UnreachableSpec
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.states.basic import Idle, IdleSpec
 
@@ -166,7 +167,7 @@ class TestArucoGateFound:
     def test_its_limits(self, limits: dict[str, object], seen: bool) -> None:
         assert sees(self.gate(**limits), **self.SEEN) == seen
 
-    def test_an_old_sighting_is_none(self) -> None:
+    def test_an_old_detection_is_none(self) -> None:
         assert not sees(self.gate(max_age=0.2), **{**self.SEEN, "gate_age": 0.21})
 
     def test_a_gate_behind_is_none(self) -> None:
@@ -288,14 +289,19 @@ def test_the_trace_tells_the_values_that_were_compared() -> None:
     assert (bench.fired[0].source, bench.fired[0].target, bench.fired[0].transition) == ("a", "b", "t")
 
 
+class Told(Idle):
+    """A state that says in each tick what it was told to say."""
+
+    def __init__(self, reasons: list[str]) -> None:
+        super().__init__(IdleSpec(id=0))
+        self.reasons = reasons
+
+    def unreachable(self, estimate: CarEstimate) -> str:
+        return self.reasons[estimate.tick]
+
+
 def test_unreachable_waits_until_it_has_held_long_enough_without_a_break() -> None:
-    curve = {"type": "SCurve", "x": 1.0, "y": 1.0, "throttle": 0.2}
-    bench = two_states({"type": "Unreachable", "seconds": 0.1}, curve)
-    answers = ["far", "far", "", *["far"] * 20]
-    ticks = 0
-    bench.tick()
-    bench.machine.active.unreachable = lambda estimate: answers[min(ticks, 22)]
-    while bench.active == "a":
-        ticks += 1
-        bench.tick()
-    assert ticks == 3 + 8  # 0.1 s after the break
+    condition = Unreachable(UnreachableSpec(seconds=0.1), Told(["far", "far", "", *["far"] * 20]))
+    condition.on_enter(CarEstimate())
+    fired = [condition.triggered(CarEstimate(tick=k, time=k * CONTROL_PERIOD_S)) for k in range(23)]
+    assert fired.index(True) == 3 + 8  # 0.1 s after the break

@@ -32,9 +32,9 @@ class TestArcs:
         assert arcs.biarc(0.0, 0.0, 0.0) is None
 
     @given(st.floats(-1.5, 1.5), st.floats(0.05, 2.0), st.floats(0.05, 2.0))
-    def test_what_two_arcs_make_two_arcs_find(self, bend: float, first: float, second: float) -> None:
-        assume(max(first, second) * abs(bend) < 1.5)
-        end = arcs.pose_on_arc(arcs.pose_on_arc(HERE, first, bend), second, -bend)
+    def test_what_two_arcs_make_two_arcs_find(self, curvature: float, first: float, second: float) -> None:
+        assume(max(first, second) * abs(curvature) < 1.5)
+        end = arcs.pose_on_arc(arcs.pose_on_arc(HERE, first, curvature), second, -curvature)
         way = arcs.biarc(*end)
         assert way is not None
         assert way.first + way.second <= first + second + 1e-6
@@ -43,10 +43,10 @@ class TestArcs:
 
     @given(st.floats(-1.5, 1.5), st.floats(0.0, 1.9), st.floats(-0.3, 0.3))
     def test_coordinates_beside_an_arc_are_the_inverse_of_a_pose_on_it(
-        self, bend: float, s: float, offset: float
+        self, curvature: float, s: float, offset: float
     ) -> None:
-        x, y, heading = arcs.pose_on_arc(HERE, s, bend)
-        got = arcs.arc_coordinates(x - offset * math.sin(heading), y + offset * math.cos(heading), bend)
+        x, y, heading = arcs.pose_on_arc(HERE, s, curvature)
+        got = arcs.arc_coordinates(x - offset * math.sin(heading), y + offset * math.cos(heading), curvature)
         assert got == pytest.approx((s, offset, heading), abs=1e-6)
 
 

@@ -17,7 +17,18 @@ Imports = Mapping[str, Set[str]]
 Rule = Callable[[Imports], list[str]]
 
 WAIST = {
-    f"tral_env.{room}" for room in ("interface", "geometry", "se2", "errors", "json_text", "arrays", "speed_control")
+    f"tral_env.{room}"
+    for room in (
+        "interface",
+        "geometry",
+        "se2",
+        "errors",
+        "json_text",
+        "validation_text",
+        "arrays",
+        "speed_control",
+        "checks",
+    )
 }
 WAIST_NEEDS = {"numpy", "gymnasium.spaces"}
 
@@ -39,11 +50,13 @@ SIMULATION_NEEDS = (
     | {f"tral_env.{room}" for room in ("simulation", "course", "perception", "calibration", "randomization", "assets")}
 )
 WORLD_NEEDS = {f"tral_env.{room}" for room in ("config", "options", "task", "course", "randomization", "simulation")}
-POLICY = {
+POLICY_FLOORS = tuple(
     f"tral_fsm.{room}"
-    for room in ("definition", "estimation", "control", "states", "conditions", "runtime", "formats", "draw")
-}
-DRIVES = STEPS | {f"tral_fsm.{room}" for room in ("runtime", "live", "bench")}
+    for room in ("definition", "estimation", "control", "states", "conditions", "runtime", "draw", "formats")
+)
+"""Each of the rooms of a policy imports of the others only those before it."""
+POLICY = set(POLICY_FLOORS)
+DRIVES = STEPS | {f"tral_fsm.{room}" for room in ("runtime", "policies", "live", "bench")}
 
 
 def room_of(module: str) -> str:
@@ -115,7 +128,9 @@ def laws_reach_no_physics(imports: Imports) -> list[str]:
 
 def calibration_needs_the_waist_config_and_perception(imports: Imports) -> list[str]:
     return _outside(
-        imports, {"tral_env.calibration"}, WAIST | {f"tral_env.{room}" for room in ("config", "perception", "atomic")}
+        imports,
+        {"tral_env.calibration"},
+        WAIST | {f"tral_env.{room}" for room in ("config", "perception", "atomic", "yaml_text")},
     )
 
 
@@ -164,7 +179,7 @@ def the_car_reaches_nothing_heavy(imports: Imports) -> list[str]:
 
 
 def randomization_needs_the_waist_and_config(imports: Imports) -> list[str]:
-    return _outside(imports, {"tral_env.randomization"}, WAIST | {"tral_env.config"})
+    return _outside(imports, {"tral_env.randomization"}, WAIST | {"tral_env.config", "tral_env.yaml_text"})
 
 
 def the_world_knows_the_simulation_and_no_shell(imports: Imports) -> list[str]:
@@ -195,17 +210,35 @@ def the_environment_knows_no_state_machine(imports: Imports) -> list[str]:
 
 
 def policies_know_the_waist_alone(imports: Imports) -> list[str]:
-    """The runtime, which runs policies, also knows trained ones."""
-    runs = {"tral_fsm.runtime"}
-    return _outside(imports, POLICY - runs, WAIST | POLICY) + _outside(
-        imports, runs, WAIST | POLICY | {"tral_env.learned", "tral_env.policy_file"}
-    )
+    return _outside(imports, POLICY, WAIST | POLICY)
 
 
-def nobody_imports_report_and_cli(imports: Imports) -> list[str]:
-    """Only the command line, which is thin, hands work to the report."""
-    rooms = {room_of(module) for module in imports} - {"tral_fsm.cli"}
-    return _among(imports, rooms, {"tral_fsm.report", "tral_fsm.cli"})
+def policies_are_built_floor_by_floor(imports: Imports) -> list[str]:
+    return [
+        problem
+        for place, room in enumerate(POLICY_FLOORS)
+        for problem in _among(imports, {room}, set(POLICY_FLOORS[place:]))
+    ]
+
+
+def pictures_of_machines_know_the_definition_alone(imports: Imports) -> list[str]:
+    return _among(imports, {"tral_fsm.draw"}, POLICY - {"tral_fsm.definition"})
+
+
+LAST = ("tral_fsm.report", "tral_fsm.programs", "tral_fsm.cli")
+"""Rooms that only the rooms behind them in this order import; a script of benchmarks/ calls programs as cli does."""
+
+
+def only_programs_and_cli_import_the_report_and_only_cli_the_programs(imports: Imports) -> list[str]:
+    rooms = {room_of(module) for module in imports}
+    scripts = {room for room in rooms if room.startswith("benchmarks.")}
+    return [
+        problem
+        for place, room in enumerate(LAST)
+        for problem in _among(
+            imports, rooms - set(LAST[place:]) - (scripts if room == "tral_fsm.programs" else set()), {room}
+        )
+    ]
 
 
 def report_drives_nothing(imports: Imports) -> list[str]:
@@ -275,7 +308,9 @@ RULES: tuple[Rule, ...] = (
     the_two_environments_do_not_know_each_other,
     the_environment_knows_no_state_machine,
     policies_know_the_waist_alone,
-    nobody_imports_report_and_cli,
+    policies_are_built_floor_by_floor,
+    pictures_of_machines_know_the_definition_alone,
+    only_programs_and_cli_import_the_report_and_only_cli_the_programs,
     report_drives_nothing,
     report_reaches_no_physics,
     no_circle_of_rooms,
@@ -290,15 +325,14 @@ LOADING = {
 
 
 def imports_of(root: Path, *, types: bool = True) -> dict[str, set[str]]:
-    """Imports of every module of both packages, also those inside functions.
+    """Imports of every module of both packages and of every benchmark, also those inside functions.
 
     Args:
-        root: folder of the packages.
+        root: folder that holds them.
         types: whether imports under `if TYPE_CHECKING` count.
     """
-    trees = {
-        _module(path, root): path for package in ("tral_env", "tral_fsm") for path in (root / package).rglob("*.py")
-    }
+    folders = ("tral_env", "tral_fsm", "benchmarks")
+    trees = {_module(path, root): path for folder in folders for path in (root / folder).rglob("*.py")}
     return {
         module: {_known(name, trees) for name in _imported(path, root, types)} - {module}
         for module, path in trees.items()

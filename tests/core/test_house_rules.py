@@ -44,7 +44,13 @@ BROKEN: dict[Rule, Imports] = {
     rules.the_two_environments_do_not_know_each_other: {"tral_env.vector_env": {"tral_env.env"}},
     rules.the_environment_knows_no_state_machine: {"tral_env.course.plan": {"tral_fsm.control.laws"}},
     rules.policies_know_the_waist_alone: {"tral_fsm.states.wall": {"tral_env.config"}},
-    rules.nobody_imports_report_and_cli: {"tral_fsm.tuning.holdout": {"tral_fsm.report.summary"}},
+    rules.policies_are_built_floor_by_floor: {"tral_fsm.runtime.driver": {"tral_fsm.formats.library"}},
+    rules.pictures_of_machines_know_the_definition_alone: {"tral_fsm.draw.picture": {"tral_fsm.runtime.machine"}},
+    rules.only_programs_and_cli_import_the_report_and_only_cli_the_programs: {
+        "tral_fsm.programs.tune": {"tral_fsm.report.tuning.page"},
+        "tral_fsm.cli.tune": {"tral_fsm.programs.tune", "tral_fsm.report.tuning.page"},
+        "benchmarks.gates": {"tral_fsm.cli.terminal"},
+    },
     rules.report_drives_nothing: {"tral_fsm.report.drive.video": {"tral_fsm.runtime.policy"}},
     rules.report_reaches_no_physics: {
         "tral_fsm.report.tuning.page": {"tral_fsm.tuning.tables"},
@@ -83,6 +89,16 @@ def test_a_house_that_breaks_it_is_found_out_by(rule: Rule) -> None:
     assert len(rule(BROKEN[rule])) == 1
 
 
+@pytest.mark.parametrize(
+    ("room", "above"),
+    [("control", "formats"), ("runtime", "formats"), ("estimation", "control"), ("states", "conditions")],
+)
+def test_a_floor_knows_none_above_it(room: str, above: str) -> None:
+    lower, upper = f"tral_fsm.{room}.here", f"tral_fsm.{above}.there"
+    assert rules.policies_are_built_floor_by_floor({lower: {upper}}) == [f"{lower} imports {upper}"]
+    assert rules.policies_are_built_floor_by_floor({upper: {lower}}) == []
+
+
 def test_a_circle_is_told_by_its_rooms() -> None:
     assert rules.no_circle_of_rooms(BROKEN[rules.no_circle_of_rooms]) == ["tral_fsm.learning <-> tral_fsm.tuning"]
 
@@ -113,6 +129,17 @@ def test_relative_imports_count_by_their_full_names(tmp_path: Path) -> None:
         "tral_env.course.plan": {"tral_env.course.route", "tral_env.world"},
         "tral_env.course.route": set(),
     }
+
+
+def test_imports_of_benchmarks_count(tmp_path: Path) -> None:
+    (tmp_path / "benchmarks").mkdir()
+    (tmp_path / "benchmarks" / "gates.py").write_text("from run_settings import RunSettings\nimport tral_fsm.cli\n")
+    (tmp_path / "tral_fsm" / "cli").mkdir(parents=True)
+    (tmp_path / "tral_fsm" / "cli" / "__init__.py").write_text("")
+    found = rules.imports_of(tmp_path)
+    assert rules.only_programs_and_cli_import_the_report_and_only_cli_the_programs(found) == [
+        "benchmarks.gates imports tral_fsm.cli"
+    ]
 
 
 def test_imports_for_types_do_not_load_anything(tmp_path: Path) -> None:

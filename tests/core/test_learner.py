@@ -170,7 +170,7 @@ class TestActions:
         assert wanted.tolist() == [[0.0, 0.0], [0.1, 0.5]]
         for speed in (0.0, 0.2, 0.7):
             command = actuation.command(wanted, np.array([0.0, speed]))
-            assert command[1].tolist() == [0.1, alone.regulate(0.5, speed)]
+            assert command[1].tolist() == [0.1, np.float32(alone.regulate(0.5, speed))]
             assert command[0].tolist() == [0.0, 0.0]
 
     def test_a_reset_row_regulates_as_at_first(self) -> None:

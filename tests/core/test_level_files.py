@@ -67,14 +67,44 @@ def test_all_problems_are_told_at_once_with_their_names(tmp_path: Path) -> None:
     [
         ("- 1\n- 2\n", "got list: expected parameters and their ranges"),
         ("", "got NoneType: expected parameters and their ranges"),
-        ("friction: [0.4\n", r":2:1: not YAML or JSON: "),
-        ("friction: 1\nfriction: 2\n", "friction: there more than once"),
-        ("friction: 2024-13-41\n", "not YAML or JSON: "),
+        ("friction: [0.4\n", r"level\.yaml:2:1: not YAML: .*: is a ',' or a '\]' missing\?"),
+        (
+            "friction: 1\nfriction: 2\n",
+            r"level\.yaml:2:1: 'friction' stands twice, first in line 1: delete one of them",
+        ),
+        ("friction: 2024-13-41\n", "level.yaml: not readable: month must be in 1..12"),
+        ("friction: 1\n---\nfriction: 2\n", "got 2 documents between lines of '---': expected one"),
     ],
 )
 def test_a_file_that_holds_no_level_is_refused(tmp_path: Path, text: str, told: str) -> None:
     with pytest.raises(ConfigError, match=told):
         level(written(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("friction: 1\n", r"level\.json:1:1: not JSON: Expecting value"),
+        ('{"friction": 0,5}', r"level\.json:1:16: not JSON: .*: a decimal comma\? JSON writes 0\.8"),
+        ('{"friction": 1, "friction": 2}', "friction: there more than once"),
+        ("[" * 100_000, "level.json: not readable: "),
+        ('{"friction": "0.5"}', "friction = '0.5': expected a finite number"),
+    ],
+)
+def test_a_file_that_ends_in_json_is_read_as_json(tmp_path: Path, text: str, told: str) -> None:
+    with pytest.raises(ConfigError, match=told):
+        level(written(tmp_path, text, "level.json"))
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("level.json", '{\n\t"latency_s": [1e-05, 2E-2]\n}'),  # in YAML these are text, and the tab is an error
+        ("level.yaml", "latency_s: [1e-05, 2E-2]\n"),
+    ],
+)
+def test_a_number_without_a_point_is_a_number(tmp_path: Path, name: str, text: str) -> None:
+    assert level(written(tmp_path, text, name)).latency_s == (1e-05, 0.02)
 
 
 def test_a_file_that_is_not_there_and_an_unknown_name_are_refused(tmp_path: Path) -> None:

@@ -29,12 +29,13 @@ def test_turning_back_undoes_a_quarter_turn() -> None:
 def test_half_a_turn_wraps_to_the_lower_end() -> None:
     assert se2.wrap(math.pi) == -math.pi
     assert se2.wrap(-math.pi) == -math.pi
+    assert se2.wrap(math.nextafter(-math.pi, -4.0)) == math.pi
 
 
 @given(angles)
 def test_wrapped_angles_keep_their_direction(angle: float) -> None:
     wrapped = se2.wrap(angle)
-    assert -math.pi <= wrapped < math.pi
+    assert -math.pi <= wrapped <= math.pi
     assert (math.cos(wrapped), math.sin(wrapped)) == pytest.approx((math.cos(angle), math.sin(angle)), abs=1e-9)
 
 

@@ -90,8 +90,8 @@ def test_a_family_that_draws_no_drivable_course_names_the_most_frequent_cause():
 
 
 def test_segments_that_cannot_be_joined_are_told_instead_of_tried_for_ever(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("tral_env.course.generate.overlap_problems", lambda course, frames: ["too near"])
-    monkeypatch.setattr("tral_env.course.generate.JOIN_ATTEMPTS", 3)
+    monkeypatch.setattr("tral_env.course.drafts.overlap_problems", lambda course, frames: ["too near"])
+    monkeypatch.setattr("tral_env.course.drafts.JOIN_ATTEMPTS", 3)
     with pytest.raises(CourseError, match=r"no drivable course of 'office' .* could not be joined in 3 ways"):
         generate("office", np.random.default_rng(0))
 

@@ -84,6 +84,12 @@ def test_the_corridor_loads_alone_and_shows_the_default_course():
     np.testing.assert_allclose(np.sin(yaw - plan.box_yaw), 0, atol=1e-3)
 
 
+def test_what_a_caller_writes_into_its_model_is_in_no_other_one():
+    mine = build_model(Pool(3))
+    mine.geom_pos[:] = 7.0
+    assert not (build_model(Pool(3)).geom_pos == 7.0).any()
+
+
 def test_every_object_has_a_name(model: mujoco.MjModel):
     kinds = (
         (model.ngeom, model.geom),

@@ -17,28 +17,29 @@ BIN = Path(sys.executable).parent
 SET_UP = ("python3 -m venv ", ".venv/bin/pip install ", "pip install ", ".venv/bin/pytest", "pytest ")
 """What begins so installs or runs these tests: .ci/run does it, with the command of the README."""
 
+ONE_CANDIDATE = "--seeds 111:112 --budget 1 --report-seeds none --grid 0 --processes 1"
+"""A search with one candidate, on short courses: the old and the new machine drive one, and the two of the finals."""
+AND_A_CHECK = f"{ONE_CANDIDATE} --report-seeds 65:66"
+"""The same, and both drive one more course."""
+
 CHEAPER = {
     ".venv/bin/tral drive --scenario office --seed 7 --camera rendered --out runs/first": (
-        "--camera projected --no-video"
+        "--seed 34 --camera projected --no-video"
     ),
-    'tral tune --policy wall --scenario straight --params "*.p,*.d" --budget 600 --out runs/tune': (
-        "--seeds 0:1 --budget 4 --population 4 --report-seeds 500:501 --grid 0"
-    ),
+    'tral tune --policy wall --scenario straight --params "*.p,*.d" --budget 600 --out runs/tune': AND_A_CHECK,
     'tral tune --policy wall --scenario straight --params "follow.p,follow.d" --randomization hard --budget 300 '
-    "--seeds 0:12 --report-seeds 500:540": "--seeds 0:1 --budget 4 --population 4 --report-seeds 500:501 --grid 0",
+    "--seeds 0:12 --report-seeds 500:540": ONE_CANDIDATE,
     'tral tune --policy crossing --scenario crossing --tie --params "follow.speed=0.6:1.6,turn *.speed=0.35:0.9,'
-    'settle.speed=0.4:1.2" --randomization hard --budget 480 --seeds 200:240 --report-seeds 500:600': (
-        "--seeds 0:1 --budget 4 --population 4 --report-seeds 500:501 --grid 0"
+    'settle.speed=0.4:1.2" --randomization hard --budget 480 --seeds 200:240 --report-seeds 500:600': AND_A_CHECK,
+    "tral tune --policy wall --sampler tpe --storage study.log --out runs/tune1": ONE_CANDIDATE,
+    "tral compare --policies office,pursuit,constant,random --suite smoke --out runs/compare": (
+        "--courses 1 --policies pursuit,random"
     ),
-    "tral tune --policy wall --sampler tpe --storage study.log --out runs/tune1": (
-        "--seeds 0:1 --budget 4 --population 4 --report-seeds none --grid 0"
-    ),
-    "tral compare --policies office,pursuit,constant,random --suite smoke --out runs/compare": "--courses 1",
     "tral compare --policies office,ramp,pursuit,constant,random --suite standard --out runs/published": (
-        "--policies constant --suite smoke --courses 1"
+        "--policies random --suite smoke --courses 1"
     ),
     "python benchmarks/compare.py --steps 20000 --scenario straight --courses 10 --out runs/compare_ppo": (
-        "--steps 512 --courses 1 --policies constant"
+        "--steps 256 --courses 1 --policies random"
     ),
     "python benchmarks/marker_accuracy.py --out runs/marker_accuracy.json": "--views 16",
     "python benchmarks/gate_accuracy.py --out runs/gate_accuracy.json": "--views 12",

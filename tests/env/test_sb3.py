@@ -7,6 +7,7 @@ pytest.importorskip("stable_baselines3")
 
 from stable_baselines3 import PPO
 
+from tral_env.config import TaskConfig
 from tral_env.course.generate import generate_plan
 from tral_env.errors import ConfigError
 from tral_env.interface import CORE_LAYOUT
@@ -33,7 +34,8 @@ def test_the_end_of_an_episode_is_told_as_sb3_wants_it() -> None:
 
 
 def test_a_car_that_stands_is_truncated_not_terminated() -> None:
-    env = make_vec_env(1, seed=0, scenario="straight", monitor=False)
+    soon = TaskConfig(nominal_speed=3.0, grace_s=1.0)
+    env = make_vec_env(1, seed=0, course="short", task=soon, monitor=False)
     env.reset()
     done, infos = np.zeros(1, bool), [{}]
     while not done[0]:

@@ -36,7 +36,7 @@ def test_it_steps_as_gymnasiums_own_vector_environment_does(mode: AutoresetMode)
     one, other = ours.reset(seed=3)[0], theirs.reset(seed=3)[0]
     ended = np.zeros(ROWS, bool)
     episodes = 0
-    for action in actions(500):
+    for action in actions(300):
         assert_array_equal(one, other)
         if mode is AutoresetMode.DISABLED and ended.any():
             one = ours.reset(options={"reset_mask": ended})[0]

@@ -24,7 +24,7 @@ JOBS = [
     EpisodeRequest(2, "doors", 3),
     EpisodeRequest(0, "straight", 3),
     EpisodeRequest(2, "straight", 1),
-    EpisodeRequest(1, "doors", 4),
+    EpisodeRequest(1, "doors", 53),
     EpisodeRequest(2, "doors", 5),
 ]
 

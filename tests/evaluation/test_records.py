@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from tral_env.errors import ConfigError
-from tral_fsm.evaluation.records import append, begin_run, collect, made_with, read_lines
+from tral_fsm.evaluation.records import Record, append, begin_run, collect, drive_missing, made_with, read_lines
 
 
 @dataclass(frozen=True)
@@ -77,3 +79,33 @@ def test_a_file_of_another_kind_is_refused(tmp_path: Path, line: str) -> None:
     path.write_text(f"{line}\n")
     with pytest.raises(ConfigError, match=r"study.jsonl:1: got no line of a run"):
         made_with(path, Run())
+
+
+def _driven(family: str, seeds: Sequence[int], settings: Run) -> list[Record]:
+    return [{"kind": "drive", "family": family, "seed": seed, "chunk": len(seeds)} for seed in seeds]
+
+
+def test_what_a_file_lacks_is_driven_in_chunks_of_a_family(tmp_path: Path) -> None:
+    path, totals, counted = tmp_path / "a.jsonl", [], []
+
+    @contextmanager
+    def bar(total: int) -> Iterator[Callable[[], None]]:
+        totals.append(total)
+        yield lambda: counted.append(1)
+
+    def drive(wanted: dict[str, range]) -> list[Record]:
+        drive_missing(
+            wanted, _driven, lambda line: (line["family"], line["seed"]),
+            out=path, settings=Run(), chunk=2, processes=1, bar=bar,
+        )  # fmt: skip
+        return [line for line in read_lines(path) if line["kind"] == "drive"]
+
+    first = drive({"loop": range(3), "doors": range(1)})
+    assert sorted((line["family"], line["seed"], line["chunk"]) for line in first) == [
+        ("doors", 0, 1), ("loop", 0, 2), ("loop", 1, 2), ("loop", 2, 1),
+    ]  # fmt: skip
+    again = drive({"loop": range(4), "doors": range(1)})
+    assert again[:4] == first
+    assert again[4:] == [{"kind": "drive", "family": "loop", "seed": 3, "chunk": 1}]
+    assert drive({"loop": range(4)}) == again
+    assert (totals, len(counted)) == ([4, 1], 5)

@@ -5,6 +5,7 @@ import json
 import random
 import re
 from collections.abc import Callable, Iterator
+from functools import cache
 from typing import Any
 from xml.etree import ElementTree as ET
 
@@ -40,6 +41,7 @@ VALUES: list[Any] = [
 TOKEN = re.compile(r"\s+|\w+|.", re.DOTALL)
 
 
+@cache
 def originals() -> dict[str, list[str]]:
     """Format -> texts of all packaged machines, but for the longest."""
     machines = [load_machine(name) for name in machine_names() if name != "office"]
@@ -58,8 +60,13 @@ def of_bytes(text: str, rng: random.Random) -> bytes:
     return bytes(content)
 
 
+@cache
+def _words(text: str) -> tuple[str, ...]:
+    return tuple(TOKEN.findall(text))
+
+
 def of_words(text: str, rng: random.Random) -> bytes:
-    words = TOKEN.findall(text)
+    words = list(_words(text))
     for _ in range(rng.randint(1, 5)):
         at, other = rng.randrange(len(words)), rng.randrange(len(words))
         new = rng.choice([rng.choice(JUNK), words[other], words[at] * 2, ""])

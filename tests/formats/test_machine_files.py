@@ -10,6 +10,7 @@ import tral_fsm
 from tral_fsm import load_machine, machine_names
 from tral_fsm.definition.conditions import CONDITIONS
 from tral_fsm.definition.machine import STATES, TransitionSpec
+from tral_fsm.draw.layered.shapes import Rect
 from tral_fsm.formats import members, read
 from tral_fsm.formats.umlet import palette, writer
 from tral_fsm.formats.umlet.elements import sections
@@ -129,8 +130,8 @@ def test_a_machine_may_be_drawn_from_the_palette_as_it_is() -> None:
         texts = [node.child_text("panel_attributes") for node in elements(kind)]
         return next(found for found in texts if f'"type": "{name}"' in found)
 
-    root = writer.element("UMLSpecialState", writer.Box(0, 40, 20, 20), "type=initial")
-    states = [writer.element("UMLState", writer.Box(x, 0, 200, 100), text("UMLState", "Motor")) for x in (100, 500)]
+    root = writer.element("UMLSpecialState", Rect(0, 40, 20, 20), "type=initial")
+    states = [writer.element("UMLState", Rect(x, 0, 200, 100), text("UMLState", "Motor")) for x in (100, 500)]
     finished = text("Relation", "Finished")
     arrows = [
         writer.relation("lt=->", [(20, 50), (100, 50)]),

@@ -35,8 +35,8 @@ def test_a_mutated_file_gives_a_definition_or_a_format_error(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", WAYS)
-def test_thousands_of_mutated_files(name: str) -> None:
-    good, bad, longest = outcomes(name, 4625, 2)
-    assert good > 50
-    assert bad > 1000
+def test_a_thousand_mutated_files(name: str) -> None:
+    good, bad, longest = outcomes(name, 1000, 2)
+    assert good > 10
+    assert bad > 300
     assert longest < 2.0

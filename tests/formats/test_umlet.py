@@ -3,71 +3,27 @@
 import json
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
+from diagrams import (
+    ALWAYS,
+    EXPECTED,
+    ROOT,
+    STATES,
+    TEXTS,
+    TWO,
+    arrow,
+    diagram,
+    element,
+    expected,
+    problems,
+    state,
+    tag,
+)
 from to_json import xml2json
 
-from tral_fsm import FormatError, MachineDefinition, load_machine
+from tral_fsm import FormatError, load_machine
 from tral_fsm.formats import read, write
-
-STATES = {"go": (0, 0, 100, 60), "rest": (300, 0, 100, 60)}
-"""Title -> x, y, width, height."""
-TEXTS = {"go": '"id": 0,\n"type": "Motor",\n"throttle": 0.2', "rest": '"id": 1,\n"type": "Stop"'}
-ACROSS = "10;10;210;10"
-"""Points of an arrow at x = 90, y = 20: from the right side of `go` to the left side of `rest`."""
-
-
-def tag(name: str, content: object) -> str:
-    text = str(content).replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
-    return f"<{name}>{text}</{name}>"
-
-
-def element(kind: str, box: tuple[float, ...], text: str = "", points: str = "", legacy: bool = False) -> str:
-    sides = "".join(tag(side, length) for side, length in zip("xywh", box, strict=True))
-    name = tag("type", f"com.umlet.element.{kind}") if legacy else tag("id", kind)
-    return (
-        f"<element>{name}<coordinates>{sides}</coordinates>{tag('panel_attributes', text)}"
-        f"{tag('additional_attributes', points)}</element>"
-    )
-
-
-def state(title: str, text: str | None = None) -> str:
-    return element("UMLState", STATES[title], f"{title}\n--\n{text or TEXTS[title]}\n--\nbg=red")
-
-
-def arrow(text: str, points: str = ACROSS, box: tuple[float, ...] = (90, 20, 220, 20)) -> str:
-    return element("Relation", box, text, points)
-
-
-ROOT = element("UMLSpecialState", (-60, 20, 20, 20), "type=initial") + arrow("lt=->", "10;10;50;10", (-50, 20, 60, 20))
-ALWAYS = "lt=->\nid: 0\ntype: Always\n"
-TWO = state("go") + state("rest")
-
-
-def diagram(*elements: str, zoom: object = 10, text: str = "") -> str:
-    return (
-        f'<?xml version="1.0" encoding="UTF-8"?><diagram program="umlet" version="15.1">{tag("help_text", text)}'
-        f"{tag('zoom_level', zoom)}{''.join(elements)}</diagram>"
-    )
-
-
-EXPECTED: dict[str, Any] = {
-    "root": 0,
-    "states": [{"id": 0, "type": "Motor", "throttle": 0.2}, {"id": 1, "type": "Stop"}],
-    "transitions": [{"id": 0, "type": "Always", "from": 0, "to": 1}],
-}
-
-
-def expected(**changes: Any) -> MachineDefinition:
-    return read(json.dumps({**EXPECTED, **changes}), "expected.json")
-
-
-def problems(text: str) -> list[str]:
-    with pytest.raises(FormatError) as caught:
-        read(text, "my.uxf", ".uxf")
-    assert str(caught.value).startswith("my.uxf: ")
-    return [str(problem) for problem in caught.value.problems]
 
 
 class TestText:
@@ -370,42 +326,6 @@ class TestTold:
 
     def test_an_empty_diagram(self) -> None:
         assert problems(diagram())[0].startswith("diagram: 'root' is missing")
-
-
-class TestJsonForm:
-    def test_one_element_is_an_object(self) -> None:
-        only = diagram(state("rest", TEXTS["rest"] + "\nroot: true"))
-        assert isinstance(json.loads(xml2json(only))["diagram"]["element"], dict)
-        assert read(xml2json(only), "a") == expected(root=1, states=EXPECTED["states"][1:], transitions=[])
-
-    def test_none_is_no_key(self) -> None:
-        assert "element" not in json.loads(xml2json(diagram()))["diagram"]
-        assert problems(xml2json(diagram()))[0].startswith("diagram: 'root' is missing")
-
-    def test_an_empty_tag_is_null_and_every_number_is_text(self) -> None:
-        raw = json.loads(xml2json(diagram(TWO, ROOT, arrow(ALWAYS))))
-        assert raw["diagram"]["element"][0]["additional_attributes"] is None
-        assert raw["diagram"]["zoom_level"] == "10"
-        assert raw["diagram"]["@program"] == "umlet"
-        assert read(json.dumps(raw), "a") == expected()
-
-    def test_a_group_that_is_nested_too_deeply_is_told_not_left_out(self) -> None:
-        raw = json.loads(xml2json(diagram(TWO, ROOT, arrow(ALWAYS))))
-        group = {"element": raw["diagram"].pop("element")}
-        for _ in range(19):
-            group = {"group": group}
-        raw["diagram"]["group"] = [group, None]
-        assert read(json.dumps(raw), "a") == expected()
-        raw["diagram"]["group"] = {"group": group}
-        assert "diagram: groups nested more than 20 deep" in problems(json.dumps(raw))[0]
-        raw["diagram"]["group"] = 5
-        assert "diagram: got int as a group, expected an object" in problems(json.dumps(raw))[0]
-
-    def test_a_file_appended_to_itself_says_what_happened(self) -> None:
-        once = xml2json(diagram(TWO, ROOT, arrow(ALWAYS)))
-        (told,) = problems(once + once)
-        assert "not JSON: Extra data" in told
-        assert "two files in one? Appending (>>) to a file does that" in told
 
 
 def test_what_is_written_is_a_diagram_of_today() -> None:

@@ -12,7 +12,7 @@ from tral_fsm import load_policy
 
 @pytest.mark.parametrize("scenario", ["office", "doors"])
 def test_no_reading_shows_which_boxes_are_left_out(scenario: str, monkeypatch: pytest.MonkeyPatch):
-    rows, ticks = 6, 1500
+    rows, ticks = 3, 1000
 
     def drive() -> list[np.ndarray]:
         world, policy = World(rows, CorridorConfig(scenario=scenario)), load_policy("office")

@@ -27,29 +27,27 @@ FAMILY_OF = {
     "gate_scurve": "gates",
     "crossing": "crossing",
 }
-SEEDS = {"obstacles": (0, 1, 2, 3, 5)}
-"""Five courses of a family, the first ones but for this: the car of seed 4 touches a box, as one or two of 100 do."""
+SEEDS = (1, 2, 3)
+"""Short courses of each family. How many of hundreds arrive is measured by benchmarks/machines.py."""
+MORE_SEEDS = {"gate": (0, 1, 2, 3, 4)}
+"""The manoeuvre of 2016 is not at home in every gate: it may fail once."""
 Arrivals = tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float64]]
 COURSE = Path(tral_env.__file__).parent / "course" / "examples" / "default.json"
 
 
 @pytest.mark.parametrize(("name", "scenario"), FAMILY_OF.items())
 def test_it_drives_its_family(name: str, scenario: str) -> None:
-    seeds = SEEDS.get(scenario, range(5))
+    seeds = MORE_SEEDS.get(name, SEEDS)
     runner = BatchRunner([scenario], rows=len(seeds))
     drives = runner.drive([load_machine(name)], [EpisodeRequest(0, scenario, seed) for seed in seeds])
     runner.close()
-    # The manoeuvre of 2016 is not at home in every gate.
-    allowed = 1 if name == "gate" else 0
-    assert sum(not drive.success for drive in drives) <= allowed
+    assert sum(not drive.success for drive in drives) <= (name in MORE_SEEDS)
 
 
 def test_office_drives_every_family() -> None:
     families = [*dict.fromkeys(FAMILY_OF.values()), "office"]
-    runner = BatchRunner(families, rows=16)
-    drives = runner.drive(
-        [load_machine("office")], [EpisodeRequest(0, family, seed) for family in families for seed in (0,)]
-    )
+    runner = BatchRunner(families, rows=len(families))
+    drives = runner.drive([load_machine("office")], [EpisodeRequest(0, family, SEEDS[-1]) for family in families])
     runner.close()
     assert [(drive.scenario, drive.seed) for drive in drives if not drive.success] == []
 
@@ -72,7 +70,7 @@ def drive_to_the_end(world: World, machine: str) -> Arrivals:
 
 
 def test_the_known_route_is_driven_to_its_end() -> None:
-    success, _, _ = drive_to_the_end(World(4, CorridorConfig(course=COURSE)), "known_route")
+    success, _, _ = drive_to_the_end(World(2, CorridorConfig(course=COURSE)), "known_route")
     assert success.all()
 
 
@@ -81,7 +79,7 @@ def test_the_known_route_is_driven_to_its_end() -> None:
 def test_a_gate_that_is_too_narrow_is_refused_with_a_stop(machine: str, width: float, passed: bool) -> None:
     gate = {"id": 0, "at": 4.0, "width": width}
     course = Course.model_validate({"name": "narrow", "segments": [{"length": 6.0, "width": 2.0, "gates": [gate]}]})
-    success, collision, x = drive_to_the_end(World(4, CorridorConfig(course=course)), machine)
+    success, collision, x = drive_to_the_end(World(2, CorridorConfig(course=course)), machine)
     assert not collision.any()
     assert (success == passed).all()
     assert ((x > 4.0) == passed).all()

@@ -115,8 +115,11 @@ class TestTheTarget:
 
     def test_full_lock_is_towards_the_target(self) -> None:
         bench = self.handed({"type": "Always"}, {"type": "ArucoGateCenter", "throttle": 0.2, "tolerance_deg": 1.0})
-        bench.estimator.odometry.yaw += 0.1
-        steering, _ = bench.tick()
+        driven = 0.0
+        while bench.estimate.yaw < 0.1:  # the car turns towards it, and not far enough
+            driven += 0.005
+            assert driven < 0.5
+            steering, _ = bench.tick(distance=driven, speed=0.4, steering=1.0)
         assert bench.active == "c"
         assert bench.estimate.target_gate.id == 0
         assert steering == pytest.approx(1.0)

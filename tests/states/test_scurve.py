@@ -32,9 +32,9 @@ def approach(
             break
         behind = steering + trim - wheel
         wheel += clip(behind - clip(behind, steering_play(speed)), TICK / 0.15)
-        bend = curvature(wheel)
-        pose = arcs.pose_on_arc(pose, speed * TICK, bend)
-        driven += speed * TICK * (1 - bend * 0.155 / 2)
+        turning = curvature(wheel)
+        pose = arcs.pose_on_arc(pose, speed * TICK, turning)
+        driven += speed * TICK * (1 - turning * 0.155 / 2)
     return relative(gate, pose), bench
 
 
@@ -47,7 +47,7 @@ class TestSCurve:
         assert abs(y) < 0.03
         assert abs(math.degrees(heading)) < 4.0
 
-    def test_one_sighting_and_dead_reckoning_do_it_with_a_straight_steering(self) -> None:
+    def test_one_detection_and_dead_reckoning_do_it_with_a_straight_steering(self) -> None:
         (_, y, heading), _ = approach((3.0, 0.5, 0.1), see=False)
         assert abs(y) < 0.03
         assert abs(math.degrees(heading)) < 3.0
@@ -65,7 +65,7 @@ class TestSCurve:
         bench = one_state(type="SCurve", x=2.0, throttle=0.3)
         assert bench.tick() == pytest.approx((0.0, 0.3))
 
-    def test_a_new_sighting_moves_the_target(self) -> None:
+    def test_a_new_detection_moves_the_target(self) -> None:
         bench = one_state(type="SCurve", before=0.5, straight=0.0, throttle=0.3)
         bench.tick()
         bench.machine.active.set_target(bench.estimate, (3.0, 0.5, 0.0), gate=2)

@@ -34,7 +34,7 @@ class TestApproachPoint:
         bench.machine.active.set_target(bench.estimate, (3.0, 0.5, math.pi / 2))
         assert bench.machine.active.point == pytest.approx((3.0, -0.5, math.pi / 2))
 
-    def test_a_new_sighting_of_its_gate_moves_the_point(self) -> None:
+    def test_a_new_detection_of_its_gate_moves_the_point(self) -> None:
         bench = one_state(type="ApproachPoint", before=1.0, throttle=0.3)
         bench.tick()
         bench.machine.active.set_target(bench.estimate, (3.0, 0.5, 0.0), gate=2)

@@ -6,6 +6,8 @@ import pytest
 from readings import Bench, one_state, two_states
 
 from tral_env.geometry import FULL_LOCK, WHEELBASE_M
+from tral_fsm.estimation.estimate import CarEstimate
+from tral_fsm.states.wall import FollowWallRamp, FollowWallRampSpec
 
 LITERAL = {"derivative": "tick", "max_error": None, "max_angle_deg": None, "throttle": 0.3, "clearance": 0.5}
 
@@ -189,13 +191,12 @@ class TestFollowWallRamp:
         assert bench.active == "b"
 
     def test_a_target_may_be_turned_by_the_cars_angle_to_the_wall(self) -> None:
-        bench = self.ramp(along_wall=True)
-        bench.tick(right=0.6, distance=1.0)
-        bench.estimator.odometry.yaw += 0.1  # the car points to the left of the corridor: so does the point
-        bench.tick()
-        bench.machine.active.set_target(bench.estimate, (2.0, 0.0, 0.0))
-        bench.tick(distance=1.0 + 2.0 * math.cos(0.1))
-        assert bench.command.wanted_clearance == pytest.approx(0.8 + 2.0 * math.sin(0.1))
+        state = FollowWallRamp(FollowWallRampSpec(id=0, throttle=0.3, start=0.8, along_wall=True))
+        here = CarEstimate(distance=1.0, heading=0.1)  # the car points to the left of the corridor: so does the point
+        state.on_enter(here)
+        state.set_target(here, (2.0, 0.0, 0.0))
+        there = here._replace(distance=1.0 + 2.0 * math.cos(0.1))
+        assert state.tick(there).wanted_clearance == pytest.approx(0.8 + 2.0 * math.sin(0.1))
 
     @pytest.mark.parametrize(("side", "sign"), [("right", -1.0), ("left", 1.0)])
     def test_the_target_of_2016_in_the_cameras_frame_and_hall_units(self, side: str, sign: float) -> None:

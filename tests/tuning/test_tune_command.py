@@ -187,7 +187,8 @@ def test_classical_gains_as_json_are_the_only_thing_on_stdout(tmp_path: Path, mo
 def test_a_step_and_margins_are_shown_for_states_that_follow_a_wall(tmp_path: Path) -> None:
     out = tmp_path / "out"
     machine = file_of(FOLLOW_THEN_CRASH, tmp_path)
-    result = tral("tune", "--policy", machine, *CHEAP, "--grid", 0, "--report-seeds", "none", "--json", "--out", out)
+    once = ["--budget", 1, "--grid", 0, "--report-seeds", "none"]
+    result = tral("tune", "--policy", machine, *CHEAP, *once, "--json", "--out", out)
     assert result.exit_code == 0, result.output
     report = json.loads(result.stdout)
     assert report["held_out"] is None

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Array, Image
-from tral_env.errors import ConfigError, nearest
+from tral_env.checks import one_of
+from tral_env.errors import ConfigError
 from tral_env.perception.dictionaries import dictionary, dictionary_name, marker_count, marker_modules
 
 Kind = Literal["charuco", "chessboard"]
@@ -49,8 +50,7 @@ class Board:
     drew it; many boards that are sold are such."""
 
     def __post_init__(self) -> None:
-        if self.kind not in get_args(Kind):
-            raise ConfigError(f"unknown board {self.kind!r}: {nearest(self.kind, get_args(Kind))}")
+        one_of("board", self.kind, get_args(Kind))
         for name in ("columns", "rows"):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < 3:
@@ -221,8 +221,7 @@ def printed_board(
     Raises:
         ConfigError: there is no such board.
     """
-    if kind not in DEFAULT_SIZES:
-        raise ConfigError(f"unknown board {kind!r}: {nearest(kind, DEFAULT_SIZES)}")
+    one_of("board", kind, DEFAULT_SIZES)
     default = DEFAULT_SIZES[kind]
     square = default[2] / 1000 if square_mm is None else metres(square_mm, "square_mm")
     return Board(

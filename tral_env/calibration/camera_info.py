@@ -18,9 +18,9 @@ import yaml
 
 from tral_env import json_text
 from tral_env.atomic import write_bytes
-from tral_env.calibration.yaml_text import Items, Lines, documents
 from tral_env.config import WIDE_LENS, CameraConfig, as_config
 from tral_env.errors import CalibrationError, ConfigError, nearest
+from tral_env.yaml_text import Items, Lines, documents, number
 
 LENSES = {"default": CameraConfig(), "wide": WIDE_LENS}
 """These lenses have a name."""
@@ -100,7 +100,7 @@ def parse_camera_info(text: str, where: str) -> CameraConfig:
     Raises:
         CalibrationError: see `read_camera_info`.
     """
-    lenses = [_lens(content, where) for content in documents(text, where) or [None]]
+    lenses = [_lens(content, where) for content in documents(text, where, CalibrationError) or [None]]
     if lenses.count(lenses[0]) < len(lenses):
         raise CalibrationError(f"{where}: {len(lenses)} lenses between lines of '---' that differ: keep one of them")
     return lenses[0]
@@ -245,17 +245,17 @@ def _flat(entry: _Entry) -> list[tuple[Any, str]] | None:
 
 
 def _number(value: Any, where: str) -> float:
-    # YAML 1.1 reads 1e-05, which has no point, as text.
+    found = number(value)
     try:
-        number = float(value) if not isinstance(value, bool) else math.nan
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if not math.isfinite(number):
+        finite = float(found) if isinstance(found, int | float) and not isinstance(found, bool) else math.nan
+    except OverflowError:
+        finite = math.nan
+    if not math.isfinite(finite):
         hint = ""
         if isinstance(value, str) and re.fullmatch(r"-?\d+,\d+", value):
             hint = "; a point parts the decimals"
         raise CalibrationError(f"{where} = {_SHORT.repr(value)}: expected a finite number{hint}")
-    return number
+    return finite
 
 
 def _whole(entry: _Entry) -> int:

@@ -6,7 +6,7 @@ import numpy as np
 
 from tral_env.calibration.boards import Board, marker_ink, metres
 from tral_env.calibration.sheet import PAPERS, Sheet, Text, paper_size, ruler
-from tral_env.config import check_number
+from tral_env.checks import check_number
 from tral_env.errors import ConfigError
 from tral_env.geometry import MARKER_MODULES, MARKER_QUIET_MODULES, MARKER_SIZE_M
 from tral_env.interface import DICTIONARY_SIZE, GATE_IDS

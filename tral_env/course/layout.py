@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from tral_env import atomic, json_text
+from tral_env import atomic, json_text, validation_text
 from tral_env.errors import CourseError, UnreadableCourseError, nearest, problem_report
 from tral_env.interface import GATE_IDS
 
@@ -326,16 +326,16 @@ def _is_cause(error: Any) -> bool:
 
 
 def _sentence(error: Any) -> str:
-    place = "".join(f"/{step}" for step in error["loc"]) or "/"
-    name, got = str(error["loc"][-1]) if error["loc"] else "", error["input"]
+    steps, annotation, owner = validation_text.place(Course, error)
+    place = "".join(f"/{step}" for step in steps) or "/"
+    name, got = str(steps[-1]) if steps else "", error["input"]
     if error["type"] == "extra_forbidden":
-        return f"{place}: unknown member '{name}': {nearest(name, _members(error['loc']))}"
+        return f"{place}: unknown member '{name}': {nearest(name, validation_text.names(owner))}"
     if error["type"] == "missing":
-        return f"{place}: missing. {_members_clause(error['loc'])}"
+        return f"{place}: missing. Members here: {', '.join(validation_text.names(owner))}"
     if error["type"] == "literal_error":
-        allowed = [word.strip(" '") for word in error["ctx"]["expected"].replace(" or ", ",").split(",")]
-        return f"{place}: got {got!r}: {nearest(got, allowed)}"
-    rule = _ALLOWED.get(error["type"]) or str(error["msg"]).removeprefix("Input should be ")
+        return f"{place}: got {got!r}: {nearest(got, validation_text.choices(annotation))}"
+    rule = validation_text.allowed(annotation, error, _WORDS)
     return f"{place}: got {json.dumps(got, default=str)[:60]}. Allowed: {rule}{_unit_or_quotes(name, error)}"
 
 
@@ -348,35 +348,15 @@ def _unit_or_quotes(name: str, error: Any) -> str:
     return "; lengths are in m" if lengths else ""
 
 
-_ALLOWED = {
+_WORDS = {
+    **validation_text.WORDS,
+    "greater_than": "greater than {gt:g}",
+    "greater_than_equal": "greater than or equal to {ge:g}",
+    "less_than_equal": "less than or equal to {le:g}",
     "too_short": "a list of at least 1 item",
     "string_too_short": "at least 1 character",
-    "model_type": "an object",
     "tuple_type": "a list",
-    "float_type": "a number",
-    "int_type": "a whole number",
     "bool_type": "true, false",
     "string_type": "a string",
 }
-"""What is allowed, in words of JSON, for errors that pydantic tells in words of Python."""
-
-
-_KINDS: dict[str, type[Part]] = {
-    "segments": Segment,
-    "branches": Branch,
-    "doors": Door,
-    "cupboards": Cupboard,
-    "obstacles": Obstacle,
-    "gates": Gate,
-    "tapes": Tape,
-    "start": Start,
-}
-
-
-def _members(place: tuple[int | str, ...]) -> list[str]:
-    parents = [step for step in place[:-1] if isinstance(step, str)]
-    return list((_KINDS.get(parents[-1], Course) if parents else Course).model_fields)
-
-
-def _members_clause(place: tuple[int | str, ...]) -> str:
-    return f"Members here: {', '.join(_members(place))}"
+"""What is allowed, where course files have words of their own."""

@@ -15,7 +15,7 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from tral_env.config import check_number
+from tral_env.checks import check_number
 from tral_env.errors import ConfigError, HardwareError, nearest
 from tral_env.hardware.calibration_file import load_calibration
 from tral_env.hardware.i2c import Smbus

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Image
-from tral_env.config import one_of
+from tral_env.checks import one_of
 from tral_env.course.scene import PREFIX
 from tral_env.perception.camera import SceneRenderer
 from tral_env.simulation.render_scene import RenderScene

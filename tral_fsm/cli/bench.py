@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from tral_fsm.cli.terminal import print_figures
 from tral_fsm.evaluation.choices import check_families
 from tral_fsm.evaluation.files import prepare_folder, write_figure, write_json
+from tral_fsm.terminal import print_figures
 
 app = typer.Typer(no_args_is_help=True, help="Measure how fast the simulation is on this computer.")
 

@@ -16,7 +16,7 @@ from tral_env.calibration.record import difference_px, parameters
 from tral_env.calibration.solve import uncovered
 from tral_env.calibration.views import Collection, Rejected, View
 from tral_fsm.cli.board_options import hint_as_options
-from tral_fsm.cli.terminal import print_figures
+from tral_fsm.terminal import print_figures
 
 if TYPE_CHECKING:
     from tral_env.calibration.solve import Calibration

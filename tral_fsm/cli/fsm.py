@@ -11,6 +11,7 @@ import typer
 from tral_env.atomic import is_device, write_bytes
 from tral_env.errors import ConfigError, MachineError, nearest
 from tral_fsm.cli.console import BAD_USAGE, FAILED, Guarded
+from tral_fsm.cli.files import suffix_of
 from tral_fsm.cli.fsm_states import command as states_command
 from tral_fsm.evaluation.files import prepare_folder
 
@@ -125,9 +126,7 @@ def draw(
     ] = None,
 ) -> None:
     """Draw a machine: its states, its transitions, and the machines inside it."""
-    suffix = out.suffix.lower()
-    if suffix not in _PICTURES:
-        raise ConfigError(f"--out {out}: got suffix '{out.suffix}': {nearest(suffix, _PICTURES)}")
+    suffix = suffix_of(out, _PICTURES)
     from tral_fsm import load_machine
     from tral_fsm.draw.picture import picture
     from tral_fsm.draw.png import png, scale_of

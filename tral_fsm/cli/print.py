@@ -10,7 +10,6 @@ import typer
 from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 from tral_fsm.cli import board_options
-from tral_fsm.cli.calibrate import make_board
 from tral_fsm.evaluation.files import prepare_folder
 
 if TYPE_CHECKING:
@@ -45,9 +44,10 @@ def board(
     out: _Out = None,
 ) -> None:
     """Print a calibration board; `tral calibrate` takes the same options."""
+    from tral_env.calibration.boards import printed_board
     from tral_env.calibration.printables import board_sheet
 
-    made = make_board(board, columns, rows, square_mm, marker_mm, dictionary, legacy)
+    made = printed_board(board, columns, rows, square_mm, marker_mm, dictionary, legacy)
     _save([board_sheet(made, paper)], out or Path(f"{board}.pdf"))
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from tral_fsm.cli.terminal import narrow_table
+from tral_fsm.terminal import narrow_table
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from tral_fsm.cli.terminal import narrow_table, print_figures
+from tral_fsm.terminal import narrow_table, print_figures
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

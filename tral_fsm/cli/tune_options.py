@@ -1,8 +1,7 @@
-"""Options of `tral tune`, and the arguments that they give."""
+"""Options of `tral tune`, and what a search makes of them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +12,7 @@ from tral_fsm.evaluation.seeds import parse_seeds
 from tral_fsm.tuning.choices import Pooling, Sampler
 
 if TYPE_CHECKING:
-    from tral_fsm.tuning import Objective, Settings, Task
+    from tral_fsm.tuning import Settings, Task
 
 Policy = Annotated[str, typer.Option(help="Name of a packaged machine, or a machine file.")]
 Scenarios = Annotated[str, typer.Option(help="Families of courses, separated by commas, or all.")]
@@ -74,24 +73,6 @@ Classical = Annotated[
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else; the files are written too.")]
-
-
-@dataclass(frozen=True, kw_only=True)
-class TuneArguments:
-    """Options of `tral tune`, checked."""
-
-    policy: str
-    params: list[str]
-    tie: bool
-    task: Task
-    objective: Objective
-    settings: Settings
-    processes: int
-    storage: str | None
-    out: Path
-    resume: bool
-    save_as: Path | None
-    grid: int
 
 
 def task_of(scenario: str, course: Path | None, seeds: str, randomization: Randomization, camera: Camera) -> Task:

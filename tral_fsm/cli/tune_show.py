@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from tral_fsm.cli.terminal import narrow_table, print_figures
+from tral_fsm.terminal import narrow_table, print_figures
 from tral_fsm.tuning.folder import MACHINE, PAGE, STUDY
 
 if TYPE_CHECKING:

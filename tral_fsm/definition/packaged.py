@@ -6,6 +6,10 @@ from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 
+from tral_fsm.definition.machine import Load, MachineDefinition
+
+_reader: Load
+
 
 def _folder() -> Traversable:
     return files("tral_fsm").joinpath("machines")
@@ -20,3 +24,21 @@ def names() -> tuple[str, ...]:
 def text(name: str) -> str:
     """A packaged machine as TRAL JSON."""
     return _folder().joinpath(f"{name}.json").read_text("utf-8")
+
+
+def read_with(reader: Load) -> None:
+    """Let a function read packaged machines from now on.
+
+    The front door `tral_fsm` hands over that of `tral_fsm.formats`, so that the engine loads no reader by itself.
+    """
+    global _reader
+    _reader = reader
+
+
+def load(name: str) -> MachineDefinition:
+    """A packaged machine.
+
+    Raises:
+        MachineError: there is no packaged machine of that name.
+    """
+    return _reader(name)

@@ -16,6 +16,8 @@ SIZE = 11
 """Height of the letters, px."""
 LINE = 14
 """Distance of two lines of text, px."""
+_SIDE, _ABOVE = 10, 8
+"""Distance of a state's words from the sides of its box, and from its top and bottom, px."""
 _WRAP = 26
 """Largest number of characters of a line."""
 _MAX_CHARACTERS = 40
@@ -60,7 +62,7 @@ def state_size(state: StateSpec) -> tuple[int, int]:
     """Width and height of a state's text with its margins, px."""
     lines = state_lines(state)
     wide, high = size(lines)
-    return max(wide, width(state_name(state), bold=True)) + 20, high + LINE + 16
+    return max(wide, width(state_name(state), bold=True)) + 2 * _SIDE, high + LINE + 2 * _ABOVE
 
 
 def label_size(transitions: Sequence[TransitionSpec], ordinals: Sequence[str]) -> tuple[int, int]:

@@ -21,7 +21,8 @@ from tral_fsm.evaluation.choices import listed
 from tral_fsm.evaluation.own_policy import find_policy
 from tral_fsm.evaluation.records import digest
 from tral_fsm.evaluation.row_policies import BatchedPolicy, DriverPool, RowPolicies, SinglePolicies
-from tral_fsm.runtime.policy import MachinePolicy, load_policy
+from tral_fsm.policies import load_policy
+from tral_fsm.runtime.policy import MachinePolicy
 
 ALIASES = {"ramp": "gate"}
 """Other names of packaged machines: `gate` is the manoeuvre of 2016, a ramp before each gate."""

@@ -11,22 +11,24 @@ import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, as_completed
+from contextlib import AbstractContextManager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any, BinaryIO
 
 from tral_env.errors import ConfigError
-
-if TYPE_CHECKING:
-    from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.evaluation.host import host
+from tral_fsm.evaluation.pool import ProcessPool, worker_losses
+from tral_fsm.formats import write
 
 Record = dict[str, Any]
+Bar = Callable[[int], AbstractContextManager[Callable[[], None]]]
+"""Shows so many drives while they run; within it, a call counts one drive."""
 
 
 def digest(machine: MachineDefinition) -> str:
     """Digest of a machine's content, 16 hexadecimal digits."""
-    from tral_fsm.formats import write
-
     return hashlib.sha256(write(machine, "json").encode()).hexdigest()[:16]
 
 
@@ -86,8 +88,6 @@ def _end_line(file: BinaryIO) -> None:
 
 def begin_run(path: Path, settings: Any, machines: Mapping[str, str] | None = None) -> None:
     """Append the line of a run: settings (a dataclass), digests of the machines by name, and the computer."""
-    from tral_fsm.evaluation.host import host
-
     named = {} if machines is None else {"machines": dict(machines)}
     append(path, {"kind": "run", "settings": asdict(settings), **named, "host": host()})
 
@@ -132,11 +132,48 @@ def collect(
         out: the file.
         on_line: called after each line.
     """
-    from tral_fsm.evaluation.pool import ProcessPool, worker_losses
-
     with ProcessPool(processes) as pool, worker_losses():
         futures: list[Future[list[Record]]] = [pool.submit(drive, *call) for call in calls]
         for future in as_completed(futures):
             for line in future.result():
                 append(out, line)
                 on_line()
+
+
+def drive_missing(
+    wanted: Mapping[str, Sequence[Any]],
+    drive: Callable[[str, Sequence[Any], Any], list[Record]],
+    job_of: Callable[[Record], tuple[str, Any]],
+    *,
+    out: Path,
+    settings: Any,
+    machines: Mapping[str, str] | None = None,
+    chunk: int,
+    processes: int,
+    bar: Bar,
+) -> None:
+    """Drive what a file does not hold yet, and append the lines of each chunk as it ends; a run begins with its line.
+
+    Args:
+        wanted: family -> its jobs.
+        drive: function of family, jobs and settings that returns a line for each job; workers call it.
+        job_of: function that gives family and job of the line of a drive.
+        out: the file.
+        settings: settings of all its drives, a dataclass.
+        machines: digests of the machines, by name.
+        chunk: largest number of jobs of a call.
+        processes: number of workers.
+        bar: shows how many drives have ended.
+
+    Raises:
+        ConfigError: see `made_with`.
+    """
+    done = {job_of(line) for line in made_with(out, settings, machines) if line["kind"] != "run"}
+    calls: list[tuple[str, Sequence[Any], Any]] = []
+    for family, jobs in wanted.items():
+        missing = [job for job in jobs if (family, job) not in done]
+        calls += [(family, missing[k : k + chunk], settings) for k in range(0, len(missing), chunk)]
+    if calls:
+        begin_run(out, settings, machines)
+        with bar(sum(len(jobs) for _, jobs, _ in calls)) as count:
+            collect(drive, calls, processes, out, count)

@@ -6,37 +6,23 @@ problems alike and give the same definition.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from tral_env.errors import MachineError, nearest
 from tral_fsm.definition.checks import FormatError, Problem
 from tral_fsm.definition.machine import MachineDefinition
-from tral_fsm.formats import diagram, tral_json, xml_tree
+from tral_fsm.formats.detect import decoded, parsed
+from tral_fsm.formats.known import FORMATS, Format
 from tral_fsm.formats.plain import EnoughProblemsError, Plain, Problems
 from tral_fsm.formats.reader import definition, told
-from tral_fsm.formats.scxml import reader as scxml
-from tral_fsm.formats.scxml import writer as scxml_writer
-from tral_fsm.formats.umlet import uxf, xml2json
+from tral_fsm.formats.xml_tree import XMLError
+
+__all__ = ["FORMATS", "MAX_BYTES", "Content", "Format", "by_suffix", "read", "read_file", "write"]
 
 MAX_BYTES = 2 * 1024 * 1024
 """Largest size of a file. Source: choice; the largest reference machine has 13,000 bytes."""
-
-
-@dataclass(frozen=True)
-class Format:
-    """A file format of machines."""
-
-    name: str
-    suffixes: tuple[str, ...]
-    """Suffixes of its files, the usual one first."""
-    description: str
-    reads: bool = True
-    writes: Callable[[MachineDefinition], str] | None = None
-    """Function from a definition to its text; None: the format can only be read."""
 
 
 class Content(NamedTuple):
@@ -47,25 +33,6 @@ class Content(NamedTuple):
     """Places in the file as words, by JSON pointer; none for TRAL JSON."""
     notes: tuple[str, ...]
     """What was read and does nothing."""
-
-
-FORMATS = {
-    entry.name: entry
-    for entry in (
-        Format("json", (".json",), "TRAL JSON, also of 2016", writes=tral_json.dumps),
-        Format("uxf", (".uxf",), "UMLet diagram", writes=uxf.dumps),
-        Format("xml2json", (".json",), "UMLet diagram put through xml2json"),
-        Format("scxml", (".scxml", ".xml"), "state chart of the W3C", writes=scxml_writer.dumps),
-        Format("mermaid", (".mmd", ".mermaid"), "picture for Markdown pages", False, diagram.mermaid),
-        Format("plantuml", (".puml", ".plantuml"), "picture for PlantUML", False, diagram.plantuml),
-    )
-}
-"""Every format, by name."""
-
-_ENCODING = re.compile(rb"<\?xml[^>]{0,200}?encoding\s*=\s*[\"']([A-Za-z0-9._-]{1,40})[\"']")
-_BYTE_ORDER_MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
-_ENCODINGS = ("utf-8", "us-ascii", "iso-8859-1", "iso-8859-15", "windows-1252", "utf-16")
-"""Encodings that an XML file may declare."""
 
 
 def read(content: str | bytes, source: str, suffix: str = "") -> MachineDefinition:
@@ -89,11 +56,14 @@ def _read(content: str | bytes, source: str, suffix: str) -> Content:
     problems = Problems()
     plain = Plain()
     try:
-        text = content if isinstance(content, str) else _decoded(content)
+        text = content if isinstance(content, str) else decoded(content)
         size = len(content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content)
         if size > MAX_BYTES:
-            raise xml_tree.XMLError(f"got {size} bytes, at most {MAX_BYTES} are read")
-        plain = _plain(text, suffix, problems)
+            raise XMLError(f"got {size} bytes, at most {MAX_BYTES} are read")
+        name, values = parsed(text, suffix, problems)
+        reads = FORMATS[name].reads
+        assert reads is not None, "a format that is detected can be read"
+        plain = reads(values, problems)
     except MachineError as error:
         raise FormatError(source, [Problem("", str(error))]) from error
     except EnoughProblemsError:
@@ -128,37 +98,6 @@ def by_suffix(suffix: str) -> str:
     if suffix.lower() not in known:
         raise MachineError(f"got suffix {suffix!r}: {nearest(suffix, known)}")
     return known[suffix.lower()]
-
-
-def _decoded(content: bytes) -> str:
-    """Text of a file."""
-    declared = _ENCODING.match(content.lstrip()[:300])
-    encoding = declared[1].decode("ascii").lower() if declared else "utf-8"
-    encoding = next((name for mark, name in _BYTE_ORDER_MARKS.items() if content.startswith(mark)), encoding)
-    if encoding not in (*_ENCODINGS, "utf-8-sig"):
-        raise xml_tree.XMLError(f"got encoding {encoding!r}: {nearest(encoding, _ENCODINGS)}")
-    try:
-        return content.decode(encoding)
-    except UnicodeDecodeError as error:
-        raise xml_tree.XMLError(f"not {encoding.upper()} text: {error.reason} at byte {error.start}") from error
-
-
-def _plain(text: str, suffix: str, problems: Problems) -> Plain:
-    """Plain values of a text; its beginning tells the format, else the suffix does."""
-    start = text.lstrip("\ufeff \t\r\n")
-    is_json = start[:1] in ("{", "[") or (start[:1] != "<" and suffix.lower() not in (".uxf", ".scxml", ".xml"))
-    if start.startswith(("stateDiagram", "@startuml", "---\ntitle")):
-        raise xml_tree.XMLError("Mermaid and PlantUML are written, not read: parameters do not stand in them")
-    if is_json:
-        value: Any = tral_json.parse(text.removeprefix("\ufeff"), problems)
-        return xml2json.plain(value, problems) if xml2json.is_one(value) else tral_json.plain(value, problems)
-    root = xml_tree.parse(start)
-    if root.tag in uxf.ROOTS:
-        return uxf.plain(root, problems)
-    if root.tag == f"{{{scxml.W3C}}}scxml":
-        return scxml.plain(root, problems)
-    expected = f'expected <diagram> of UMLet, or <scxml xmlns="{scxml.W3C}">'
-    raise xml_tree.XMLError(f"got <{root.tag[:60]}> as the outermost element: {expected}")
 
 
 def read_file(path: Path) -> Content:

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
+from tral_env import validation_text
 from tral_env.errors import nearest
 from tral_fsm.conditions import CONDITIONS
 from tral_fsm.definition import packaged
@@ -212,24 +213,29 @@ class Reader:
         for fault in faults:
             misspelt = fault["type"] == "missing" and not whole
             if not misspelt and _of_validator(fault) not in together:
-                self._fault(fault, pointer)
+                self._fault(fault, spec, pointer)
         for text in together if whole else ():
             self.complain(pointer, text)
         return None
 
-    def _fault(self, fault: Mapping[str, Any], pointer: str) -> None:
-        place = [part for part in fault["loc"] if not (isinstance(part, str) and "[" in part) and part not in _UNIONS]
-        at = pointer + "".join(f"/{_escape(str(part))}" for part in place)
+    def _fault(self, fault: Mapping[str, Any], spec: type[Spec], pointer: str) -> None:
+        steps, annotation, _ = validation_text.place(spec, fault)
+        at = pointer + "".join(f"/{_escape(str(step))}" for step in steps)
         got = fault["input"]
         if fault["type"] == "missing":
-            self.complain(pointer, f"the key {place[-1]!r} is missing")
+            self.complain(pointer, f"the key {steps[-1]!r} is missing")
         elif fault["type"] == "literal_error":
-            allowed = fault["ctx"]["expected"].replace("'", "").replace(" or ", ", ").split(", ")
-            self.complain(at, f"got {_show(got)}: {nearest(got, allowed)}")
+            self.complain(at, f"got {_show(got)}: {nearest(got, validation_text.choices(annotation))}")
         elif fault["type"] == "value_error":
             self.complain(at, _of_validator(fault))
         elif not any(p.pointer == at for p in self.problems.found):
-            self.complain(at, f"got {_show(got)}: {_expected(fault)}{_hint(got)}")
+            self.complain(at, f"got {_show(got)}: expected {_allowed(annotation, fault)}{_hint(got)}")
+
+
+def _allowed(annotation: Any, fault: Mapping[str, Any]) -> str:
+    if MachineDefinition in validation_text.members(annotation):
+        return "a machine or a name"
+    return validation_text.allowed(annotation, fault)
 
 
 def _id(value: Any) -> Id | None:
@@ -247,40 +253,11 @@ def _with_id(raw: Any) -> StateSpec | None:
 
 
 _ID: TypeAdapter[Id] = TypeAdapter(Id)
-_UNIONS = ("int", "str", "constrained-str", "MachineDefinition")
-"""Parts that pydantic adds to a place for the member of a union that it tried."""
 
 
 def _of_validator(fault: Mapping[str, Any]) -> str:
     """Message of a validator of a class; empty for other faults."""
     return str(fault["ctx"]["error"]) if fault["type"] == "value_error" else ""
-
-
-_EXPECTED = {
-    "greater_than": "expected more than {gt:g}",
-    "greater_than_equal": "expected {ge:g} or more",
-    "less_than": "expected less than {lt:g}",
-    "less_than_equal": "expected {le:g} or less",
-    "too_short": "expected {min_length} or more",
-    "too_long": "expected {max_length} or less",
-    "finite_number": "expected a finite number",
-    "float_type": "expected a number",
-    "int_type": "expected a whole number",
-    "bool_type": "expected true or false",
-    "string_type": "expected a text",
-    "tuple_type": "expected an array",
-}
-"""Kind of a fault -> text of what is allowed."""
-
-
-def _expected(fault: Mapping[str, Any]) -> str:
-    """Text of what is allowed instead."""
-    if fault["loc"][:1] == ("machine",):
-        return "expected a machine or a name"
-    if any(part in _UNIONS for part in fault["loc"]):
-        return "expected a whole number or a word"
-    known = _EXPECTED.get(fault["type"])
-    return known.format(**fault.get("ctx", {})) if known else str(fault["msg"])
 
 
 def _hint(got: Any) -> str:

@@ -28,7 +28,8 @@ from tral_fsm.learning.choices import positive, read_settings, sees_detections
 from tral_fsm.learning.networks import as_network, perceptron
 from tral_fsm.learning.run import TrainingRun
 from tral_fsm.learning.validation import StuckWatch
-from tral_fsm.runtime.policy import MachinePolicy, load_machine_policy
+from tral_fsm.policies import load_machine_policy
+from tral_fsm.runtime.policy import MachinePolicy
 
 Flags = NDArray[np.bool_]
 Values = NDArray[np.float32]

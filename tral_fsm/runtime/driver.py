@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from tral_env.se2 import clip
 from tral_fsm.control.command import IDLE, Command
 from tral_fsm.control.speed import SpeedController
+from tral_fsm.definition import packaged
 from tral_fsm.definition.machine import Load, MachineDefinition, needed_readings
 from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.estimation.estimator import Estimator
-from tral_fsm.formats import library
 from tral_fsm.runtime.machine import Machine, Trace
 from tral_fsm.runtime.watch import Watch
 
@@ -38,7 +38,7 @@ class Driver:
         Raises:
             FormatError: the definition cannot run.
         """
-        load = load or library.by_name
+        load = load or packaged.load
         self.machine = Machine(definition, trace, load=load, checked=checked)
         self.watch = Watch(needed_readings(definition, load))
         self.reset()

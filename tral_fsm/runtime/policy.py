@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env import policy_file
 from tral_env.errors import MachineError
 from tral_env.interface import CORE_LAYOUT
-from tral_env.learned import LearnedPolicy
+from tral_fsm.definition import packaged
 from tral_fsm.definition.machine import MachineDefinition, needed_readings
-from tral_fsm.formats import library
 from tral_fsm.runtime.driver import Driver
 from tral_fsm.runtime.machine import Trace
 from tral_fsm.runtime.observations import as_array, checked_rows
@@ -38,7 +35,7 @@ class MachinePolicy:
         self._trace = trace
         self._drivers: list[Driver] = []
         self.reset()
-        self.needed_readings = needed_readings(definition, library.by_name)
+        self.needed_readings = needed_readings(definition, packaged.load)
         """Names of the readings without which the machine cannot drive, see `tral_env.interface.check_readings`."""
 
     def reset(self, n: int = 1) -> None:
@@ -149,32 +146,3 @@ class MachinePolicy:
     def speed_target(self) -> NDArray[np.float64]:
         """(n,) speed that the active state regulates [m/s]; NaN: open loop."""
         return np.array([driver.speed_target for driver in self._drivers])
-
-
-def load_policy(name_or_path: str | Path, trace: Trace | None = None) -> MachinePolicy | LearnedPolicy:
-    """A policy: a machine, or a trained network.
-
-    Args:
-        name_or_path: name of a packaged machine, path of a machine's file, or path of a policy that was trained (its
-            folder, or the policy.json in it).
-        trace: called for each transition that fires in the first car of a machine.
-
-    Returns:
-        A policy for one car; `reset(n)` for more.
-
-    Raises:
-        MachineError: no such machine, or it cannot run.
-        PolicyFileError: the policy was made for other readings, or its files are damaged.
-    """
-    if policy_file.is_policy_file(name_or_path):
-        return policy_file.load(name_or_path)
-    return load_machine_policy(name_or_path, trace)
-
-
-def load_machine_policy(name_or_path: str | Path, trace: Trace | None = None) -> MachinePolicy:
-    """The policy of a machine, see `load_policy`.
-
-    Raises:
-        MachineError: no such machine, or it cannot run.
-    """
-    return MachinePolicy(library.load(name_or_path), trace)

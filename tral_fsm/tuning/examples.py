@@ -121,11 +121,14 @@ def _responses(
     gains: dict[str, tuple[Gains, float]], on_stage: OnStage | None
 ) -> dict[str, tuple[Gains, float, Response]]:
     found: dict[str, tuple[Gains, float, Response]] = {}
+    driven: dict[tuple[Gains, float], Response] = {}
     stage = Stage(name=StageName.STEPS, done=0, total=len(gains), unit="responses")
     for name, (each, speed) in gains.items():
         if on_stage is not None:
             on_stage(replace(stage, done=len(found)))
-        found[name] = each, speed, step(each, speed)
+        if (each, speed) not in driven:  # a machine that was kept has the same gains twice
+            driven[each, speed] = step(each, speed)
+        found[name] = each, speed, driven[each, speed]
     if on_stage is not None:
         on_stage(replace(stage, done=len(found)))
     return found

@@ -12,6 +12,9 @@ from dataclasses import dataclass, field
 
 Edge = tuple[int, int]
 GRID = 10
+"""Grid of UMLet at zoom 10, px."""
+_SHORTENINGS = 4
+"""Number of times that each state moves towards its neighbours, so that arrows become short. Source: choice."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +130,7 @@ def ranks(n: int, edges: Sequence[Edge], order: Sequence[int]) -> list[int]:
     rank = [0] * n
     for state in order:
         rank[state] = max((rank[a] + 1 for a, b in forward if b == state), default=0)
-    for _ in range(4):
+    for _ in range(_SHORTENINGS):
         for state in reversed(order[1:]):
             into = [rank[a] for a, b in forward if b == state]
             out = [rank[b] for a, b in forward if a == state]

@@ -5,6 +5,9 @@ from __future__ import annotations
 from tral_fsm.draw.layered.graph import Graph
 
 _SWEEPS = 12
+"""Number of sweeps that sort the layers. Source: choice."""
+_SWAPS = 8
+"""Largest number of rounds of swaps; a round that swaps nothing is the last. Source: choice."""
 _MAX_SLOTS = 1000
 """Number of slots from which on there are fewer sweeps, to limit the time. Source: choice."""
 
@@ -69,7 +72,7 @@ def _swap(graph: Graph, layers: list[list[int]]) -> None:
     ends = {
         slot: [[place[other] for other in _neighbours(graph, slot, side)] for side in (True, False)] for slot in place
     }
-    for _ in range(8):
+    for _ in range(_SWAPS):
         moved = False
         for layer in layers:
             for i in range(len(layer) - 1):

@@ -9,6 +9,7 @@ from tral_fsm.draw.layered.graph import GRID, Graph
 from tral_fsm.draw.layered.positions import gap, link_ends
 
 _PASSES = 4
+"""Largest number of passes over all bends; a pass that changes nothing is the last. Source: choice."""
 
 
 def polished(graph: Graph, layers: Sequence[Sequence[int]], position: Sequence[float]) -> list[float]:

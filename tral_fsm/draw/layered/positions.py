@@ -15,6 +15,8 @@ _MAX_SLOTS = 1000
 """Number of slots from which on there are fewer sweeps, to limit the time. Source: choice."""
 _PASSING, _ENDING = 4.0, 1.0
 """Weights of a bend between two passing pieces of an arrow, and at a box. Source: choice."""
+_ALIGNMENTS = 3
+"""Number of times that all arrows are aligned, since each makes room for others. Source: choice."""
 _PLACED = 1.3
 """Factor on the weight of slots that were placed in the same sweep. Source: choice."""
 
@@ -56,7 +58,7 @@ def _align(graph: Graph, layers: Sequence[Sequence[int]], position: list[float])
         if slot.edge is not None:
             chains.setdefault(slot.edge, []).append(index)
     room = _Room(graph, layers, position)
-    for _ in range(3):
+    for _ in range(_ALIGNMENTS):
         for chain in chains.values():
             cut = 0
             for index in range(1, len(chain)):

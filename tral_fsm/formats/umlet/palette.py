@@ -10,7 +10,8 @@ from pydantic.fields import FieldInfo
 
 from tral_fsm.conditions import CONDITIONS
 from tral_fsm.definition.validated import Spec, type_name
-from tral_fsm.formats.umlet.writer import Box, diagram, element, relation, size
+from tral_fsm.draw.layered.shapes import Rect
+from tral_fsm.formats.umlet.writer import diagram, element, relation, size
 from tral_fsm.states import STATES
 
 FILE = "machines/palette/TRAL_State-Machine.uxf"
@@ -34,9 +35,9 @@ def dumps() -> str:
             height = size(text)[1]
             found.append(make(_GAP + (first * _COLUMNS + column) * (_WIDTH + _GAP), _GAP + below[column], height, text))
             below[column] += height + _GAP
-    start = Box(_GAP + 2 * _COLUMNS * (_WIDTH + _GAP), _GAP, 20, 20)
+    start = Rect(_GAP + 2 * _COLUMNS * (_WIDTH + _GAP), _GAP, 20, 20)
     found.append(element("UMLSpecialState", start, "type=initial"))
-    found.append(element("UMLSpecialState", Box(start.x + 40, start.y, 20, 20), "type=final"))
+    found.append(element("UMLSpecialState", Rect(start.x + 40, start.y, 20, 20), "type=final"))
     return diagram(found)
 
 
@@ -51,11 +52,11 @@ def _below(text: str) -> str:
     return "\n" * (1 + sum(not line.startswith("//") for line in text.split("\n")))
 
 
-def _state(x: float, y: float, height: int, text: str) -> str:
-    return element("UMLState", Box(x, y, _WIDTH, height), text)
+def _state(x: int, y: int, height: int, text: str) -> str:
+    return element("UMLState", Rect(x, y, _WIDTH, height), text)
 
 
-def _arrow(x: float, y: float, height: int, text: str) -> str:
+def _arrow(x: int, y: int, height: int, text: str) -> str:
     return relation(text, [(x, y + height / 2), (x + _WIDTH, y + height / 2)])
 
 

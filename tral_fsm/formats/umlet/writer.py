@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 from xml.sax.saxutils import escape
 
 from tral_fsm.definition.machine import MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.draw.layered.arrange import arrange
-from tral_fsm.draw.layered.shapes import Arrangement, Route
+from tral_fsm.draw.layered.shapes import Arrangement, Rect, Route
 from tral_fsm.formats.tral_json import members, state_json
 from tral_fsm.formats.umlet.elements import without_drawing
 from tral_fsm.formats.xml_tree import json_text, legal
@@ -30,16 +29,6 @@ _RULES = ("--", "-.", "..", "==")
 Point = tuple[float, float]
 
 
-@dataclass(frozen=True)
-class Box:
-    """A rectangle in pixels; y points down."""
-
-    x: float
-    y: float
-    width: float
-    height: float
-
-
 def dumps(machine: MachineDefinition) -> str:
     """Write a machine.
 
@@ -50,8 +39,8 @@ def dumps(machine: MachineDefinition) -> str:
         XML text with a layout: an arrow for each transition, its ends on the outlines of its states.
     """
     drawn = arrange(machine, state_size=_state_size, label_size=_label_size, direction="right", bundled=False)
-    boxes = [Box(box.x, box.y, box.w, box.h) for box in drawn.boxes]
-    found = [element("UMLState", box, _state_text(state)) for box, state in zip(boxes, machine.states, strict=True)]
+    placed = zip(drawn.boxes, machine.states, strict=True)
+    found = [element("UMLState", box, _state_text(state)) for box, state in placed]
     found += _root(drawn)
     order: Counter[int | str] = Counter()
     leaving = Counter(transition.source for transition in machine.transitions)
@@ -65,7 +54,7 @@ def dumps(machine: MachineDefinition) -> str:
 def _root(drawn: Arrangement) -> list[str]:
     """The initial node and its arrow."""
     x, y = drawn.root[0]
-    node = Box(x - _NODE, y - _NODE / 2, _NODE, _NODE)
+    node = Rect(x - _NODE, y - _NODE // 2, _NODE, _NODE)
     return [element("UMLSpecialState", node, "type=initial"), relation("lt=->", drawn.root)]
 
 
@@ -110,11 +99,10 @@ def diagram(elements: list[str], text: str = "") -> str:
     )
 
 
-def element(kind: str, box: Box, text: str, points: str = "") -> str:
+def element(kind: str, box: Rect, text: str, points: str = "") -> str:
     """One element."""
     sides = "".join(
-        f"      <{side}>{round(length)}</{side}>\n"
-        for side, length in zip("xywh", (box.x, box.y, box.width, box.height), strict=True)
+        f"      <{side}>{length}</{side}>\n" for side, length in zip("xywh", (box.x, box.y, box.w, box.h), strict=True)
     )
     return (
         f"  <element>\n    <id>{kind}</id>\n    <coordinates>\n{sides}    </coordinates>\n"
@@ -126,9 +114,9 @@ def element(kind: str, box: Box, text: str, points: str = "") -> str:
 def relation(text: str, points: Sequence[Point]) -> str:
     """An arrow through points, px."""
     left, top = (int(min(point[axis] for point in points)) - _MARGIN for axis in (0, 1))
-    width, height = (max(point[axis] for point in points) - low + _MARGIN for axis, low in ((0, left), (1, top)))
+    width, height = (round(max(point[axis] for point in points) - low + _MARGIN) for axis, low in ((0, left), (1, top)))
     inside = ";".join(f"{x - left:.1f};{y - top:.1f}" for x, y in points)
-    return element("Relation", Box(left, top, width, height), text, inside)
+    return element("Relation", Rect(left, top, width, height), text, inside)
 
 
 def parameters(values: dict[str, Any]) -> str:

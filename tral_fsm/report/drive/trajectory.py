@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from tral_env.course.draw import draw_plan
 from tral_env.course.plan import Plan
-from tral_env.interface import CORE_LAYOUT, NO_ECHO_M
+from tral_env.interface import CORE_LAYOUT
+from tral_fsm.estimation.sonar import MAX_ECHO_RANGE_M
 from tral_fsm.evaluation.episode import Episode, EpisodeTrace
 from tral_fsm.evaluation.files import write_figure
 from tral_fsm.report.drive.labels import Label, place_labels
@@ -257,4 +258,4 @@ def _draw_ranges(ax: Axes, trace: EpisodeTrace) -> None:
 
 def _echoes(trace: EpisodeTrace, side: str) -> NDArray[np.float64]:
     ranges = trace.readings[:, CORE_LAYOUT.column(f"ultrasonic_{side}")]
-    return np.where(ranges < NO_ECHO_M, ranges, np.nan)
+    return np.where(ranges < MAX_ECHO_RANGE_M, ranges, np.nan)

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.errors import RenderError
-from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, MAX_AGE_S, NO_ECHO_M, STEERING, THROTTLE, TURN_MARKER_IDS
+from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, MAX_AGE_S, STEERING, THROTTLE, TURN_MARKER_IDS
+from tral_fsm.estimation.sonar import MAX_ECHO_RANGE_M
 from tral_fsm.evaluation.episode import Tick
 from tral_fsm.report.drive.state_colours import StateColours
 
@@ -205,7 +206,7 @@ def _draw_ranges(image: Image, readings: dict[str, float]) -> None:
     cv2.rectangle(image, (x - 6, y - 12), (x + 6, y + 12), _WHITE, cv2.FILLED)
     for side, (right, down) in _SIDES.items():
         metres = readings[f"ultrasonic_{side}"]
-        echo = metres < NO_ECHO_M
+        echo = metres < MAX_ECHO_RANGE_M
         reach = int(40 * min(metres, 2.5))
         ends = (x + right * (8 + reach), y + down * (14 + reach))
         cv2.line(image, (x + right * 8, y + down * 14), ends, _GREEN if echo else _GREY, 2, cv2.LINE_AA)

@@ -31,7 +31,7 @@ from tral_fsm.tuning.tables import (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Picture:
+class PageFigure:
     """A picture with its title and caption."""
 
     title: str
@@ -101,25 +101,25 @@ def _numbers(tuned: Tuned) -> dict[str, list[list[str]]]:
     return {"parameters": rows, "finals": finals}
 
 
-def picture(figure: Figure, title: str, caption: str) -> Picture:
+def page_figure(figure: Figure, title: str, caption: str) -> PageFigure:
     """A figure as a picture inside the file."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=110)
-    return Picture(title=title, caption=caption, png=base64.b64encode(buffer.getvalue()).decode())
+    return PageFigure(title=title, caption=caption, png=base64.b64encode(buffer.getvalue()).decode())
 
 
-def _pictures_of_search(page: PageData) -> list[Picture]:
+def _pictures_of_search(page: PageData) -> list[PageFigure]:
     tuned, shown = page.tuned, []
     if tuned.old_drives:
         shown.append(
-            picture(
+            page_figure(
                 plots.histogram(tuned.old_drives, tuned.new_drives),
                 "Clearance in the held-out drives",
                 "Every tick on plain straight walls; what is beyond half a metre is counted at the edge.",
             )
         )
     shown.append(
-        picture(
+        page_figure(
             plots.convergence(tuned.trials, tuned.old_trial),
             "The search",
             "Each dot is a candidate. One that dropped out of its race counts as no better than the weakest that "
@@ -131,7 +131,7 @@ def _pictures_of_search(page: PageData) -> list[Picture]:
     chosen = next((each for each in tuned.trials if each.full and each.values == tuned.values), None)
     if tuned.front:
         shown.append(
-            picture(
+            page_figure(
                 plots.pareto(tuned.trials, tuned.front, tuned.old_trial, chosen, tuned.objectives),
                 "What must be traded for what",
                 "Candidates whose drives all arrived, on the courses of the search.",
@@ -140,7 +140,7 @@ def _pictures_of_search(page: PageData) -> list[Picture]:
     return shown
 
 
-def _pictures_of_sensitivity(tuned: Tuned, around: Sensitivity) -> list[Picture]:
+def _pictures_of_sensitivity(tuned: Tuned, around: Sensitivity) -> list[PageFigure]:
     shown = []
     values = dict(zip((each.label for each in tuned.parameters), tuned.values or (), strict=False))
     old = [float(line.parameter.before) for line in around.lines]
@@ -148,11 +148,11 @@ def _pictures_of_sensitivity(tuned: Tuned, around: Sensitivity) -> list[Picture]
     if around.plane is not None:
         marks = _marks(tuned, found, old) | around.landmarks
         caption = f"{around.plane.cost.size} points, {around.courses} courses each, all other parameters as found."
-        shown.append(picture(plots.plane(around.plane, marks), "Cost over two parameters", caption))
+        shown.append(page_figure(plots.plane(around.plane, marks), "Cost over two parameters", caption))
     caption = (
         f"One parameter at a time, {around.courses} courses. Black: found; dashes: as it was; crosses: drives fail."
     )
-    shown.append(picture(plots.sensitivity(around.lines, found, old), "How much each parameter matters", caption))
+    shown.append(page_figure(plots.sensitivity(around.lines, found, old), "How much each parameter matters", caption))
     return shown
 
 
@@ -163,19 +163,19 @@ def _marks(tuned: Tuned, found: Sequence[float], old: Sequence[float]) -> dict[s
     return marks
 
 
-def _pictures_of_loops(page: PageData) -> list[Picture]:
+def _pictures_of_loops(page: PageData) -> list[PageFigure]:
     """Pictures of a wall following state before and after, in the linear model and in the simulation."""
     if page.loops is None:
         return []
     _, _, response = next(iter(page.loops.responses.values()))
     return [
-        picture(
+        page_figure(
             tuning_model.steps(page.loops.responses),
             f"A step of {100 * response.step_m:.3g} cm in wanted clearance, state {page.loops.state}",
             f"Simulated with randomization {response.randomization!r} (line: mean of {len(response.clearance)} cars; "
             "band: all), clips off; dashes: linear model.",
         ),
-        picture(
+        page_figure(
             tuning_model.stability(page.loops.gains),
             "How far from swinging",
             "Linear model: phase margin and damping of the least damped pair of poles. Dots: the machine's own speed.",

@@ -8,10 +8,11 @@ from typing import Any
 
 import yaml
 
-from tral_env.errors import CalibrationError
+from tral_env.errors import TralError
 
 _OPENCV_HEADER = re.compile(r"\A%YAML:[\d.]+")
 """OpenCV before 5 begins a file so; YAML wants a space after the name of a directive."""
+_DECIMAL = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*")
 _OPENCV_TAGS = "tag:yaml.org,2002:opencv-"
 
 
@@ -35,15 +36,16 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
     """Reads plain values alone; a tag of OpenCV only names the type of a mapping or sequence."""
 
 
-def documents(text: str, where: str) -> list[Any]:
+def documents(text: str, where: str, failure: type[TralError]) -> list[Any]:
     """Read all documents of a YAML text but empty ones, as `Lines`, `Items` and plain values.
 
     Args:
         text: the YAML; a stream such as that of `ros2 topic echo` holds several documents.
         where: name of the file in error messages.
+        failure: class of the errors.
 
     Raises:
-        CalibrationError: the text is no YAML, or a key stands twice; the message names line and column.
+        failure: the text is no YAML, or a key stands twice; the message names line and column.
     """
     text = _OPENCV_HEADER.sub(lambda header: "#" + header[0][1:], text)
     try:
@@ -53,16 +55,21 @@ def documents(text: str, where: str) -> list[Any]:
         place = f"{where}:{mark.line + 1}:{mark.column + 1}" if mark else where
         told = getattr(error, "problem", None) or str(error)
         if isinstance(error, _Twice):
-            raise CalibrationError(f"{place}: {told}") from error
-        raise CalibrationError(f"{place}: not YAML: {told}{_hint(told)}") from error
+            raise failure(f"{place}: {told}") from error
+        raise failure(f"{place}: not YAML: {told}{_hint(told)}") from error
     except (RecursionError, ValueError, LookupError, AttributeError) as error:  # also !!bool foo, !!timestamp x
-        raise CalibrationError(f"{where}: not readable: {error}") from error
+        raise failure(f"{where}: not readable: {error}") from error
+
+
+def number(value: Any) -> Any:
+    """Turn a text that is a decimal number into it; all else stays. YAML 1.1 reads 1e-05, without a point, as text."""
+    return float(value) if isinstance(value, str) and _DECIMAL.fullmatch(value) else value
 
 
 def _hint(problem: str) -> str:
     """What may have led to a problem, as the end of an error message; empty: not known."""
     if "expected ',' or ']'" in problem:
-        return ": is a ',' or a ']' missing? A matrix is one list: [1, 0, 0, 0, 1, 0, 0, 0, 1]"
+        return ": is a ',' or a ']' missing? Numbers stand in one list: [1, 0, 0]"
     if r"'\t'" in problem:
         return ": a tab; YAML is indented by spaces"
     return ""
