@@ -27,7 +27,8 @@ from tral_fsm.evaluation.choices import Randomization, families
 from tral_fsm.evaluation.contenders import Agent, Contender, contenders, object_agent
 from tral_fsm.evaluation.suites import Suite, suite
 from tral_fsm.programs.compare import PAGE, compare
-from tral_fsm.terminal import comparison_table, drives_bar, print_figures
+from tral_fsm.report.compare.table import table
+from tral_fsm.terminal import print_figures
 
 REPEAT = 8
 """Ticks for which the learner's command is held: the learner decides ten times a second."""
@@ -175,10 +176,10 @@ def main(
         field = contenders(policies)
         if steps:
             field.append(ppo(family, randomization, steps, range(seed, seed + agents)))
-        shown = compare(chosen, field, out, progress=drives_bar)
+        shown = compare(chosen, field, out)
     except TralError as error:
         raise SystemExit(f"Error: {error}") from None
-    print_figures(comparison_table(shown))
+    print_figures(table(shown))
     print(f"Page: {out / PAGE}")
 
 

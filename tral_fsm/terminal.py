@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -42,27 +42,3 @@ def drives_bar(total: int) -> Iterator[Callable[[], None]]:
     with Progress(console=Console(stderr=True)) as bar:
         task = bar.add_task("drives", total=total)
         yield lambda: bar.advance(task)
-
-
-def comparison_table(shown: Mapping[str, Any]) -> Table:
-    """The main figures of each contender of a comparison (`evaluation.analysis.analyse`)."""
-    suite = shown["suite"]
-    table = narrow_table(f"{suite['name']}, seeds {suite['seeds'][0]} to {suite['seeds'][1] - 1} ({suite['split']})")
-    table.add_column("contender", no_wrap=True)
-    for heading in ("drives", "success", "95 %", "score", "IQM", "95 %", "progress", "m/s"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for one in shown["contenders"]:
-        got = one["figures"]
-        success, iqm = got["success"], got["iqm"]
-        table.add_row(
-            one["name"],
-            str(got["drives"]),
-            f"{100 * success['value']:.1f} %",
-            f"{100 * success['low']:.0f} to {100 * success['high']:.0f} %",
-            f"{got['score']['value']:.3f}",
-            f"{iqm['value']:.3f}",
-            f"{iqm['low']:.3f} to {iqm['high']:.3f}",
-            f"{100 * got['progress']['value']:.0f} %",
-            f"{got['pace_mps']:.2f}",
-        )
-    return table

@@ -16,20 +16,8 @@ from pathlib import Path
 Imports = Mapping[str, Set[str]]
 Rule = Callable[[Imports], list[str]]
 
-WAIST = {
-    f"tral_env.{room}"
-    for room in (
-        "interface",
-        "geometry",
-        "se2",
-        "errors",
-        "json_text",
-        "validation_text",
-        "arrays",
-        "speed_control",
-        "checks",
-    )
-}
+PLAIN = ("interface", "geometry", "se2", "errors", "checks", "json_text", "validation_text", "arrays", "speed_control")
+WAIST = {f"tral_env.{room}" for room in PLAIN}
 WAIST_NEEDS = {"numpy", "gymnasium.spaces"}
 
 PHYSICS = {"mujoco"}
@@ -226,19 +214,19 @@ def pictures_of_machines_know_the_definition_alone(imports: Imports) -> list[str
 
 
 LAST = ("tral_fsm.report", "tral_fsm.programs", "tral_fsm.cli")
-"""Rooms that only the rooms behind them in this order import; a script of benchmarks/ calls programs as cli does."""
+"""Rooms that only the rooms behind them in this order import."""
 
 
-def only_programs_and_cli_import_the_report_and_only_cli_the_programs(imports: Imports) -> list[str]:
+def nobody_imports_what_comes_last(imports: Imports) -> list[str]:
+    """Scripts of benchmarks/ are programs of their own: they import the report and programs, but not the CLI."""
     rooms = {room_of(module) for module in imports}
-    scripts = {room for room in rooms if room.startswith("benchmarks.")}
-    return [
-        problem
-        for place, room in enumerate(LAST)
-        for problem in _among(
-            imports, rooms - set(LAST[place:]) - (scripts if room == "tral_fsm.programs" else set()), {room}
-        )
-    ]
+    scripts = {room for room in rooms if room.startswith("benchmarks")}
+    before_cli = [problem for room in LAST[:-1] for problem in _among(imports, rooms - scripts - _from(room), {room})]
+    return before_cli + _among(imports, rooms - _from(LAST[-1]), {LAST[-1]})
+
+
+def _from(room: str) -> set[str]:
+    return set(LAST[LAST.index(room) :])
 
 
 def report_drives_nothing(imports: Imports) -> list[str]:
@@ -310,7 +298,7 @@ RULES: tuple[Rule, ...] = (
     policies_know_the_waist_alone,
     policies_are_built_floor_by_floor,
     pictures_of_machines_know_the_definition_alone,
-    only_programs_and_cli_import_the_report_and_only_cli_the_programs,
+    nobody_imports_what_comes_last,
     report_drives_nothing,
     report_reaches_no_physics,
     no_circle_of_rooms,

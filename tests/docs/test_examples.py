@@ -32,14 +32,12 @@ CHEAPER = {
     'tral tune --policy crossing --scenario crossing --tie --params "follow.speed=0.6:1.6,turn *.speed=0.35:0.9,'
     'settle.speed=0.4:1.2" --randomization hard --budget 480 --seeds 200:240 --report-seeds 500:600': AND_A_CHECK,
     "tral tune --policy wall --sampler tpe --storage study.log --out runs/tune1": ONE_CANDIDATE,
-    "tral compare --policies office,pursuit,constant,random --suite smoke --out runs/compare": (
-        "--courses 1 --policies pursuit,random"
-    ),
+    "tral compare --policies office,pursuit,constant,random --suite smoke --out runs/compare": "--courses 1",
     "tral compare --policies office,ramp,pursuit,constant,random --suite standard --out runs/published": (
-        "--policies random --suite smoke --courses 1"
+        "--policies constant --suite smoke --courses 1"
     ),
     "python benchmarks/compare.py --steps 20000 --scenario straight --courses 10 --out runs/compare_ppo": (
-        "--steps 256 --courses 1 --policies random"
+        "--steps 256 --courses 1 --policies constant"
     ),
     "python benchmarks/marker_accuracy.py --out runs/marker_accuracy.json": "--views 16",
     "python benchmarks/gate_accuracy.py --out runs/gate_accuracy.json": "--views 12",

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from tral_fsm.programs.compare import PAGE, run, without_paths
+from tral_fsm.terminal import print_figures
 
 
 def command(
@@ -39,13 +40,11 @@ def command(
     The command writes compare.html, compare.md and compare.json, and each drive into records.jsonl as it ends. Started
     again, it goes on where it stopped. Other policies or more courses can be added later.
     """
-    from tral_fsm.terminal import comparison_table, drives_bar, print_figures
-
-    shown = run(
-        policies, suite, out, courses=courses, seed=seed, processes=processes, videos=videos, progress=drives_bar
-    )
+    shown = run(policies, suite, out, courses=courses, seed=seed, processes=processes, videos=videos)
     if as_json:
         typer.echo(json.dumps(without_paths(shown), indent=2, allow_nan=False))
         return
-    print_figures(comparison_table(shown))
+    from tral_fsm.report.compare.table import table
+
+    print_figures(table(shown))
     typer.echo(f"Page: {out / PAGE}")

@@ -13,10 +13,10 @@ import numpy as np
 from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
-from tral_env import randomization
 from tral_env.course.generate import generate_plan
 from tral_env.course.plan import Plan
 from tral_env.interface import Policy
+from tral_env.randomization import level as level_of
 from tral_env.se2 import rotate_back
 from tral_env.world import Step, World
 from tral_fsm.evaluation import rollout
@@ -26,7 +26,7 @@ from tral_fsm.evaluation.contenders import Agent, Contender, row_policies
 from tral_fsm.evaluation.episode import Episode, EpisodeRequest, EpisodeResult
 from tral_fsm.evaluation.loop import Index, Observer
 from tral_fsm.evaluation.pool import stop_check
-from tral_fsm.evaluation.records import Bar, Record, append, begin_run, collect, made_with
+from tral_fsm.evaluation.records import Record, append, begin_run, collect, made_with
 from tral_fsm.evaluation.row_policies import MixedPolicies, RowPolicies
 from tral_fsm.evaluation.suites import Suite
 
@@ -84,7 +84,7 @@ def drive_missing(
     field: Sequence[Contender],
     out: Path,
     processes: int = 1,
-    progress: Bar | None = None,
+    progress: Callable[[int], contextlib.AbstractContextManager[Callable[[], None]]] | None = None,
 ) -> list[Record]:
     """Drive what the records do not hold yet.
 
@@ -93,7 +93,7 @@ def drive_missing(
         field: the contenders.
         out: folder of the records.
         processes: number of processes that drive; 1: this one.
-        progress: makes a bar of the drives; None: no bar.
+        progress: makes a bar from the number of drives to do; it gives a function that counts one.
 
     Returns:
         The records of all drives of the suite and the field, and the lines of the runs that made them.
@@ -268,6 +268,6 @@ def plans_of(shown: Mapping[str, Any]) -> dict[tuple[str, str, int], Plan]:
     keys = {(one["family"], one["level"], one["seed"]) for one in shown["paths"]}
     keys |= {(one["scenario"], one["level"], one["seed"]) for one in shown["failures"]}
     return {
-        (family, name, seed): generate_plan(family, np_random(seed)[0], hard=randomization.level(name).hard_courses)[1]
-        for family, name, seed in sorted(keys)
+        (family, level, seed): generate_plan(family, np_random(seed)[0], hard=level_of(level).hard_courses)[1]
+        for family, level, seed in sorted(keys)
     }

@@ -130,19 +130,19 @@ class Student:
             error = nn.functional.huber_loss(self._net(inputs), answers, reduction="none", delta=settings.huber)
             loss = (error * self._weights).mean()
             self._optimizer.zero_grad()
-            loss.backward()  # type: ignore[no-untyped-call]
+            loss.backward()
             self._optimizer.step()
             self._follow()
             total += loss.item()
         return total / updates
 
-    @torch.no_grad()
     def _follow(self) -> None:
         """Move the running mean towards the network."""
         self._updates += 1
         keep = min(self.settings.average, (1 + self._updates) / (10 + self._updates))
-        for mean, new in zip(self._mean.parameters(), self._net.parameters(), strict=True):
-            mean.lerp_(new, 1 - keep)
+        with torch.no_grad():
+            for mean, new in zip(self._mean.parameters(), self._net.parameters(), strict=True):
+                mean.lerp_(new, 1 - keep)
 
     def network(self) -> Network:
         """The running mean as it is now."""

@@ -1,6 +1,6 @@
-"""Policies drive the same courses; records, figures and a page are kept in a folder.
+"""A comparison of policies: records of the drives, compare.json, compare.md and compare.html are kept in a folder.
 
-Heavy modules are imported when the program runs, because `tral --help` imports its arguments.
+Heavy modules are imported when the program runs, because `tral --help` imports its names.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from typing import TYPE_CHECKING, Any
 from tral_env.atomic import write_bytes
 from tral_env.perception import opengl
 from tral_fsm.evaluation.files import prepare_folder, write_json
+from tral_fsm.terminal import drives_bar
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tral_fsm.evaluation.contenders import Contender
-    from tral_fsm.evaluation.records import Bar
     from tral_fsm.evaluation.suites import Suite
 
 FIGURES, TABLES, PAGE = "compare.json", "compare.md", "compare.html"
-"""Files of a comparison beside its records."""
+"""Files that the program writes beside the records."""
 
 
-def run(policies: str, suite: str, out: Path, *, courses: int | None = None, **options: Any) -> dict[str, Any]:
+def run(policies: str, suite: str, out: Path, *, courses: int | None = None, **options: int) -> dict[str, Any]:
     """Drive, analyse, and write all files.
 
     Args:
@@ -46,19 +46,13 @@ def run(policies: str, suite: str, out: Path, *, courses: int | None = None, **o
     from tral_fsm.evaluation import suites
     from tral_fsm.evaluation.contenders import contenders
 
+    opengl.require_loadable()
     chosen = suites.suite(suite).with_courses(courses)
     return compare(chosen, contenders(policies), out, **options)
 
 
 def compare(
-    suite: Suite,
-    field: Sequence[Contender],
-    out: Path,
-    *,
-    seed: int = 0,
-    processes: int = 1,
-    videos: int = 0,
-    progress: Bar | None = None,
+    suite: Suite, field: Sequence[Contender], out: Path, *, seed: int = 0, processes: int = 1, videos: int = 0
 ) -> dict[str, Any]:
     """As `run`, for a suite and contenders that were made already.
 
@@ -69,17 +63,15 @@ def compare(
         seed: seed of the bootstrap.
         processes: number of processes that drive.
         videos: number of failures of which the page has a video.
-        progress: see `evaluation.comparison.drive_missing`.
     """
     from tral_fsm.evaluation.analysis import analyse
     from tral_fsm.evaluation.comparison import drive_missing, plans_of
     from tral_fsm.report.compare.markdown import markdown
     from tral_fsm.report.compare.page import page_html
 
-    opengl.require_loadable()
     began = time.perf_counter()
     prepare_folder(out)
-    lines = drive_missing(suite, field, out, processes, progress)
+    lines = drive_missing(suite, field, out, processes, drives_bar)
     shown = analyse(lines, suite, [one.record() for one in field], seed)
     program = Path(sys.argv[0]).name
     shown |= {"command": shlex.join([program, *sys.argv[1:]]), "seconds": round(time.perf_counter() - began, 1)}
