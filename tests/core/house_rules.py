@@ -26,6 +26,7 @@ LAWS = {f"tral_env.{room}" for room in ("sensors", "actuation", "task", "noise",
 ON_THE_CAR = {
     f"tral_env.{room}" for room in ("hardware", "recording", "learner", "learned", "policy_file", "tensors", "ros")
 }
+ACTUATOR = "tral_env.hardware.actuator"
 CAR_NEEDS = WAIST | ON_THE_CAR | LAWS - {"tral_env.task"} | {"tral_env.perception", "tral_env.atomic"}
 OPTIONS_NEED = {
     f"tral_env.{room}" for room in ("config", "randomization", "course", "perception", "calibration", "learner")
@@ -174,6 +175,17 @@ def the_world_knows_the_simulation_and_no_shell(imports: Imports) -> list[str]:
     return _outside(imports, {"tral_env.world"}, WAIST | WORLD_NEEDS)
 
 
+def the_actuator_reaches_the_standard_library_and_the_buses_alone(imports: Imports) -> list[str]:
+    # Its process runs no `tral_env/__init__`: see `tral_env.hardware.actuator.__main__`.
+    loaded = {module: names for module, names in imports.items() if module != "tral_env"}
+    return [
+        f"{module} reaches {name}"
+        for module in sorted(loaded)
+        if module.startswith(ACTUATOR)
+        for name in sorted(_reaches(loaded, module) - sys.stdlib_module_names - {"smbus2", "serial"})
+    ]
+
+
 def simulation_knows_no_world(imports: Imports) -> list[str]:
     return _outside(imports, {"tral_env.simulation"}, SIMULATION_NEEDS)
 
@@ -218,15 +230,14 @@ LAST = ("tral_fsm.report", "tral_fsm.programs", "tral_fsm.cli")
 
 
 def nobody_imports_what_comes_last(imports: Imports) -> list[str]:
-    """Scripts of benchmarks/ are programs of their own: they import the report and programs, but not the CLI."""
+    """Scripts of benchmarks/ are programs too: they import the report and programs, but not the CLI."""
     rooms = {room_of(module) for module in imports}
     scripts = {room for room in rooms if room.startswith("benchmarks")}
-    before_cli = [problem for room in LAST[:-1] for problem in _among(imports, rooms - scripts - _from(room), {room})]
-    return before_cli + _among(imports, rooms - _from(LAST[-1]), {LAST[-1]})
-
-
-def _from(room: str) -> set[str]:
-    return set(LAST[LAST.index(room) :])
+    return [
+        problem
+        for place, room in enumerate(LAST)
+        for problem in _among(imports, rooms - set(LAST[place:]) - (set() if room == LAST[-1] else scripts), {room})
+    ]
 
 
 def report_drives_nothing(imports: Imports) -> list[str]:
@@ -291,6 +302,7 @@ RULES: tuple[Rule, ...] = (
     the_car_reaches_nothing_heavy,
     randomization_needs_the_waist_and_config,
     the_world_knows_the_simulation_and_no_shell,
+    the_actuator_reaches_the_standard_library_and_the_buses_alone,
     simulation_knows_no_world,
     shells_know_the_world_and_not_the_simulation,
     the_two_environments_do_not_know_each_other,
@@ -308,6 +320,7 @@ LOADING = {
     laws_reach_no_physics,
     calibration_reaches_no_physics,
     the_car_reaches_nothing_heavy,
+    the_actuator_reaches_the_standard_library_and_the_buses_alone,
     report_reaches_no_physics,
 }
 

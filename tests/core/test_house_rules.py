@@ -39,6 +39,10 @@ BROKEN: dict[Rule, Imports] = {
     },
     rules.randomization_needs_the_waist_and_config: {"tral_env.randomization": {"tral_env.calibration.camera_info"}},
     rules.the_world_knows_the_simulation_and_no_shell: {"tral_env.world": {"tral_env.env"}},
+    rules.the_actuator_reaches_the_standard_library_and_the_buses_alone: {
+        "tral_env.hardware.actuator.worker": {"select", "smbus2", "tral_env.hardware.i2c"},
+        "tral_env.hardware.i2c": {"numpy.linalg"},
+    },
     rules.simulation_knows_no_world: {"tral_env.simulation.sim": {"tral_env.task"}},
     rules.shells_know_the_world_and_not_the_simulation: {"tral_env.env": {"tral_env.simulation.sim"}},
     rules.the_two_environments_do_not_know_each_other: {"tral_env.vector_env": {"tral_env.env"}},

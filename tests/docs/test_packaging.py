@@ -18,6 +18,7 @@ DATA = (
     "tral_env/course/*.json",
     "tral_env/course/examples/*.json",
     "tral_env/hardware/calibrations/*.json",
+    "tral_env/hardware/systemd/*.service",
     "tral_fsm/machines/*.json",
     "tral_fsm/machines/*.uxf",
     "tral_fsm/machines/palette/*.uxf",

@@ -17,9 +17,12 @@ from numpy.typing import NDArray
 
 from tral_env.checks import check_number
 from tral_env.errors import ConfigError, HardwareError, nearest
+from tral_env.hardware.actuator.client import ActuatorProcess
+from tral_env.hardware.actuator.settings import Limits
 from tral_env.hardware.calibration_file import load_calibration
+from tral_env.hardware.commands import Commands, PulseCommands, actuator_settings
 from tral_env.hardware.i2c import Smbus
-from tral_env.hardware.pulses import CarCalibration, limit_slew, pulses
+from tral_env.hardware.pulses import CarCalibration
 from tral_env.hardware.pwm import Pca9685, PulseOutput, Recorder
 from tral_env.hardware.sensors import Sensors, provided_by
 from tral_env.hardware.sonar import SonarArray
@@ -46,9 +49,13 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     ## Description
     The car is a 1:10 Ackermann car with a servo, a motor controller and the sensors that it is given. By default it
     stands: no motor moves, and its pulses are recorded. Frame: x forward, y left, z up, angles counter-clockwise. A
-    step sends the pulses at once, then sleeps until its period of 1/80 s is over, then reads the sensors. A step that
+    step sends the command at once, then sleeps until its period of 1/80 s is over, then reads the sensors. A step that
     comes late counts in ``info["late_ticks"]``, and the schedule moves back with it: late steps are never caught up in
     a burst. A step or a reset that fails commands neutral before the error leaves it.
+
+    With ``output="pca9685"`` and a bus by number or path, a process of its own owns the board. It goes to neutral when
+    no new command comes for `Limits.silence_s`, and ends the pulses after `Limits.off_s`: when this process hangs, is
+    stopped or is killed. An output or a bus that is an object is driven by this process, without that protection.
 
     ## Action Space
     `Box(-1, 1, (2,), float32)`:
@@ -71,8 +78,9 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     The reward is 0: the car cannot see its progress.
 
     ## Starting State
-    The car stands where you put it. `reset` commands neutral, starts the sensors and reads them once. The seed changes
-    nothing, and there are no reset options.
+    The car stands where you put it. `reset` commands neutral, starts the sensors and reads them once. With the
+    actuator's process, it also arms, which holds neutral for `Limits.arming_s`. If no step follows at once, the pulses
+    end, and the first step arms again. The seed changes nothing, and there are no reset options.
 
     ## Episode End
     ### Termination
@@ -86,8 +94,8 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     | --- | --- | --- |
     | `tick` | | number of steps since reset |
     | `late_ticks` | | number of steps that came too late |
-    | `steering_us` | us | pulse of the servo that was sent last |
-    | `throttle_us` | us | pulse of the motor controller that was sent last |
+    | `steering_us` | us | pulse of the servo that was sent last; 0: none |
+    | `throttle_us` | us | pulse of the motor controller that was sent last; 0: none |
 
     ## Arguments
     ```python
@@ -99,9 +107,10 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     | argument | default | meaning |
     | --- | --- | --- |
     | `calibration` | `'tt01'` | Pulses of the car: the name of a packaged calibration, the path of a file, or a `CarCalibration`. |
-    | `output` | `'recorder'` | `"recorder"` keeps the pulses, `"pca9685"` drives by the PWM board, or a `PulseOutput` of your own. |
+    | `output` | `'recorder'` | `"recorder"` keeps the pulses, `"pca9685"` drives by the PWM board, or a `PulseOutput` or an `ActuatorProcess` of your own. |
     | `sensors` | `None` | `"srf08"`: three ultrasonics. An object of your own, see `tral_env.hardware.sensors.Sensors`. `None`: no reading. |
     | `bus` | `1` | I2C bus of what is opened by name: a number, a path, or an object like `smbus2.SMBus`. |
+    | `limits` | `None` | When the actuator's process stops the car: `tral_env.hardware.actuator.settings.Limits`. `None`: its defaults, without `evidence_s` for a car without sensors. |
     | `groups` | `()` | Optional groups of readings behind the core ones; the sensors must name all of them in `provided_readings`. |
     | `max_duration_s` | `60.0` | Length of an episode, s, above 0. |
     | `clock` | `time.monotonic` | Gives a time that never goes back, s. |
@@ -118,9 +127,10 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         self,
         *,
         calibration: str | Path | CarCalibration = "tt01",
-        output: str | PulseOutput = "recorder",
+        output: str | PulseOutput | ActuatorProcess = "recorder",
         sensors: str | Sensors | None = None,
         bus: int | str | Smbus = 1,
+        limits: Limits | None = None,
         groups: Iterable[str] = (),
         max_duration_s: float = 60.0,
         clock: Callable[[], float] = time.monotonic,
@@ -149,9 +159,11 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._max_duration_s, self._clock, self._sleep = max_duration_s, clock, sleep
         self._running, self._closed = False, False
         self._episode = _Episode()
-        self._pulses_us = self.calibration.neutral_us
+        if limits is None:
+            limits = Limits(evidence_s=None) if sensors is None else Limits()
         # The board first: until it is set up it answers to the address of the first ultrasonic too.
-        self.output = _output(output, self.calibration, bus, clock, sleep)
+        self.output = _output(output, self.calibration, bus, limits, clock, sleep)
+        self._commands = _commands(self.output, self.calibration)
         try:
             self.sensors = _sensors(sensors, bus, sleep)
             _check_provided(groups, self.sensors)
@@ -176,13 +188,14 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         """
         with self._neutral_if_it_fails():
             self._running = False
-            self._neutral()
+            self._commands.neutral()
             super().reset(seed=seed)
             if options:
                 raise ConfigError(f"unknown reset option(s) {', '.join(options)}: the real car has none")
-            self._episode = _Episode(start_s=self._clock())
             if self.sensors is not None:
                 self.sensors.start()
+            self._commands.arm()
+            self._episode = _Episode(start_s=self._clock(), evidence=self._episode.evidence)
             observation = self._observe()
         self._running = True
         return observation, self._info()
@@ -203,11 +216,12 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         with self._neutral_if_it_fails():
             self._apply(action)
             self._pace()
+            self._commands.check()
             observation = self._observe()
             truncated = self._clock() - self._episode.start_s >= self._max_duration_s
             if truncated:
                 self._running = False
-                self._neutral()
+                self._commands.neutral()
         return observation, 0.0, False, truncated, self._info()
 
     def close(self) -> None:
@@ -220,23 +234,17 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             return
         self._running = False
         try:
-            self.output.close()
+            self._commands.close()
         finally:
             if self.sensors is not None:
                 self.sensors.stop()
         self._closed = True
 
     def _apply(self, action: NDArray[np.floating]) -> None:
-        command = limit_slew(as_command(action), self._episode.command, CONTROL_PERIOD_S, self.calibration)
-        self._episode.command = command
-        self._send(*pulses(command, self.calibration).tolist())
-
-    def _neutral(self) -> None:
-        self._send(*self.calibration.neutral_us)
-
-    def _send(self, steering_us: float, throttle_us: float) -> None:
-        self.output.write(steering_us, throttle_us)
-        self._pulses_us = steering_us, throttle_us
+        steering, throttle = np.clip(as_command(action), -1.0, 1.0).tolist()
+        if self._episode.tick == 0:
+            self._commands.arm()
+        self._commands.command(steering, throttle, self._episode.evidence)
 
     def _pace(self) -> None:
         """Sleep until the period is over; periods follow each other without drift until one is late."""
@@ -255,12 +263,13 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         for name, value in readings.items():
             if not np.isfinite(value):
                 raise HardwareError(f"the sensors say {name} = {value!r}: expected a finite number")
-        steering, throttle = self._episode.command.tolist()
+        self._episode.weigh(readings)
+        steering, throttle = self._commands.applied
         observation: Observation = self._layout.pack({**readings, "steering": steering, "throttle": throttle}, 1)[0]
         return observation
 
     def _info(self) -> dict[str, Any]:
-        steering_us, throttle_us = self._pulses_us
+        steering_us, throttle_us = self._commands.pulses_us
         return {
             "tick": self._episode.tick,
             "late_ticks": self._episode.late_ticks,
@@ -276,7 +285,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         except BaseException as error:
             self._running = False
             try:
-                self._neutral()
+                self._commands.neutral()
             except Exception as second:
                 error.add_note(f"Neutral could not be commanded either ({second}): cut the power of the motor.")
             if isinstance(error, OSError) and not isinstance(error, HardwareError):
@@ -293,24 +302,38 @@ class _Episode:
     """The period that runs ends at this time; None: the next step begins the schedule."""
     tick: int = 0
     late_ticks: int = 0
-    command: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
-    """(2,) steering and throttle as applied."""
+    evidence: int = 0
+    """Number of observations that differed from the one before, in all episodes."""
+    measured: Mapping[str, float] = field(default_factory=dict)
+
+    def weigh(self, readings: Mapping[str, float]) -> None:
+        """Count an observation if a sensor measured something else than before; its age alone does not count."""
+        measured = {name: value for name, value in readings.items() if not name.endswith("_age")}
+        self.evidence += measured != self.measured
+        self.measured = measured
 
 
 def _output(
-    output: str | PulseOutput,
+    output: str | PulseOutput | ActuatorProcess,
     calibration: CarCalibration,
     bus: int | str | Smbus,
+    limits: Limits,
     clock: Callable[[], float],
     sleep: Callable[[float], None],
-) -> PulseOutput:
+) -> PulseOutput | ActuatorProcess:
     if not isinstance(output, str):
         return output
     if output == "recorder":
         return Recorder(calibration, clock)
+    if output == "pca9685" and isinstance(bus, int | str):
+        return ActuatorProcess(actuator_settings(calibration, bus, limits))
     if output == "pca9685":
         return Pca9685(calibration, bus, sleep=sleep)
     raise ConfigError(f"unknown output '{output}': {nearest(output, OUTPUTS)}")
+
+
+def _commands(output: PulseOutput | ActuatorProcess, calibration: CarCalibration) -> Commands:
+    return output if isinstance(output, ActuatorProcess) else PulseCommands(output, calibration)
 
 
 def _check_provided(groups: Sequence[str], sensors: Sensors | None) -> None:

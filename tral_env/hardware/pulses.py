@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from tral_env.arrays import Array
 from tral_env.errors import ConfigError
+from tral_env.hardware.actuator.laws import Channel, pulse_us, slewed
 from tral_env.json_text import whole
 
 _MIN_TRAVEL_US = 50
@@ -52,6 +53,18 @@ class ChannelCalibration(_Section):
     def knots(self) -> Knots:
         """Pulses between which the map from a command is linear."""
         raise NotImplementedError
+
+    @property
+    def law(self) -> Channel:
+        """The numbers from which `tral_env.hardware.actuator.laws` makes pulses."""
+        minus, centre, plus, skip = (float(us) for us in self.knots)
+        return Channel(
+            self.channel, minus, centre, plus, skip, self.min_us, self.max_us, self._rests_within_us, self.slew_per_s
+        )
+
+    @property
+    def _rests_within_us(self) -> float:
+        return 0.0
 
     @model_validator(mode="after")
     def _consistent(self) -> ChannelCalibration:
@@ -102,6 +115,10 @@ class ThrottleCalibration(ChannelCalibration):
         """Pulses of reverse, neutral and forward, us, and the dead zone if it is skipped."""
         return Knots(self.reverse_us, self.neutral_us, self.forward_us, self.dead_zone_us if self.skip_dead_zone else 0)
 
+    @property
+    def _rests_within_us(self) -> float:
+        return float(self.dead_zone_us)
+
 
 class CarCalibration(_Section):
     """Calibration of one car: the content of a calibration file."""
@@ -124,6 +141,11 @@ class CarCalibration(_Section):
                 "neighbours: both pulses are to change in one transaction"
             )
         return self
+
+    @property
+    def laws(self) -> tuple[Channel, Channel]:
+        """Numbers of steering and throttle, see `ChannelCalibration.law`."""
+        return self.steering.law, self.throttle.law
 
     @property
     def neutral_us(self) -> tuple[float, float]:
@@ -178,10 +200,7 @@ def checked(action: ArrayLike) -> Array:
 
 
 def pulses(action: ArrayLike, calibration: CarCalibration) -> Array:
-    """Pulses that carry out a command, exact at -1, 0 and +1.
-
-    A command u > 0 has the pulse ``s + u (plus - s)`` with ``s = centre + sign(plus - centre) skip``; u < 0 has minus
-    in place of plus, and 0 has the centre.
+    """Pulses that carry out commands, see `tral_env.hardware.actuator.laws.pulse_us`.
 
     Args:
         action: (..., 2) steering, throttle; brought into [-1, 1].
@@ -194,10 +213,9 @@ def pulses(action: ArrayLike, calibration: CarCalibration) -> Array:
         ConfigError: the command has another shape, or is not finite.
     """
     command = checked(action)
-    minus, centre, plus, skip = _knots(calibration)
-    end = np.where(command > 0, plus, minus)
-    start = centre + np.where(command == 0, 0, np.sign(end - centre) * skip)
-    return calibration.limited(start + np.abs(command) * (end - start))
+    steering, throttle = calibration.laws
+    rows = [[pulse_us(turn, steering), pulse_us(drive, throttle)] for turn, drive in command.reshape(-1, 2).tolist()]
+    return np.array(rows, np.float64).reshape(command.shape)
 
 
 def action_of(pulses_us: ArrayLike, calibration: CarCalibration) -> Array:
@@ -238,9 +256,15 @@ def limit_slew(action: ArrayLike, last: ArrayLike, period_s: float, calibration:
     Raises:
         ConfigError: a command has another shape, or is not finite.
     """
-    rates = [section.slew_per_s or np.inf for section in (calibration.steering, calibration.throttle)]
-    step = np.array(rates) * period_s
-    before = checked(last)
-    low = np.minimum(before - step, [np.inf, 0.0])
-    high = np.maximum(before + step, [-np.inf, 0.0])
-    return np.clip(checked(action), low, high)
+    wanted, before = np.broadcast_arrays(checked(action), checked(last))
+    steering, throttle = calibration.laws
+    limited = [
+        [
+            slewed(turn, turned, steering.slew_per_s, period_s, zero_at_once=False),
+            slewed(drive, drove, throttle.slew_per_s, period_s, zero_at_once=True),
+        ]
+        for (turn, drive), (turned, drove) in zip(
+            wanted.reshape(-1, 2).tolist(), before.reshape(-1, 2).tolist(), strict=True
+        )
+    ]
+    return np.array(limited, np.float64).reshape(wanted.shape)

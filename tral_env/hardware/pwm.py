@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import atexit
-import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, Self
 
 from tral_env.errors import HardwareError
+from tral_env.hardware.actuator.laws import STEPS
+from tral_env.hardware.actuator.pca9685 import Board
 from tral_env.hardware.i2c import Bus, Smbus
 from tral_env.hardware.physical import Physical
 from tral_env.hardware.pulses import CarCalibration
@@ -71,12 +72,6 @@ class Recorder:
             self._open = False
 
 
-_MODE1, _MODE2, _LED0, _PRESCALE = 0x00, 0x01, 0x06, 0xFE
-_SLEEP, _AUTO_INCREMENT, _RESTART, _TOTEM_POLE = 0x10, 0x20, 0x80, 0x04
-_WAKE_UP_S = 0.001
-"""The oscillator runs this long after it was woken; the data sheet asks for half a millisecond."""
-_STEPS = 4096
-"""The board divides a period into so many steps."""
 _ATTEMPTS = 3
 """Neutral is sent so often before the board counts as lost."""
 
@@ -86,7 +81,8 @@ class Pca9685(Physical):
 
     The board gets neutral before its outputs wake, and again at its close, at the end of its ``with`` block and at the
     end of the interpreter; it goes on sending neutral then, because a motor controller without pulses may do anything.
-    A process that is killed outright (SIGKILL, SIGTERM without a handler) leaves the board with the last pulses.
+    A process that is killed outright (SIGKILL, SIGTERM without a handler) leaves the board with the last pulses: a real
+    car is driven by `tral_env.hardware.actuator.client.ActuatorProcess`.
     Source of registers and order: data sheet of NXP, revision 4.
     """
 
@@ -110,12 +106,19 @@ class Pca9685(Physical):
             HardwareError: the bus cannot be opened, or the board does not answer.
         """
         self._calibration = calibration
-        self._prescale = _prescale(calibration)
         self._bus = Bus(bus)
-        self._device = self._bus.device(address, "PWM board PCA9685")
+        steering, throttle = calibration.laws
+        self._board = Board(
+            self._bus.device(address, "PWM board PCA9685"),
+            period_us=calibration.period_us,
+            oscillator_hz=calibration.oscillator_hz,
+            steering=steering,
+            throttle=throttle,
+            sleep=sleep,
+        )
         self._driving, self._closed = True, False
         try:
-            self._start(sleep)
+            self._board.start()
         except BaseException:
             self._bus.close()
             raise
@@ -124,12 +127,12 @@ class Pca9685(Physical):
     @property
     def period_us(self) -> float:
         """Time from pulse to pulse, us, as near to the wanted one as the board's divider allows."""
-        return self.step_us * _STEPS
+        return self.step_us * STEPS
 
     @property
     def step_us(self) -> float:
         """The board makes pulses in steps of this length, us: (prescale + 1) / oscillator."""
-        return (self._prescale + 1) / self._calibration.oscillator_hz * 1e6
+        return self._board.step_us
 
     def write(self, steering_us: float, throttle_us: float) -> None:
         """Send both pulses in one transaction, rounded to steps; see `PulseOutput.write`."""
@@ -159,34 +162,8 @@ class Pca9685(Physical):
         """Close the board, which sends neutral, whatever happened."""
         self.close()
 
-    def _start(self, sleep: Callable[[float], None]) -> None:
-        """Set the divider while the board sleeps, give it neutral, and wake it."""
-        # A board that sleeps sends nothing and takes a new divider. It also stops answering to its second address
-        # 0x70, which is that of the first ultrasonic.
-        self._device.write(_MODE1, _SLEEP | _AUTO_INCREMENT)
-        self._device.write(_PRESCALE, self._prescale)
-        if (got := self._device.read(_PRESCALE)[0]) != self._prescale:
-            raise self._device.nonsense(f"reads back a divider of {got} instead of {self._prescale}: another device?")
-        self._device.write(_MODE2, _TOTEM_POLE)
-        self._send(*self._calibration.neutral_us)
-        self._device.write(_MODE1, _AUTO_INCREMENT)
-        sleep(_WAKE_UP_S)
-        if self._device.read(_MODE1)[0] & _RESTART:
-            self._device.write(_MODE1, _AUTO_INCREMENT | _RESTART)
-
     def _send(self, steering_us: float, throttle_us: float) -> None:
-        wanted = self._calibration.limited([steering_us, throttle_us]).tolist()
-        ticks = [self._ticks(us, low, high) for us, low, high in zip(wanted, *self._calibration.limits_us, strict=True)]
-        channels = [self._calibration.steering.channel, self._calibration.throttle.channel]
-        # Of each channel: on at tick 0, off at its tick. The board takes them over at the end of the transaction:
-        # both or none.
-        data = [byte for _, off in sorted(zip(channels, ticks, strict=True)) for byte in (0, 0, off & 0xFF, off >> 8)]
-        self._device.write(_LED0 + 4 * min(channels), *data)
-
-    def _ticks(self, us: float, low_us: float, high_us: float) -> int:
-        # Rounding must not step over a hard limit either.
-        low, high = math.ceil(low_us / self.step_us), math.floor(high_us / self.step_us)
-        return min(max(round(us / self.step_us), low), high)
+        self._board.set_pulses(*self._calibration.limited([steering_us, throttle_us]).tolist())
 
     def _send_neutral(self) -> None:
         for attempt in range(_ATTEMPTS):
@@ -197,8 +174,3 @@ class Pca9685(Physical):
                     error.add_note("Neutral could not be sent: cut the power of the motor.")
                     raise
         return None
-
-
-def _prescale(calibration: CarCalibration) -> int:
-    """Divider for the wanted period: round(oscillator period / 4096) - 1. Source: data sheet, 7.3.5."""
-    return round(calibration.oscillator_hz * calibration.period_us * 1e-6 / _STEPS) - 1

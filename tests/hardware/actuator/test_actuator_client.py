@@ -1,0 +1,165 @@
+"""The policy's end of the socket, against a worker in a thread whose board fails on demand."""
+
+import json
+import socket
+import threading
+import time
+from typing import Any
+
+import pytest
+from rig import NEUTRAL, Clock, FakeBoard, settings
+
+from tral_env.errors import HardwareError, MissingExtraError
+from tral_env.hardware.actuator import client
+from tral_env.hardware.actuator.client import ActuatorProcess
+from tral_env.hardware.actuator.wire import Reason
+from tral_env.hardware.actuator.worker import Worker
+
+
+class Real(Clock):
+    """The computer's clock."""
+
+    def __call__(self) -> int:
+        self.now_ns = time.monotonic_ns()
+        return self.now_ns
+
+
+class Thread:
+    """Stands for the process: a worker in a thread, and a keeper that answers."""
+
+    board: FakeBoard
+    worker: Worker
+    says: dict[str, Any]
+    works = True
+    status = 0
+
+    def __init__(self, arguments: list[str], pass_fds: list[int], **_: Any) -> None:
+        self.commands = socket.socket(fileno=socket.dup(pass_fds[0]))
+        self.commands.send(json.dumps(self.says).encode())
+        self.commands.setblocking(False)
+        self.keeper, kept = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        for each in (self.keeper, kept):
+            each.setblocking(False)
+        self.kept, self.over = kept, False
+        type(self).board = FakeBoard(Real())
+        self.board.start()
+        type(self).worker = Worker(settings(), self.board, self.commands, kept)
+        self.thread = threading.Thread(target=self.run)
+        self.thread.start()
+
+    def run(self) -> None:
+        while not self.over and not self.worker.guard.is_over:
+            if self.works:
+                self.keeper.send(b".")
+                self.worker.turn(True, True)
+            time.sleep(0.002)
+
+    def wait(self, timeout: float = 0.0) -> int:
+        self.over = True
+        self.thread.join()
+        for each in (self.commands, self.keeper, self.kept):
+            each.close()
+        return self.status
+
+    def kill(self) -> None:
+        self.over = True
+
+
+@pytest.fixture
+def process(monkeypatch: pytest.MonkeyPatch) -> type[Thread]:
+    class Fresh(Thread):
+        says: dict[str, Any] = {"worker": 1, "keeper": 2}  # noqa: RUF012
+
+    monkeypatch.setattr(client.subprocess, "Popen", Fresh)
+    return Fresh
+
+
+def drive(actuator: ActuatorProcess, seconds: float) -> None:
+    for _ in range(round(seconds * 80)):
+        actuator.command(0.0, 0.5, 0)
+        time.sleep(0.0125)
+        actuator.check()
+
+
+def test_a_board_that_refused_is_told_and_can_be_armed_again(process: type[Thread]) -> None:
+    with ActuatorProcess(settings()) as actuator:
+        actuator.arm()
+        drive(actuator, 0.1)
+        process.board.failures = 60
+        with pytest.raises(HardwareError, match="did not take pulses"):
+            drive(actuator, 1.0)
+        actuator.neutral()
+        assert actuator.reply is not None
+        assert actuator.reply.reason is Reason.BUS
+        actuator.arm()
+        drive(actuator, 0.1)
+
+
+def test_a_board_that_goes_on_refusing_neutral_says_to_cut_the_power(process: type[Thread]) -> None:
+    with ActuatorProcess(settings()) as actuator:
+        actuator.arm()
+        drive(actuator, 0.1)
+        process.board.failures = 10**9
+        with pytest.raises(HardwareError, match="Cut the power of the motor"):
+            actuator.neutral()
+        process.board.failures = 0
+        actuator.neutral()
+        assert process.board.stands == NEUTRAL
+
+
+def test_a_board_that_cannot_be_armed_is_told_with_the_reason(
+    process: type[Thread], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client, "_ARM_S", 0.1)
+    with ActuatorProcess(settings()) as actuator:
+        actuator.arm()
+        process.board.lost = "MODE1 0x11"
+        with pytest.raises(HardwareError, match="lost its settings"):
+            drive(actuator, 1.0)
+        process.board.failures = 10**9
+        with pytest.raises(HardwareError, match="does not arm: the PWM board lost its settings"):
+            actuator.arm()
+        process.board.failures = 0
+        actuator.arm()
+
+
+def test_a_worker_that_does_not_answer_is_told(process: type[Thread]) -> None:
+    with ActuatorProcess(settings()) as actuator:
+        with pytest.raises(HardwareError, match="does not answer"):
+            actuator.check()
+        actuator.arm()
+        process.works = False
+        with pytest.raises(HardwareError, match="does not answer"):
+            drive(actuator, 2.0)
+        with pytest.raises(HardwareError, match="does not answer"):
+            actuator.neutral()
+        process.works = True
+
+
+def test_pulses_that_could_not_be_ended_are_told_at_the_close(process: type[Thread]) -> None:
+    actuator = ActuatorProcess(settings())
+    process.status = 1
+    with pytest.raises(HardwareError, match="could not end the pulses"):
+        actuator.close()
+
+
+def test_a_closed_actuator_takes_no_command(process: type[Thread]) -> None:
+    actuator = ActuatorProcess(settings())
+    actuator.arm()
+    actuator.close()
+    with pytest.raises(HardwareError, match="is gone"):
+        actuator.command(0.0, 0.5, 0)
+    with pytest.raises(HardwareError, match="is gone"):
+        actuator.check()
+
+
+def test_a_missing_library_is_named_with_its_extra(process: type[Thread]) -> None:
+    process.says = {"kind": "MissingExtraError", "error": "no smbus2"}
+    with pytest.raises(MissingExtraError, match="smbus2"):
+        ActuatorProcess(settings())
+
+
+def test_an_error_at_the_start_is_told(process: type[Thread]) -> None:
+    process.says = {"kind": "HardwareError", "error": "no answer at 0x40"}
+    with pytest.raises(HardwareError, match="no answer at 0x40"):
+        ActuatorProcess(settings())

@@ -1,0 +1,28 @@
+"""docs/safety.md has every fault that is injected, with times below what the tests hold, and the limits of the code."""
+
+import re
+from pathlib import Path
+
+from faults import PROGRAMS, SIGNALS
+
+from tral_env.hardware.actuator.settings import Limits
+
+PAGE = (Path(__file__).parents[3] / "docs" / "safety.md").read_text("utf-8")
+
+
+def test_the_measured_table_has_every_fault() -> None:
+    rows = re.findall(r"^\| (.+?) \| (\d+), (\d+) ms \| (\d+), (\d+) ms \|$", PAGE, re.MULTILINE)
+    assert [row[0] for row in rows] == [*PROGRAMS, *SIGNALS]
+    for fault, *times in rows:
+        neutral, longest_neutral, off, longest_off = map(int, times)
+        assert neutral <= longest_neutral <= (1100 if fault == "observations frozen" else 190)
+        assert off <= longest_off <= (1550 if fault == "observations frozen" else 630)
+
+
+def test_the_laws_have_the_numbers_of_the_code() -> None:
+    limits = Limits()
+    told = [float(number) for number in re.findall(r"^\| [^|]+ \| ([\d.]+) s \|$", PAGE, re.MULTILINE)]
+    assert told == [
+        limits.arming_s, limits.max_age_s, limits.silence_s, limits.off_s, limits.evidence_s, limits.bus_s,
+        limits.check_s, limits.hang_s,
+    ]  # fmt: skip

@@ -1,0 +1,198 @@
+"""The worker's turns: packets in, pulses out, retries, the board read back, its keeper heard. Nothing here sleeps."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from rig import NEUTRAL, OFF, Works, settings
+
+from tral_env.hardware.actuator.wire import Flag, Reason, State
+
+HALF = (1530.0, 1300.0)
+
+
+@pytest.fixture
+def works() -> Iterator[Any]:
+    opened = []
+
+    def make(**limits: Any) -> Works:
+        opened.append(Works(settings(**limits)))
+        return opened[-1]
+
+    yield make
+    for each in opened:
+        each.close()
+
+
+def test_a_command_becomes_pulses_and_is_answered(works: Any) -> None:
+    car = works().arm()
+    car.drive(100, 0.5)
+    assert car.board.stands == HALF
+    reply = car.told()[-1]
+    assert (reply.state, reply.steering_us, reply.throttle_us, reply.sequence) == (State.ARMED, *HALF, car.sequence)
+
+
+def test_pulses_that_do_not_change_are_sent_again_every_100_ms(works: Any) -> None:
+    car = works()
+    before = len([1 for _, method, _ in car.board.done if method == "pulses"])
+    car.turns(400)
+    assert len([1 for _, method, _ in car.board.done if method == "pulses"]) - before == 4
+
+
+def test_the_newest_of_many_packets_counts_and_a_flood_does_not_keep_the_worker(works: Any) -> None:
+    car = works().arm()
+    for i in range(100):
+        car.send(i / 100)
+    before = car.board.tries
+    car.turn()
+    assert car.board.stands == pytest.approx((1530, 1500 - 4 * 63))
+    assert car.board.tries - before <= 2
+    car.turn()
+    assert car.board.stands == pytest.approx((1530, 1500 - 4 * 99))
+
+
+def test_a_source_that_ends_is_neutral_at_once_and_no_pulses_later(works: Any) -> None:
+    car = works().arm()
+    car.drive(100, 0.5)
+    car.source.close()
+    assert car.turn() == [car.ends[0]]
+    assert car.board.stands == NEUTRAL
+    for _ in range(40):
+        car.clock.sleep(0.01)
+        car.worker.turn(False, False)
+    assert car.board.stands == OFF
+    assert car.worker.guard.is_over
+
+
+def test_one_error_in_ten_thousand_transactions_does_not_end_a_drive(works: Any) -> None:
+    car = works().arm()
+    for _ in range(50):
+        car.drive(100, 0.5)
+        car.board.failures = 1
+        car.send(0.25)
+        car.turn()
+        assert car.board.stands == (1530.0, 1400.0)
+    assert car.worker.guard.state is State.ARMED
+    assert car.worker.retries == 50
+
+
+def test_a_transaction_is_tried_three_times_a_turn(works: Any) -> None:
+    car = works().arm()
+    car.board.failures, before = 10**6, car.board.tries
+    car.send(0.5)
+    car.turn()
+    assert car.board.tries - before == 3
+
+
+def test_retries_stay_within_the_budget_of_a_tick(works: Any) -> None:
+    car = works().arm()
+    car.board.failures, car.board.takes_ms, before = 10**6, 6.0, car.board.tries
+    car.send(0.5)
+    car.turn()
+    assert car.board.tries - before == 1
+
+
+def test_a_board_that_refuses_for_long_ends_the_drive_and_neutral_is_tried_until_it_is_taken(works: Any) -> None:
+    car = works().arm()
+    car.drive(100, 0.5)
+    car.board.failures = 10**6
+    car.drive(80, 0.5)
+    assert car.worker.guard.reason is Reason.BUS
+    assert car.told()[-1].reason is Reason.BUS
+    car.board.failures = 0
+    car.turn()
+    assert car.board.stands == NEUTRAL
+
+
+def test_a_brown_out_is_noticed_and_mended_only_when_somebody_arms(works: Any) -> None:
+    car = works(arming_s=0.05)
+    car.turns(60)
+    car.arm()
+    car.drive(100, 0.5)
+    car.board.lost = "MODE1 0x11"
+    car.drive(210, 0.5)
+    assert car.worker.guard.reason is Reason.BOARD
+    starts = [pulses for _, method, pulses in car.board.done if method == "start"]
+    assert len(starts) == 1
+    car.send()
+    car.turn()
+    car.send(flags=Flag.ARM)
+    car.turn()
+    assert [method for _, method, _ in car.board.done].count("start") == 2
+    assert car.worker.guard.state is State.DISARMED
+    for _ in range(10):
+        car.send(flags=Flag.ARM)
+        car.turn()
+    assert car.worker.guard.state is State.ARMED
+
+
+def test_a_board_that_cannot_be_set_up_is_not_armed(works: Any) -> None:
+    car = works().arm()
+    car.worker.guard.fail(Reason.BOARD, car.clock.now_ns)
+    car.send()
+    car.turn()
+    car.board.failures = 10**6
+    for _ in range(10):
+        car.send(flags=Flag.ARM)
+        car.turn()
+    assert car.worker.guard.state is State.DISARMED
+
+
+def test_a_read_back_that_fails_is_no_brown_out(works: Any) -> None:
+    car = works().arm()
+    car.board.cannot_be_read = True
+    car.drive(1000, 0.5)
+    assert car.worker.guard.state is State.ARMED
+    assert car.worker.retries == 15
+
+
+def test_a_keeper_that_is_gone_ends_the_drive(works: Any) -> None:
+    car = works().arm()
+    car.drive(100, 0.5)
+    car.keeper.close()
+    assert car.turn() == [car.ends[1]]
+    assert car.board.stands == NEUTRAL
+    assert car.told()[-1].reason is Reason.KEEPER
+
+
+def test_a_keeper_that_stands_still_ends_the_drive(works: Any) -> None:
+    car = works().arm()
+    car.keeper_lives = False
+    car.drive(150, 0.5)
+    assert car.worker.guard.state is State.ARMED
+    car.drive(20, 0.5)
+    assert car.worker.guard.reason is Reason.KEEPER
+    assert car.board.stands == NEUTRAL
+
+
+def test_the_keeper_sees_a_sign_of_life_every_tick_and_no_more(works: Any) -> None:
+    car = works()
+    for _ in range(100):
+        car.turn(2)
+    seen = 0
+    while True:
+        try:
+            car.keeper.recv(16)
+        except BlockingIOError:
+            break
+        seen += 1
+    assert seen == 20
+
+
+def test_a_signal_ends_the_drive(works: Any) -> None:
+    car = works().arm()
+    car.drive(100, 0.5)
+    car.worker.end()
+    car.turn()
+    assert car.board.stands == NEUTRAL
+    assert car.told()[-1].reason is Reason.SIGNAL
+    car.turns(400)
+    assert car.worker.guard.is_over
+
+
+def test_a_source_that_does_not_read_does_not_stop_the_worker(works: Any) -> None:
+    car = works().arm()
+    for _ in range(2000):
+        car.send(0.5)
+        car.turn()
+    assert car.board.stands == HALF

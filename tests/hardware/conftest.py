@@ -1,0 +1,1 @@
+"""What all tests of the car share; it also puts `fakes` on the path of the folders below."""

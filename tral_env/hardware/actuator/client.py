@@ -1,0 +1,229 @@
+"""The policy's end: it starts the actuator's process, sends commands, and tells what became of them."""
+
+from __future__ import annotations
+
+import json
+import select
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Self
+
+from tral_env.errors import HardwareError, MissingExtraError
+from tral_env.hardware.actuator.guard import OFF
+from tral_env.hardware.actuator.laws import pulse_us
+from tral_env.hardware.actuator.settings import Settings
+from tral_env.hardware.actuator.wire import (
+    MAX_PACKET,
+    NS,
+    TOLD,
+    Command,
+    Flag,
+    Reason,
+    Reply,
+    State,
+    pack,
+    read_reply,
+)
+from tral_env.hardware.physical import Physical
+
+_START_S = 10.0
+"""The process is ready after this time, or it counts as broken."""
+_ANSWER_S = 0.5
+"""The worker answers a command within this time, or it counts as lost."""
+_ARM_S = 2.0
+"""Arming takes at most so much longer than neutral has to stand."""
+_HEARTBEAT_S = 0.0125
+"""While the client waits, it sends neutral this often: a control period."""
+_END_S = 3.0
+"""The process ends within this time if the board takes pulses."""
+_POWER = "Cut the power of the motor."
+
+
+class ActuatorProcess(Physical):
+    """The actuator's process, as its only source of commands.
+
+    The process stands in a session of its own: Ctrl-C, Ctrl-Z and the end of a terminal do not reach it. It stops the
+    car when this end is closed, whatever the reason.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        """Start the process; it has sent neutral then, and is disarmed.
+
+        Raises:
+            MissingExtraError: the library of the bus is not installed.
+            HardwareError: the board does not answer.
+        """
+        self._settings = settings
+        self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-I", str(Path(__file__).with_name("__main__.py")), str(theirs.fileno()),
+                 settings.to_json()],
+                pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, start_new_session=True,
+            )  # fmt: skip
+        self._sequence, self._evidence = 0, 0
+        self._reply: Reply | None = None
+        try:
+            self.hello = self._hello()
+            """Process ids of `worker` and `keeper`, and whether `realtime`, `locked` and `spared` were granted."""
+        except BaseException:
+            self._socket.close()
+            self._process.kill()
+            self._process.wait()
+            raise
+
+    @property
+    def applied(self) -> tuple[float, float]:
+        """Steering and throttle as the worker applied them last."""
+        return (0.0, 0.0) if self._reply is None else (self._reply.steering, self._reply.throttle)
+
+    @property
+    def pulses_us(self) -> tuple[float, float]:
+        """Pulses that the worker sent last, us; 0: none."""
+        if self._reply is None:
+            return self._settings.steering.centre_us, self._settings.throttle.centre_us
+        return self._reply.steering_us, self._reply.throttle_us
+
+    @property
+    def reply(self) -> Reply | None:
+        """What the worker told last."""
+        return self._reply
+
+    def arm(self) -> None:
+        """Hold neutral until the worker lets the motor go; at once if it did so already.
+
+        Raises:
+            HardwareError: the worker does not arm, with its reason.
+        """
+        until_s = time.monotonic() + self._settings.limits.arming_s + _ARM_S
+        self._send(0.0, 0.0)  # a latch is undone by an ARM that was not there before
+        while (reply := self._ask(Flag.ARM)).state is not State.ARMED:
+            if time.monotonic() > until_s:
+                raise HardwareError(f"the actuator does not arm: {TOLD[reply.reason]}")
+            time.sleep(_HEARTBEAT_S)
+
+    def command(self, steering: float, throttle: float, evidence: int) -> None:
+        """Send a command, at once; the worker brings it within all limits.
+
+        Args:
+            steering: share of full lock, +1 = full left.
+            throttle: share of full throttle, +1 = full forward.
+            evidence: number of observations until now that differed from the one before.
+
+        Raises:
+            HardwareError: the process is gone.
+        """
+        self._evidence = evidence
+        self._send(steering, throttle)
+
+    def check(self) -> None:
+        """Hear what the worker told about the last command; call it some milliseconds after that.
+
+        Raises:
+            HardwareError: it does not let the motor go any more, with its reason; or it is gone.
+        """
+        self._hear()
+        if self._reply is None or time.monotonic_ns() - self._reply.stamp_ns > _ANSWER_S * NS:
+            raise HardwareError(f"the actuator's process does not answer. {_POWER}")
+        if self._reply.state is not State.ARMED:
+            raise HardwareError(f"the actuator stopped the car: {TOLD[self._reply.reason]}")
+
+    def neutral(self) -> None:
+        """Go to neutral, disarmed, and wait until the worker did.
+
+        Raises:
+            HardwareError: the board does not take pulses; or the process is gone, whose keeper ends the pulses.
+        """
+        until_s = time.monotonic() + _ANSWER_S
+        while not self._stands(self._ask(Flag.DISARM)):
+            if time.monotonic() > until_s:
+                raise HardwareError(f"{TOLD[Reason.BUS]}. {_POWER}")
+            time.sleep(_HEARTBEAT_S)
+
+    def close(self) -> None:
+        """Let go of the process, which ends in neutral, then no pulses; wait for that. A second call does nothing.
+
+        Raises:
+            HardwareError: the pulses could not be ended. The process goes on trying; another call waits again.
+        """
+        self._socket.close()
+        try:
+            status = self._process.wait(_END_S)
+        except subprocess.TimeoutExpired:
+            raise HardwareError(f"the actuator's process could not end the pulses yet. {_POWER}") from None
+        if status:
+            raise HardwareError(f"the actuator's process could not end the pulses (status {status}). {_POWER}")
+
+    def __enter__(self) -> Self:
+        """The process itself, disarmed."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close it, whatever happened."""
+        self.close()
+
+    def _stands(self, reply: Reply) -> bool:
+        """Whether the board has the pulses that the worker wants for a car that does not drive."""
+        settings, sent = self._settings, (reply.steering_us, reply.throttle_us)
+        wanted = pulse_us(reply.steering, settings.steering), pulse_us(reply.throttle, settings.throttle)
+        return reply.state is not State.ARMED and sent in (wanted, OFF)
+
+    def _hello(self) -> Mapping[str, Any]:
+        self._socket.settimeout(_START_S)
+        try:
+            packet = self._socket.recv(MAX_PACKET)
+        except TimeoutError as error:
+            raise HardwareError(f"the actuator's process did not begin within {_START_S:g} s") from error
+        if not packet:
+            raise HardwareError("the actuator's process ended before it began; its error stands above")
+        hello: dict[str, Any] = json.loads(packet)
+        if hello.get("kind") == MissingExtraError.__name__:
+            raise MissingExtraError("smbus2", "car", "the I2C bus of the car")
+        if "error" in hello:
+            raise HardwareError(hello["error"])
+        return hello
+
+    def _send(self, steering: float, throttle: float, flags: Flag = Flag.NONE) -> None:
+        self._sequence += 1
+        command = Command(self._sequence, time.monotonic_ns(), steering, throttle, self._evidence, flags)
+        try:
+            self._socket.settimeout(_ANSWER_S)
+            self._socket.send(pack(command))
+        except OSError as error:
+            raise self._lost() from error
+
+    def _hear(self) -> None:
+        """Take the replies that wait; the newest counts."""
+        try:
+            self._socket.setblocking(False)
+            while packet := self._socket.recv(MAX_PACKET):
+                self._reply = read_reply(packet) or self._reply
+        except BlockingIOError:
+            return
+        except OSError as error:
+            raise self._lost() from error
+        raise self._lost()
+
+    def _ask(self, flags: Flag) -> Reply:
+        """Send neutral with flags, again where it is not taken, and wait for the answer."""
+        until_s = time.monotonic() + _ANSWER_S
+        while time.monotonic() < until_s:
+            self._send(0.0, 0.0, flags)
+            readable, _, _ = select.select([self._socket], [], [], 4 * _HEARTBEAT_S)
+            while readable:
+                self._hear()
+                if self._reply is not None and self._reply.reason is Reason.WORKER:
+                    raise self._lost()
+                if self._reply is not None and self._reply.sequence == self._sequence:
+                    return self._reply
+                readable, _, _ = select.select([self._socket], [], [], 4 * _HEARTBEAT_S)
+        raise HardwareError(f"the actuator's process does not answer. {_POWER}")
+
+    def _lost(self) -> HardwareError:
+        reason = Reason.NONE if self._reply is None else self._reply.reason
+        told = f": {TOLD[reason]}" if reason is not Reason.NONE else ""
+        return HardwareError(f"the actuator's process is gone; its keeper ends the pulses{told}. Open the car anew")

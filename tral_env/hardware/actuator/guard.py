@@ -1,0 +1,211 @@
+"""The guard: it decides which pulses may stand now. No clock, no bus, no socket: all come as arguments.
+
+disarmed --ARM, throttle 0, neutral has stood--> armed --fault--> latched --ARM, throttle 0--> disarmed
+    ^                                              |
+    +-------------------- DISARM ------------------+
+"""
+
+from __future__ import annotations
+
+from tral_env.hardware.actuator.laws import MAX_SLEW_S, clamped, pulse_us, slewed
+from tral_env.hardware.actuator.settings import Settings
+from tral_env.hardware.actuator.wire import (
+    NOTHING_YET,
+    NS,
+    Command,
+    Flag,
+    Reason,
+    Refusal,
+    Reply,
+    State,
+    read,
+    refusal,
+)
+
+Pulses = tuple[float, float]
+"""Steering and throttle, us."""
+OFF: Pulses = (0.0, 0.0)
+"""No pulses leave the board."""
+
+_NEUTRAL = (0.0, 0.0)
+_FINAL = (Reason.LOST, Reason.SIGNAL, Reason.KEEPER)
+"""After these nobody is left that could arm."""
+
+
+class Guard:
+    """Judges each packet and each moment; `pulses` says what the board must send."""
+
+    def __init__(self, settings: Settings, now_ns: int) -> None:
+        """Begin disarmed, in neutral."""
+        self._settings, self._limits = settings, settings.limits
+        self.state, self.reason, self.ending = State.DISARMED, Reason.NONE, False
+        self._last, self._refusal = NOTHING_YET, Refusal.NONE
+        self._heard_ns = self._applied_ns = self._failed_ns = now_ns
+        self._applied = _NEUTRAL
+        self._stopped, self._goes_forward = False, False
+        self._told_to_drive, self._blind_ns = False, 0
+        """Whether the last command drove, and for how long that went on without a change of the observations."""
+        self._standing_ns: int | None = None
+        """Neutral stands since then."""
+        self._refusing_ns: int | None = None
+        """The board refuses pulses since then."""
+        self._sent: Pulses = self.neutral_us
+        self.needs_setup = False
+        """Whether the board has to be set up anew before the motor may be let go."""
+        self._refused = self._late = self._silences = 0
+
+    def take(self, packet: bytes, now_ns: int) -> None:
+        """Judge a packet from the socket."""
+        command = read(packet)
+        if command is None:
+            self._refuse(Refusal.FORM)
+            return
+        why = refusal(command, self._last, now_ns, self._ns(self._limits.max_age_s))
+        if why is Refusal.NONE and self.state is State.ARMED and command.source != self._last.source:
+            why = Refusal.SOURCE
+        # To stop is never too late, out of order, or somebody else's.
+        if command.flags & Flag.STOP:
+            self.fail(Reason.STOP, now_ns)
+        elif command.flags & Flag.DISARM and self.state is State.ARMED:
+            self._disarm()
+        if why is not Refusal.NONE:
+            self._refuse(why)
+            return
+        self._follow(command, now_ns)
+
+    def fail(self, reason: Reason, now_ns: int) -> None:
+        """Latch the disarm: neutral or the brake now, no pulses later. The first reason stays."""
+        self.ending = self.ending or reason in _FINAL
+        self.needs_setup = self.needs_setup or reason is Reason.BOARD
+        if self.state is State.LATCHED:
+            return
+        # A board that sends no pulses gets none for the sake of neutral.
+        self._failed_ns = now_ns if self._sent != OFF else now_ns - self._ns(self._limits.off_s)
+        if self.state is State.ARMED:
+            self._stop()
+        self.state, self.reason = State.LATCHED, reason
+
+    def restored(self) -> None:
+        """Note that the board was set up anew; neutral begins to stand again."""
+        self.needs_setup, self._standing_ns = False, None
+
+    def pulses(self, now_ns: int) -> Pulses:
+        """What the board must send now, steering and throttle, us; `OFF`: nothing."""
+        silence_ns, off_ns = self._ns(self._limits.silence_s), self._ns(self._limits.off_s)
+        quiet_ns = now_ns - self._heard_ns
+        if self.state is State.ARMED and quiet_ns >= silence_ns:
+            self._silences += not self._stopped
+            self._stop()
+            if quiet_ns >= off_ns:
+                self.fail(Reason.SILENCE, self._heard_ns + silence_ns)
+        if self.state is State.LATCHED and now_ns - self._failed_ns >= off_ns - silence_ns:
+            return OFF
+        if self.state is State.DISARMED and quiet_ns >= off_ns:
+            return OFF
+        steering, throttle = self._applied
+        return pulse_us(steering, self._settings.steering), pulse_us(throttle, self._settings.throttle)
+
+    def sent(self, pulses: Pulses, took: bool, now_ns: int) -> None:
+        """Note whether the board took pulses; a board that refuses them for too long is a fault."""
+        if not took:
+            self._refusing_ns = now_ns if self._refusing_ns is None else self._refusing_ns
+            if self.state is State.ARMED and now_ns - self._refusing_ns >= self._ns(self._limits.bus_s):
+                self.fail(Reason.BUS, now_ns)
+            return
+        self._refusing_ns, self._sent = None, pulses
+        if pulses != self.neutral_us:
+            self._standing_ns = None
+        elif self._standing_ns is None:
+            self._standing_ns = now_ns
+
+    @property
+    def neutral_us(self) -> Pulses:
+        """Pulses of steering straight and throttle neutral, us."""
+        return self._settings.steering.centre_us, self._settings.throttle.centre_us
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nobody is left that could arm, and no pulses leave the board."""
+        return self.ending and self._sent == OFF
+
+    def reply(self, now_ns: int, retries: int) -> Reply:
+        """What the source of the commands is told."""
+        counts = self._refused, self._late, self._silences, retries
+        return Reply(
+            self.state, self.reason, self._refusal, self._last.sequence, now_ns, *self._applied, *self._sent,
+            *(min(count, 2**32 - 1) for count in counts),
+        )  # fmt: skip
+
+    def _follow(self, command: Command, now_ns: int) -> None:
+        """Take a command that was not refused."""
+        before, self._last, self._refusal = self._last, command, Refusal.NONE
+        gap_ns, self._heard_ns = now_ns - self._heard_ns, now_ns
+        if command.flags & (Flag.STOP | Flag.DISARM):
+            return
+        if self.state is State.ARMED:
+            self._late += gap_ns > self._ns(MAX_SLEW_S)
+            self._weigh(command, before, gap_ns)
+            self._apply(command, now_ns)
+            if self._limits.evidence_s is not None and self._blind_ns > self._ns(self._limits.evidence_s):
+                self.fail(Reason.EVIDENCE, now_ns)
+        elif command.flags & Flag.ARM and command.throttle == 0.0 and not self.ending:
+            self._arm(before, now_ns)
+
+    def _arm(self, before: Command, now_ns: int) -> None:
+        """Do what an ARM may do: undo a latch if it was not held all along, or arm if neutral has stood."""
+        if self.state is State.LATCHED:
+            if not before.flags & Flag.ARM:
+                self.state, self._applied = State.DISARMED, _NEUTRAL
+            return
+        stood = self._standing_ns is not None and now_ns - self._standing_ns >= self._ns(self._limits.arming_s)
+        if stood and not self.needs_setup:
+            self.state, self.reason = State.ARMED, Reason.NONE
+            self._applied, self._applied_ns = _NEUTRAL, now_ns
+            self._stopped, self._goes_forward = False, False
+            self._told_to_drive, self._blind_ns = False, 0
+
+    def _disarm(self) -> None:
+        self.state, self._applied = State.DISARMED, _NEUTRAL
+
+    def _weigh(self, command: Command, before: Command, gap_ns: int) -> None:
+        """Sum up the time of driving since the observations changed."""
+        if command.evidence > before.evidence:
+            self._blind_ns = 0
+        elif self._told_to_drive:
+            self._blind_ns += gap_ns
+
+    def _apply(self, command: Command, now_ns: int) -> None:
+        """Bring a command within all limits of range and slew."""
+        seconds = min((now_ns - self._applied_ns) / NS, MAX_SLEW_S)
+        limits, (steering, throttle) = self._limits, self._applied
+        turn = clamped(command.steering, -1.0, 1.0)
+        drive = clamped(command.throttle, -limits.max_reverse, limits.max_throttle)
+        self._applied = (
+            slewed(turn, steering, self._settings.steering.slew_per_s, seconds, zero_at_once=False),
+            slewed(drive, throttle, self._settings.throttle.slew_per_s, seconds, zero_at_once=True),
+        )
+        self._applied_ns, self._stopped, self._told_to_drive = now_ns, False, self._applied[1] != 0.0
+        if self._applied[1] < 0.0:
+            self._goes_forward = False
+        elif self._moves(self._applied[1]):
+            self._goes_forward = True
+
+    def _moves(self, throttle: float) -> bool:
+        """Whether the motor controller takes a throttle for more than neutral."""
+        channel = self._settings.throttle
+        return abs(pulse_us(throttle, channel) - channel.centre_us) > channel.dead_zone_us
+
+    def _stop(self) -> None:
+        """Go to neutral, or to the brake where it cannot be taken for reverse; the first call alone decides."""
+        if not self._stopped:
+            brake = max(self._limits.brake, -self._limits.max_reverse)
+            self._applied = (0.0, brake) if self._goes_forward else _NEUTRAL
+            self._stopped, self._goes_forward = True, False
+
+    def _refuse(self, why: Refusal) -> None:
+        self._refused += 1
+        self._refusal = why
+
+    @staticmethod
+    def _ns(seconds: float) -> int:
+        return round(seconds * NS)

@@ -1,0 +1,172 @@
+"""The worker: it alone writes to the board while it lives. It hears the policy's process and its own keeper."""
+
+from __future__ import annotations
+
+import select
+import signal
+import socket
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from tral_env.hardware.actuator.drivers import ATTEMPTS, BUDGET_S, Driver
+from tral_env.hardware.actuator.guard import OFF, Guard, Pulses
+from tral_env.hardware.actuator.settings import Settings
+from tral_env.hardware.actuator.wire import MAX_PACKET, NS, Reason, State, pack_reply
+
+TICK_S = 0.01
+"""The worker looks at its clock at least this often."""
+REFRESH_S = 0.1
+"""Pulses that do not change are sent again this often."""
+_MAX_AT_ONCE = 64
+"""The worker reads at most so many packets before it looks at its clock: a flood cannot keep it from that."""
+_GIVE_UP_S = 10.0
+"""At its end the worker tries for this long to end the pulses."""
+ALIVE = b"."
+
+
+class Worker:
+    """One turn reads packets, asks the guard, writes pulses, and shows the keeper that it lives."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        driver: Driver,
+        commands: socket.socket,
+        keeper: socket.socket,
+        clock_ns: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        """Take over a board that has been set up; neither socket may block."""
+        self._settings, self._driver, self._clock_ns = settings, driver, clock_ns
+        self._commands, self._keeper = commands, keeper
+        now_ns = clock_ns()
+        self.guard = Guard(settings, now_ns)
+        self.retries = 0
+        self._told = (self.guard.state, self.guard.reason)
+        self._wanted: Pulses | None = None
+        self._written_ns = self._checked_ns = self._kept_ns = self._shown_ns = now_ns
+        self._ended_ns: int | None = None
+
+    def end(self, *_: object) -> None:
+        """Stop the car and end; a signal handler."""
+        self.guard.fail(Reason.SIGNAL, self._clock_ns())
+
+    def run(self) -> int:
+        """Work until nobody is left that could command, and no pulses leave the board.
+
+        Returns:
+            Exit status: 0 if the pulses have ended.
+        """
+        signal.signal(signal.SIGTERM, self.end)
+        poll = select.poll()
+        for each in (self._commands, self._keeper):
+            poll.register(each, select.POLLIN)
+        while not self.guard.is_over:
+            ready = dict(poll.poll(TICK_S * 1000))
+            if self._gave_up():
+                return 1
+            for lost in self.turn(self._commands.fileno() in ready, self._keeper.fileno() in ready):
+                poll.unregister(lost)
+        return 0
+
+    def turn(self, heard: bool, kept: bool) -> list[socket.socket]:
+        """Do one turn; which sockets have something to read is given. Gives back those that ended."""
+        lost = []
+        if heard and not self._listen():
+            lost.append(self._commands)
+            self.guard.fail(Reason.LOST, self._clock_ns())
+        if kept and not self._hear_keeper():
+            lost.append(self._keeper)
+            self.guard.fail(Reason.KEEPER, self._clock_ns())
+        self._write()
+        self._check_board()
+        self._show_life()
+        told = (self.guard.state, self.guard.reason)
+        if heard or told != self._told:
+            self._answer()
+        self._told = told
+        return lost
+
+    def _listen(self) -> bool:
+        """Judge the packets that wait; False: the other end is gone."""
+        for _ in range(_MAX_AT_ONCE):
+            try:
+                packet = self._commands.recv(MAX_PACKET)
+            except BlockingIOError:
+                return True
+            except OSError:
+                return False
+            if not packet:
+                return False
+            self.guard.take(packet, self._clock_ns())
+        return True
+
+    def _answer(self) -> None:
+        """Tell the source of the commands; a source that does not read is told nothing."""
+        try:
+            self._commands.send(pack_reply(self.guard.reply(self._clock_ns(), self.retries)))
+        except OSError:
+            return
+
+    def _write(self) -> None:
+        """Send the pulses that must stand now, if they changed or are due again."""
+        pulses, now_ns = self.guard.pulses(self._clock_ns()), self._clock_ns()
+        if pulses == self._wanted and now_ns - self._written_ns < REFRESH_S * NS:
+            return
+        took = self._attempt(self._driver.off if pulses == OFF else lambda: self._driver.set_pulses(*pulses))
+        self._wanted = pulses if took else None
+        self._written_ns = self._clock_ns()
+        self.guard.sent(pulses, took, self._written_ns)
+
+    def _check_board(self) -> None:
+        """Read the board's settings back when due; set a board that lost them up anew, in neutral alone."""
+        now_ns = self._clock_ns()
+        if self.guard.needs_setup and self.guard.state is State.DISARMED and not self.guard.ending:
+            if self._attempt(self._driver.start):
+                self.guard.restored()
+                self._wanted = None
+        elif now_ns - self._checked_ns >= self._settings.limits.check_s * NS:
+            self._checked_ns = now_ns
+            found: list[str] = []
+            if self._attempt(lambda: found.append(self._driver.check())) and found[-1]:
+                self.guard.fail(Reason.BOARD, now_ns)
+
+    def _attempt(self, transaction: Callable[[], object]) -> bool:
+        """Try a transaction again within the tick's budget; whether it succeeded."""
+        until_ns = self._clock_ns() + round(BUDGET_S * NS)
+        for attempt in range(ATTEMPTS):
+            if attempt and self._clock_ns() > until_ns:
+                return False
+            try:
+                transaction()
+            except OSError:
+                self.retries += 1
+                continue
+            return True
+        return False
+
+    def _show_life(self) -> None:
+        """Show the keeper a sign of life; a keeper that shows none for too long is a fault, too."""
+        now_ns = self._clock_ns()
+        if now_ns - self._shown_ns >= TICK_S * NS:
+            self._shown_ns = now_ns
+            with suppress(OSError):  # full: the keeper stands still; closed: the poll tells
+                self._keeper.send(ALIVE)
+        if now_ns - self._kept_ns >= 2 * self._settings.limits.hang_s * NS:
+            self.guard.fail(Reason.KEEPER, now_ns)
+
+    def _hear_keeper(self) -> bool:
+        """Take the keeper's signs of life; False: it is gone."""
+        try:
+            packet = self._keeper.recv(MAX_PACKET)
+        except BlockingIOError:
+            return True
+        except OSError:
+            return False
+        self._kept_ns = self._clock_ns()
+        return bool(packet)
+
+    def _gave_up(self) -> bool:
+        if self.guard.ending and self._ended_ns is None:
+            self._ended_ns = self._clock_ns()
+        return self._ended_ns is not None and self._clock_ns() - self._ended_ns > _GIVE_UP_S * NS
