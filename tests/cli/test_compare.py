@@ -10,7 +10,7 @@ from courses import blind
 from typer.testing import CliRunner, Result
 
 from tral_fsm.cli import app
-from tral_fsm.evaluation import suites
+from tral_fsm.evaluation import comparison, suites
 from tral_fsm.evaluation.suites import Suite
 from tral_fsm.formats import write
 
@@ -89,3 +89,13 @@ def test_bad_usage_is_told_before_anything_drives(arguments: tuple[object, ...],
     assert got.exit_code == 2
     assert message in got.output
     assert not (tmp_path / "cmp").exists()
+
+
+def test_a_stopped_comparison_says_how_it_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(comparison, "drive_missing", stop)
+    got = tral("--suite", "tiny", "--policies", "random", "--out", tmp_path)
+    assert got.exit_code == 1
+    assert "the same command goes on" in got.output

@@ -12,8 +12,8 @@ from courses import blind
 from tral_env.errors import ConfigError
 from tral_fsm.evaluation import comparison
 from tral_fsm.evaluation.analysis import LAST_POSES, analyse
-from tral_fsm.evaluation.comparison import RECORDS, drive_missing, gate_offset, missing, plans_of
-from tral_fsm.evaluation.contenders import Contender, contenders
+from tral_fsm.evaluation.comparison import RECORDS, drive_again, drive_missing, gate_offset, missing, plans_of
+from tral_fsm.evaluation.contenders import Contender, contenders, single_policy
 from tral_fsm.evaluation.records import Record
 from tral_fsm.evaluation.suites import Suite
 from tral_fsm.formats import write
@@ -105,6 +105,27 @@ def test_a_contender_that_has_changed_is_refused(folder: Path, field: list[Conte
 
 def test_jobs_are_split_among_processes(field: list[Contender]) -> None:
     assert [len(job.entries) for job in missing(TINY, field, [], processes=2)] == [3, 3]
+
+
+def test_agents_with_many_courses_drive_one_after_the_other(field: list[Contender]) -> None:
+    (job,) = missing(TINY.with_courses(130), field, [])
+    assert len({entry.agent.source for entry in job.entries[:130]}) == 1
+    assert [entry.seed for entry in job.entries[:130]] == list(range(500, 630))
+
+
+def test_a_failure_is_driven_again_as_it_was(folder: Path, field: list[Contender]) -> None:
+    shown = analyse(drive_missing(TINY, field, folder), TINY, [one.record() for one in field], resamples=20)
+    failure = shown["failures"][0]
+    policy = single_policy(next(one for one in field[0].agents if one.source == failure["agent"]))
+    assert policy is not None
+    ticks: list[float] = []
+    episode = drive_again(failure, TINY, policy, lambda env: lambda tick: ticks.append(tick.info["time_s"]))
+    assert (episode.outcome, episode.time_s) == (failure["outcome"], failure["time_s"])
+    assert ticks[-1] == failure["time_s"]
+
+
+def test_a_built_in_contender_has_no_policy_of_its_own(field: list[Contender]) -> None:
+    assert single_policy(field[1].agents[0]) is None
 
 
 def test_other_processes_drive_the_same(tmp_path: Path, folder: Path, field: list[Contender]) -> None:

@@ -5,17 +5,22 @@ from __future__ import annotations
 import base64
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 from typing import Any
 
+import imageio_ffmpeg
 import numpy as np
 import pytest
+from lane import Cruiser, Lane
 
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Segment
+from tral_fsm.evaluation.rollout import drive
 from tral_fsm.report.compare import plots
+from tral_fsm.report.compare.cells import OVERVIEW, OVERVIEW_UNITS, overview_rows
+from tral_fsm.report.compare.clip import FPS, LAST_S, Clip
 from tral_fsm.report.compare.markdown import markdown
 from tral_fsm.report.compare.page import heat, page_html
-from tral_fsm.report.compare.tables import OVERVIEW, OVERVIEW_UNITS, overview_rows
 
 PLAN = build_plan(Course(name="short", segments=(Segment(length=5.0, width=2.0),)))
 PLANS = {("straight", "none", 500): PLAN}
@@ -146,6 +151,36 @@ def test_names_are_text_and_no_markup(html: str) -> None:
 )
 def test_the_page_tells(told: str, html: str) -> None:
     assert told in Page(html).text
+
+
+def test_a_failure_may_have_a_video() -> None:
+    page = page_html(shown(), PLANS, {0: b"a film"})
+    (source,) = re.findall(r'<video [^>]*src="([^"]*)"></video>', page)
+    assert source == "data:video/mp4;base64,YSBmaWxt"
+    assert "<video" not in page_html(shown(), PLANS)
+
+
+class Grey:
+    """A view that gets lighter with each picture."""
+
+    def __init__(self) -> None:
+        self.taken = 0
+
+    def render_view(self, view: str, width: int, height: int) -> Any:
+        assert view == "chase"
+        self.taken += 1
+        return np.full((height, width, 3), 4 * self.taken, np.uint8)
+
+
+def test_a_clip_shows_the_last_seconds_and_holds_the_end(tmp_path: Path) -> None:
+    views = Grey()
+    clip = Clip(views, time_s=6.0)
+    drive(Lane(steps=480), Cruiser(), seed=1, on_step=clip)
+    assert views.taken == pytest.approx(LAST_S * FPS, abs=1)
+    clip.write(tmp_path / "clip.mp4")
+    frames, seconds = imageio_ffmpeg.count_frames_and_secs(tmp_path / "clip.mp4")
+    assert frames == views.taken + FPS
+    assert seconds == pytest.approx(LAST_S + 1.0, abs=0.2)
 
 
 def test_a_computer_is_told_once(html: str) -> None:

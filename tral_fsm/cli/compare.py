@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from tral_fsm.cli.console import FAILED
 from tral_fsm.programs.compare import PAGE, run, without_paths
 from tral_fsm.terminal import print_figures
 
@@ -40,7 +41,11 @@ def command(
     The command writes compare.html, compare.md and compare.json, and each drive into records.jsonl as it ends. Started
     again, it goes on where it stopped. Other policies or more courses can be added later.
     """
-    shown = run(policies, suite, out, courses=courses, seed=seed, processes=processes, videos=videos)
+    try:
+        shown = run(policies, suite, out, courses=courses, seed=seed, processes=processes, videos=videos)
+    except KeyboardInterrupt:
+        typer.echo(f"Stopped. The drives that have ended are in {out}; the same command goes on.", err=True)
+        raise typer.Exit(FAILED) from None
     if as_json:
         typer.echo(json.dumps(without_paths(shown), indent=2, allow_nan=False))
         return

@@ -26,7 +26,7 @@ from tral_fsm.evaluation.contenders import Agent, Contender, row_policies
 from tral_fsm.evaluation.episode import Episode, EpisodeRequest, EpisodeResult
 from tral_fsm.evaluation.loop import Index, Observer
 from tral_fsm.evaluation.pool import stop_check
-from tral_fsm.evaluation.records import Record, append, begin_run, collect, made_with
+from tral_fsm.evaluation.records import Bar, Record, append, begin_run, collect, made_with
 from tral_fsm.evaluation.row_policies import MixedPolicies, RowPolicies
 from tral_fsm.evaluation.suites import Suite
 
@@ -84,7 +84,7 @@ def drive_missing(
     field: Sequence[Contender],
     out: Path,
     processes: int = 1,
-    progress: Callable[[int], contextlib.AbstractContextManager[Callable[[], None]]] | None = None,
+    progress: Bar | None = None,
 ) -> list[Record]:
     """Drive what the records do not hold yet.
 
@@ -93,7 +93,7 @@ def drive_missing(
         field: the contenders.
         out: folder of the records.
         processes: number of processes that drive; 1: this one.
-        progress: makes a bar from the number of drives to do; it gives a function that counts one.
+        progress: makes a bar of the drives; None: no bar.
 
     Returns:
         The records of all drives of the suite and the field, and the lines of the runs that made them.
@@ -134,7 +134,8 @@ def wanted(suite: Suite, field: Sequence[Contender], lines: Sequence[Record]) ->
 def missing(suite: Suite, field: Sequence[Contender], lines: Sequence[Record], processes: int = 1) -> Iterator[Job]:
     """Jobs for the drives that have no line, at least one for each process if there are enough drives.
 
-    All agents take their turns on each course.
+    All agents take their turns on each course, so that they share a batch. One that has more courses than a batch has
+    rows drives alone: a network decides for all rows of its batch, also for those of others.
     """
     done = {key(line) for line in lines if line["kind"] == "drive"}
     agents = [(one.name, agent) for one in field for agent in one.agents]
@@ -146,6 +147,8 @@ def missing(suite: Suite, field: Sequence[Contender], lines: Sequence[Record], p
             for name, agent in agents
             if (name, agent.source, level, family, seed) not in done
         ]
+        if len(suite.seeds) * len(suite.families) >= MAX_ROWS:
+            entries.sort(key=lambda entry: agents.index((entry.contender, entry.agent)))
         size = min(JOB_DRIVES, max(-(-len(entries) * len(suite.levels) // processes), 1))
         for k in range(0, len(entries), size):
             yield Job(suite=suite, level=level, entries=tuple(entries[k : k + size]))

@@ -77,7 +77,10 @@ def compare(
     shown |= {"command": shlex.join([program, *sys.argv[1:]]), "seconds": round(time.perf_counter() - began, 1)}
     write_json(out / FIGURES, without_paths(shown))
     write_bytes(out / TABLES, markdown(shown).encode())
-    write_bytes(out / PAGE, page_html(shown, plans_of(shown), clips(shown, suite, field, videos)).encode())
+    plans = plans_of(shown)
+    write_bytes(out / PAGE, page_html(shown, plans).encode())
+    if videos:  # the page stands, even if this computer cannot render
+        write_bytes(out / PAGE, page_html(shown, plans, clips(shown, suite, field, videos)).encode())
     return shown
 
 
@@ -102,7 +105,7 @@ def clips(shown: dict[str, Any], suite: Suite, field: Sequence[Contender], video
             return taken[0]
 
         episode = drive_again(failure, suite, policy, watch)
-        if episode.outcome == failure["outcome"]:
+        if episode.outcome == failure["outcome"]:  # a network's answers differ in the last bit from batch to batch
             with tempfile.TemporaryDirectory() as folder:
                 taken[0].write(Path(folder) / "clip.mp4")
                 made[number] = (Path(folder) / "clip.mp4").read_bytes()

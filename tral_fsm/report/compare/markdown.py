@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tral_fsm.report.compare.tables import OVERVIEW, OVERVIEW_UNITS, PAIRS, overview_rows, pair_rows, percent
+from tral_fsm.report.compare.cells import OVERVIEW, OVERVIEW_UNITS, PAIRS, overview_rows, pair_rows, percent
 
 
 def markdown(shown: Mapping[str, Any]) -> str:

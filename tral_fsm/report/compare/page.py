@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from tral_env.course.plan import Plan
 from tral_fsm.report.compare import plots
-from tral_fsm.report.compare.tables import (
+from tral_fsm.report.compare.cells import (
     OVERVIEW,
     OVERVIEW_UNITS,
     PAIRS,
