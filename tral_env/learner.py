@@ -409,3 +409,11 @@ def inverse(config: LearnerConfig, steering: NDArray[np.floating], drive: NDArra
     actions[:, STEERING] = steering
     actions[:, THROTTLE] = (drive - low) * (2 / (high - low)) - 1.0
     return np.minimum(np.maximum(actions, -1.0, out=actions), 1.0, out=actions)
+
+
+def corrected(
+    command: NDArray[np.floating], correction: NDArray[np.floating], bounds: tuple[float, float]
+) -> NDArray[np.float32]:
+    """Commands (n, 2) of a policy with corrections (n, 2) in [-1, 1], each times its bound, within [-1, 1]."""
+    step = np.minimum(np.maximum(correction, -1.0), 1.0).astype(np.float64) * bounds
+    return np.minimum(np.maximum(command.astype(np.float64) + step, -1.0), 1.0).astype(np.float32)

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from tral_env.decisions import Decisions
+from tral_env.decisions import Decisions, RowPolicy
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import CONTROL_RATE_HZ, FloatArray, action_space
 from tral_env.options import CorridorConfig, check_counts, option_parameters, takes
@@ -80,6 +80,15 @@ class TralCorridorVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
     def provided_readings(self) -> frozenset[str]:
         """Names of the fields that the cars measure: all of the observation."""
         return frozenset(self.world.layout.names)
+
+    def correct(self, policy: RowPolicy, bounds: tuple[float, float]) -> None:
+        """Let a policy drive, and take actions as corrections of its commands from now on; before the first reset.
+
+        Args:
+            policy: it sees the plain readings of every tick, and has a `reset_rows`, as machines have.
+            bounds: largest correction of steering and throttle: action 1 adds so much.
+        """
+        self._decisions.correct(policy, bounds)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None

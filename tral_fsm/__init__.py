@@ -9,8 +9,9 @@ from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.formats.library import load as load_machine
 from tral_fsm.formats.library import names as machine_names
 from tral_fsm.runtime.driver import Driver
+from tral_fsm.runtime.load import load_policy
 from tral_fsm.runtime.machine import Machine, Transit
-from tral_fsm.runtime.policy import MachinePolicy, load_policy
+from tral_fsm.runtime.policy import MachinePolicy
 from tral_fsm.states import State
 
 states.STATES.register_all(states.BUILT_IN)

@@ -186,9 +186,7 @@ def the_environment_knows_no_state_machine(imports: Imports) -> list[str]:
 def policies_know_the_waist_alone(imports: Imports) -> list[str]:
     """The runtime, which runs policies, also knows trained ones."""
     runs = {"tral_fsm.runtime"}
-    return _outside(imports, POLICY - runs, WAIST | POLICY) + _outside(
-        imports, runs, WAIST | POLICY | {"tral_env.learned", "tral_env.policy_file"}
-    )
+    return _outside(imports, POLICY - runs, WAIST | POLICY) + _outside(imports, runs, WAIST | POLICY | LEARNED)
 
 
 def nobody_imports_report_and_cli(imports: Imports) -> list[str]:

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from tral_env.errors import ConfigError, PolicyError, nearest, reason
 from tral_env.interface import CONTROL_PERIOD_S, Policy
-from tral_fsm.runtime.policy import MachinePolicy, load_policy
+from tral_fsm.runtime.load import load_policy
+from tral_fsm.runtime.policy import MachinePolicy
 
 _SOURCE = re.compile(r"(?P<path>.+\.py)(?::(?P<name>.*))?")
 _EXPECTED = "an object with act(observation) or predict(observation)"

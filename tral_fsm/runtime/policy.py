@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env import policy_file
 from tral_env.errors import MachineError
 from tral_env.interface import CORE_LAYOUT
-from tral_env.learned import LearnedPolicy
 from tral_fsm.definition.machine import MachineDefinition, needed_readings
 from tral_fsm.formats import library
 from tral_fsm.runtime.driver import Driver
@@ -151,28 +149,12 @@ class MachinePolicy:
         return np.array([driver.speed_target for driver in self._drivers])
 
 
-def load_policy(name_or_path: str | Path, trace: Trace | None = None) -> MachinePolicy | LearnedPolicy:
-    """A policy: a machine, or a trained network.
+def load_machine_policy(name_or_path: str | Path, trace: Trace | None = None) -> MachinePolicy:
+    """The policy of a machine.
 
     Args:
-        name_or_path: name of a packaged machine, path of a machine's file, or path of a policy that was trained (its
-            folder, or the policy.json in it).
-        trace: called for each transition that fires in the first car of a machine.
-
-    Returns:
-        A policy for one car; `reset(n)` for more.
-
-    Raises:
-        MachineError: no such machine, or it cannot run.
-        PolicyFileError: the policy was made for other readings, or its files are damaged.
-    """
-    if policy_file.is_policy_file(name_or_path):
-        return policy_file.load(name_or_path)
-    return load_machine_policy(name_or_path, trace)
-
-
-def load_machine_policy(name_or_path: str | Path, trace: Trace | None = None) -> MachinePolicy:
-    """The policy of a machine, see `load_policy`.
+        name_or_path: name of a packaged machine, or path of a file.
+        trace: called for each transition that fires in the first car.
 
     Raises:
         MachineError: no such machine, or it cannot run.

@@ -1,0 +1,33 @@
+"""Any policy by its name or path: a machine, a trained network, a machine that a network corrects."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tral_env import policy_file
+from tral_env.learned import LearnedPolicy
+from tral_fsm.runtime.corrected import CorrectedPolicy, policy_of
+from tral_fsm.runtime.machine import Trace
+from tral_fsm.runtime.policy import MachinePolicy, load_machine_policy
+
+
+def load_policy(
+    name_or_path: str | Path, trace: Trace | None = None
+) -> MachinePolicy | LearnedPolicy | CorrectedPolicy:
+    """A policy: a machine, or a trained network.
+
+    Args:
+        name_or_path: name of a packaged machine, path of a machine's file, or path of a policy that was trained (its
+            folder, or the policy.json in it).
+        trace: called for each transition that fires in the first car of a machine.
+
+    Returns:
+        A policy for one car; `reset(n)` for more.
+
+    Raises:
+        MachineError: no such machine, or it cannot run.
+        PolicyFileError: the policy was made for other readings, or its files are damaged.
+    """
+    if policy_file.is_policy_file(name_or_path):
+        return policy_of(policy_file.load_network(name_or_path))
+    return load_machine_policy(name_or_path, trace)
