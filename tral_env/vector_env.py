@@ -151,7 +151,7 @@ class TralCorridorVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         return [None if each is None else int(each) for each in seeds]
 
     def step(self, actions: FloatArray) -> tuple[FloatArray, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Drive all cars for 12.5 ms.
+        """Drive all cars for a decision, which is 12.5 ms by default.
 
         Args:
             actions: (n, 2) steering, throttle.

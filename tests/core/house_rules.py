@@ -24,9 +24,8 @@ WAIST_NEEDS = {"numpy", "gymnasium.spaces"}
 PHYSICS = {"mujoco"}
 HEAVY = PHYSICS | {"torch", "stable_baselines3", "matplotlib"}
 LAWS = {f"tral_env.{room}" for room in ("sensors", "actuation", "task", "noise", "config")}
-ON_THE_CAR = {
-    f"tral_env.{room}" for room in ("hardware", "recording", "learner", "learned", "policy_file", "tensors", "ros")
-}
+LEARNED = {f"tral_env.{room}" for room in ("learner", "learned", "policy_file", "tensors")}
+ON_THE_CAR = LEARNED | {f"tral_env.{room}" for room in ("hardware", "recording", "ros")}
 CAR_NEEDS = WAIST | ON_THE_CAR | LAWS - {"tral_env.task"} | {"tral_env.perception", "tral_env.atomic"}
 OPTIONS_NEED = {
     f"tral_env.{room}" for room in ("config", "randomization", "course", "perception", "calibration", "learner")

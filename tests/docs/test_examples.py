@@ -30,6 +30,7 @@ CHEAPER = {
     'settle.speed=0.4:1.2" --randomization hard --budget 480 --seeds 200:240 --report-seeds 500:600': (
         "--seeds 0:1 --budget 4 --population 4 --report-seeds 500:501 --grid 0"
     ),
+    "tral train --algo teacher --scenario corners --minutes 4 --out runs/student": "--minutes 0.01 --validation 1",
     "tral tune --policy wall --sampler tpe --storage study.log --out runs/tune1": (
         "--seeds 0:1 --budget 4 --population 4 --report-seeds none --grid 0"
     ),
@@ -71,7 +72,7 @@ IN_CHECKOUT = ("ruff", "mypy")
 FOLLOWED_ELSEWHERE = "docs/tutorial.md"
 """Its examples are files and commands that need one another: test_tutorial_page.py follows it in order."""
 
-SKIPS_WITHOUT = {"benchmarks/compare.py": "stable_baselines3", "tpe": "optuna"}
+SKIPS_WITHOUT = {"benchmarks/compare.py": "stable_baselines3", "train": "torch", "tpe": "optuna"}
 
 PAGE_SKIPS_WITHOUT = {"docs/learning.md": ("stable_baselines3", "skrl")}
 
