@@ -96,7 +96,7 @@ class Decisions:
         total: Step | None = None
         for _ in range(self._ticks):
             moved = np.ones(self.world.n, bool) if driving is None else driving
-            command = self._actuation.command(wanted, self._readings[:, self._speed], driving)
+            command: NDArray[np.floating] = self._actuation.command(wanted, self._readings[:, self._speed], driving)
             if self._base is not None:
                 command = corrected(self._base.act(self._readings), command, self._bounds)
             step = self.world.step(command, None if driving is None else np.flatnonzero(driving))

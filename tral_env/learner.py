@@ -408,7 +408,8 @@ def inverse(config: LearnerConfig, steering: NDArray[np.floating], drive: NDArra
     actions = np.empty((len(steering), 2), np.float32)
     actions[:, STEERING] = steering
     actions[:, THROTTLE] = (drive - low) * (2 / (high - low)) - 1.0
-    return np.minimum(np.maximum(actions, -1.0, out=actions), 1.0, out=actions)
+    np.minimum(np.maximum(actions, -1.0, out=actions), 1.0, out=actions)
+    return actions
 
 
 def corrected(

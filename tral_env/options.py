@@ -114,7 +114,7 @@ class CorridorConfig(LearnerConfig):
         return LearnerConfig(**{place.name: getattr(self, place.name) for place in fields(LearnerConfig)})
 
     @classmethod
-    def of(  # type: ignore[override]
+    def of(
         cls, options: Mapping[str, Any], *, allowed: Iterable[str] = (), image_size: tuple[int, int] | None = None
     ) -> CorridorConfig:
         """The configuration that the options of an environment ask for.

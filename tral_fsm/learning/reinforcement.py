@@ -107,7 +107,7 @@ def _cars(run: TrainingRun) -> VecEnv:
         **settings.learner.record(),
     )
     if isinstance(settings, ResidualSettings):
-        venv.unwrapped.env.correct(MachinePolicy(library.load(request.machine_name)), settings.bounds)
+        venv.env_method("correct", MachinePolicy(library.load(request.machine_name)), settings.bounds, indices=0)
     if settings.normalize_reward:
         return VecNormalize(venv, norm_obs=False, gamma=settings.algorithm.get("gamma", 0.99))
     return venv
