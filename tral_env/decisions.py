@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from gymnasium import spaces
@@ -12,8 +12,17 @@ from numpy.typing import NDArray
 
 from tral_env import task
 from tral_env.arrays import Array, Flags, Index
-from tral_env.learner import Actuation, LearnerView
+from tral_env.interface import Policy
+from tral_env.learner import Actuation, LearnerView, corrected
 from tral_env.world import ResetRequest, Step, World
+
+
+class RowPolicy(Policy, Protocol):
+    """A policy that begins anew in some rows."""
+
+    def reset_rows(self, rows: Flags) -> None:
+        """Start the cars again where `rows` (n,) is true."""
+        ...
 
 
 class Decisions:
@@ -26,8 +35,20 @@ class Decisions:
         self._is_plain = config.observation == "readings" and config.history == 1
         self._view = LearnerView(config, world.n, world.layout)
         self._actuation = Actuation(config, world.n)
+        self._base: RowPolicy | None = None
+        self._bounds = (1.0, 1.0)
         self._speed = world.layout.column("speed")
         self._readings: NDArray[np.float32] = np.zeros((world.n, world.layout.size), np.float32)
+
+    def correct(self, policy: RowPolicy, bounds: tuple[float, float]) -> None:
+        """Let a policy drive at every tick, and take actions as corrections of its commands; before a reset.
+
+        Args:
+            policy: it sees the plain readings.
+            bounds: largest correction of steering and throttle.
+        """
+        policy.reset(self.world.n)
+        self._base, self._bounds = policy, bounds
 
     def space(self) -> spaces.Box:
         """Space of one car's observation."""
@@ -46,6 +67,8 @@ class Decisions:
         rows[request.rows] = True
         self._readings = self.world.observation()
         self._actuation.reset(rows)
+        if self._base is not None:
+            self._base.reset_rows(rows)
         if not self._is_plain:
             self._view.reset(rows, self._readings)
         return cars
@@ -73,7 +96,9 @@ class Decisions:
         total: Step | None = None
         for _ in range(self._ticks):
             moved = np.ones(self.world.n, bool) if driving is None else driving
-            command = self._actuation.command(wanted, self._readings[:, self._speed], driving)
+            command: NDArray[np.floating] = self._actuation.command(wanted, self._readings[:, self._speed], driving)
+            if self._base is not None:
+                command = corrected(self._base.act(self._readings), command, self._bounds)
             step = self.world.step(command, None if driving is None else np.flatnonzero(driving))
             ended = (step.terminated | step.truncated) & moved
             total = step if total is None else _added(total, step, moved)

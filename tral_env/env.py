@@ -45,6 +45,8 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
     The motor stays off up to a throttle of 0.08 either way. A command takes effect after the car's latency, 0.02 s
     when nothing is randomized. Throttle against the direction of travel brakes. The direction changes only after the
     motor controller has seen 0.1 s of brake and then 0.1 s of neutral. A command beyond the bounds counts as the bound.
+    The options `decision_hz`, `action` and `drive_range` hold a command for several ticks, and let the second action
+    ask for a speed. Rewards then add up over the ticks, and an episode that ends among them ends the step.
 
     ## Observation Space
     `Box((d,), float32)` in SI units. A reading keeps its value until the next one arrives. Ranges, gate and marker
@@ -61,7 +63,8 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
     | `imu` | 6 | angular rate about x, y, z, rad/s; acceleration with gravity along x, y, z, m/s^2 |
     | `battery` | 1 | voltage of the drive battery under load, V |
 
-    These groups are for learners and for your own code: a state machine sees the core readings only.
+    These groups are for learners and for your own code: a state machine sees the core readings only. The options
+    `observation="features"`, `history` and `spacing_s` make an observation for a network, `Box(-1, 1, (H * F,))`.
 
     ## Rewards
     The reward is the sum of these terms, which `info["reward_terms"]` tells by name. The weights are fields of
@@ -218,7 +221,7 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
         return self._observation(self._decisions.observation()[0]), info
 
     def step(self, action: NDArray[np.floating]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Drive for 12.5 ms.
+        """Drive for a decision, which is 12.5 ms by default.
 
         Args:
             action: (2,) steering, throttle.

@@ -34,6 +34,25 @@ OUTPUTS: Mapping[str, Callable[[Values], Values]] = {
 """What follows the last layer, by name: actions are in [-1, 1]."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Correction:
+    """What a network corrects: its actions, times the bounds, are added to the commands of a machine."""
+
+    machine: str
+    """Text of the machine's file, TRAL JSON."""
+    bounds: tuple[float, float]
+    """Largest correction of steering and throttle."""
+
+    def __post_init__(self) -> None:
+        within = isinstance(self.bounds, tuple) and len(self.bounds) == 2 and all(map(_is_bound, self.bounds))
+        if not within or not isinstance(self.machine, str):
+            raise ConfigError(f"bounds = {self.bounds!r}: expected two numbers above 0, at most 1: steering, throttle")
+
+
+def _is_bound(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value <= 1
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Network:
     """A perceptron that decides for cars."""
@@ -49,6 +68,8 @@ class Network:
     normalization: tuple[Values, Values] | None = None
     """Mean and standard deviation of each input, which are taken from it and divided by; None: inputs stay as they
     are."""
+    correction: Correction | None = None
+    """What it corrects; None: its actions are commands themselves."""
     provenance: Mapping[str, Any] = field(default_factory=dict)
     """Where it comes from: algorithm, courses, seeds, versions, curve; for JSON."""
 

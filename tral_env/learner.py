@@ -408,4 +408,14 @@ def inverse(config: LearnerConfig, steering: NDArray[np.floating], drive: NDArra
     actions = np.empty((len(steering), 2), np.float32)
     actions[:, STEERING] = steering
     actions[:, THROTTLE] = (drive - low) * (2 / (high - low)) - 1.0
-    return np.minimum(np.maximum(actions, -1.0, out=actions), 1.0, out=actions)
+    np.minimum(np.maximum(actions, -1.0, out=actions), 1.0, out=actions)
+    return actions
+
+
+def corrected(
+    command: NDArray[np.floating], correction: NDArray[np.floating], bounds: tuple[float, float]
+) -> NDArray[np.float32]:
+    """Commands (n, 2) of a policy with corrections (n, 2) in [-1, 1], each times its bound, within [-1, 1]."""
+    step = np.clip(correction, -1.0, 1.0).astype(np.float64) * np.array(bounds)
+    total: NDArray[np.float64] = command.astype(np.float64) + step
+    return np.clip(total, -1.0, 1.0).astype(np.float32)

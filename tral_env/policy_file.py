@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -19,15 +20,15 @@ from tral_env import json_text, tensors
 from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError, PolicyFileError
 from tral_env.interface import CORE_FIELDS
-from tral_env.learned import LearnedPolicy, Network
-from tral_env.learner import LearnerConfig, LearnerView
+from tral_env.learned import Correction, LearnedPolicy, Network
+from tral_env.learner import LearnerConfig, LearnerView, pair
 
 Values = NDArray[np.float32]
 
 FORMAT = "tral-policy"
 VERSION = 1
 JSON_NAME, WEIGHTS_NAME = "policy.json", "policy.safetensors"
-KEYS = ("format", "version", "observation", "learner", "network", "provenance")
+KEYS = ("format", "version", "observation", "learner", "network", "correction", "provenance")
 MAX_JSON_BYTES = 2**20
 """A policy.json has this size at most."""
 
@@ -75,6 +76,7 @@ def save(network: Network, folder: str | Path) -> Path:
             "normalized": network.normalization is not None,
             "weights_sha256": hashlib.sha256(weights).hexdigest(),
         },
+        "correction": None if network.correction is None else asdict(network.correction),
         "provenance": dict(network.provenance),
     }
     write_bytes(folder / WEIGHTS_NAME, weights)
@@ -103,18 +105,23 @@ def load(path: str | Path) -> LearnedPolicy:
         path: the folder, or the policy.json in it.
 
     Raises:
-        PolicyFileError: a file cannot be read, is damaged, or was made for other readings.
+        PolicyFileError: a file cannot be read, is damaged, was made for other readings, or corrects a machine, which
+            `tral_fsm.load_policy` loads.
     """
-    path = Path(path)
-    return LearnedPolicy(load_network(path / JSON_NAME if path.is_dir() else path))
+    network = load_network(path)
+    if network.correction is not None:
+        raise PolicyFileError(f"{path}: it corrects a machine: load it with tral_fsm.load_policy")
+    return LearnedPolicy(network)
 
 
-def load_network(path: Path) -> Network:
-    """Read a network from its policy.json and the weights beside it.
+def load_network(path: str | Path) -> Network:
+    """Read a network from its policy.json, or the folder of it, and the weights beside it.
 
     Raises:
         PolicyFileError: a file cannot be read, is damaged, or was made for other readings.
     """
+    path = Path(path)
+    path = path / JSON_NAME if path.is_dir() else path
     content = _content(path)
     _check_schema(content, path)
     try:
@@ -132,23 +139,25 @@ def load_network(path: Path) -> Network:
     if hashlib.sha256(raw).hexdigest() != about.get("weights_sha256"):
         raise PolicyFileError(f"{weights}: these are not the weights of {path}: copy both files together")
     try:
-        return _network(learner, about, arrays, content["provenance"])
+        return _network(learner, content, arrays)
     except (ConfigError, KeyError, TypeError) as error:
         raise PolicyFileError(f"{path}: network: {error}") from error
 
 
-def _network(learner: LearnerConfig, about: Mapping[str, Any], arrays: dict[str, Values], provenance: Any) -> Network:
+def _network(learner: LearnerConfig, content: Mapping[str, Any], arrays: dict[str, Values]) -> Network:
     """The network of checked files; a KeyError tells what is missing."""
+    about, correction = content["network"], content["correction"]
     count = len(about["sizes"]) - 1
-    layers = [(arrays[f"layer{index}.weight"], arrays[f"layer{index}.bias"]) for index in range(count)]
-    normalization = (arrays["input.mean"], arrays["input.std"]) if about["normalized"] else None
+    if correction is not None:
+        correction = Correction(machine=correction["machine"], bounds=pair(correction["bounds"]))
     return Network(
         learner=learner,
-        layers=layers,
+        layers=[(arrays[f"layer{index}.weight"], arrays[f"layer{index}.bias"]) for index in range(count)],
         activation=about["activation"],
         output=about["output"],
-        normalization=normalization,
-        provenance=provenance,
+        normalization=(arrays["input.mean"], arrays["input.std"]) if about["normalized"] else None,
+        correction=correction,
+        provenance=content["provenance"],
     )
 
 

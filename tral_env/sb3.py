@@ -84,7 +84,7 @@ class SB3CorridorVecEnv(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        """Drive all cars for 12.5 ms: observations (n, d), rewards (n,), dones (n,), an info for each row."""
+        """Drive all cars for a decision: observations (n, d), rewards (n,), dones (n,), an info for each row."""
         observation, reward, terminated, truncated, info = self.env.step(self._actions)
         done = terminated | truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]

@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from tral_env.checks import one_of
-from tral_env.decisions import Decisions
+from tral_env.decisions import Decisions, RowPolicy
 from tral_env.errors import ConfigError
 from tral_env.interface import CONTROL_RATE_HZ, FloatArray, action_space, as_command
 from tral_env.options import CorridorConfig, JsonSpec, check_counts, is_seed, option_parameters, takes
@@ -82,6 +82,15 @@ class TralCorridorVectorEnv(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
         """Names of the fields that the cars measure: all of the observation."""
         return frozenset(self.world.layout.names)
 
+    def correct(self, policy: RowPolicy, bounds: tuple[float, float]) -> None:
+        """Let a policy drive, and take actions as corrections of its commands from now on; before the first reset.
+
+        Args:
+            policy: it sees the plain readings of every tick, and has a `reset_rows`, as machines have.
+            bounds: largest correction of steering and throttle: action 1 adds so much.
+        """
+        self._decisions.correct(policy, bounds)
+
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[FloatArray, dict[str, Any]]:
@@ -145,7 +154,7 @@ class TralCorridorVectorEnv(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
         return [None if each is None else int(each) for each in seeds]
 
     def step(self, actions: FloatArray) -> tuple[FloatArray, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Drive all cars for 12.5 ms.
+        """Drive all cars for a decision, which is 12.5 ms by default.
 
         Args:
             actions: (n, 2) steering, throttle.

@@ -23,9 +23,8 @@ WAIST_NEEDS = {"numpy", "gymnasium.spaces"}
 PHYSICS = {"mujoco"}
 HEAVY = PHYSICS | {"torch", "stable_baselines3", "matplotlib"}
 LAWS = {f"tral_env.{room}" for room in ("sensors", "actuation", "task", "noise", "config")}
-ON_THE_CAR = {
-    f"tral_env.{room}" for room in ("hardware", "recording", "learner", "learned", "policy_file", "tensors", "ros")
-}
+LEARNED = {f"tral_env.{room}" for room in ("learner", "learned", "policy_file", "tensors")}
+ON_THE_CAR = LEARNED | {f"tral_env.{room}" for room in ("hardware", "recording", "ros")}
 ACTUATOR = "tral_env.hardware.actuator"
 CAR_NEEDS = WAIST | ON_THE_CAR | LAWS - {"tral_env.task"} | {"tral_env.perception", "tral_env.atomic"}
 OPTIONS_NEED = {
@@ -210,7 +209,9 @@ def the_environment_knows_no_state_machine(imports: Imports) -> list[str]:
 
 
 def policies_know_the_waist_alone(imports: Imports) -> list[str]:
-    return _outside(imports, POLICY, WAIST | POLICY)
+    """The runtime, which runs policies, also knows trained ones."""
+    runs = {"tral_fsm.runtime"}
+    return _outside(imports, POLICY - runs, WAIST | POLICY) + _outside(imports, runs, WAIST | POLICY | LEARNED)
 
 
 def policies_are_built_floor_by_floor(imports: Imports) -> list[str]:

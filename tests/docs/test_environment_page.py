@@ -6,6 +6,7 @@ import ast
 import inspect
 from itertools import pairwise
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import gymnasium as gym
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 from pages import read, table
 
-from tral_env import options
+from tral_env import learner, options
 from tral_env.config import CameraConfig, EscConfig, TaskConfig
 from tral_env.env import TralCorridorEnv
 from tral_env.interface import CORE_LAYOUT, OPTIONAL_GROUPS, action_space
@@ -56,15 +57,19 @@ def test_its_arguments_say_what_the_fields_of_the_configuration_say() -> None:
 
 
 def docstrings_of_options() -> dict[str, str]:
-    """What `CorridorConfig` says below each field that is an option."""
-    module = ast.parse(Path(options.__file__).read_text(encoding="utf-8"))
-    body = next(node.body for node in module.body if isinstance(node, ast.ClassDef) and node.name == "CorridorConfig")
-    told = {
+    """What `CorridorConfig` and `LearnerConfig` say below each field that is an option."""
+    told = docstrings_of_fields(options, "CorridorConfig") | docstrings_of_fields(learner, "LearnerConfig")
+    return {field.name: told[field.name] for field in options.option_fields()}
+
+
+def docstrings_of_fields(module: ModuleType, name: str) -> dict[str, str]:
+    tree = ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8"))
+    body = next(node.body for node in tree.body if isinstance(node, ast.ClassDef) and node.name == name)
+    return {
         ast.unparse(field.target): " ".join(ast.literal_eval(ast.unparse(below)).split())
         for field, below in pairwise(body)
         if isinstance(field, ast.AnnAssign)
     }
-    return {field.name: told[field.name] for field in options.option_fields()}
 
 
 def test_its_actions_are_those_of_the_action_space() -> None:

@@ -36,6 +36,7 @@ CHEAPER = {
     "tral compare --policies office,ramp,pursuit,constant,random --suite standard --out runs/published": (
         "--policies constant --suite smoke --courses 1"
     ),
+    "tral train --algo teacher --scenario corners --minutes 4 --out runs/student": "--minutes 0.01 --validation 1",
     "python benchmarks/compare.py --steps 20000 --scenario straight --courses 10 --out runs/compare_ppo": (
         "--steps 256 --courses 1 --policies constant"
     ),
@@ -74,7 +75,7 @@ IN_CHECKOUT = ("ruff", "mypy")
 FOLLOWED_ELSEWHERE = "docs/tutorial.md"
 """Its examples are files and commands that need one another: test_tutorial_page.py follows it in order."""
 
-SKIPS_WITHOUT = {"benchmarks/compare.py": "stable_baselines3", "tpe": "optuna"}
+SKIPS_WITHOUT = {"benchmarks/compare.py": "stable_baselines3", "train": "torch", "tpe": "optuna"}
 
 PAGE_SKIPS_WITHOUT = {"docs/learning.md": ("stable_baselines3", "skrl")}
 

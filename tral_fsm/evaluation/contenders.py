@@ -13,7 +13,7 @@ from typing import Any
 
 from tral_env.errors import ConfigError
 from tral_env.interface import Policy
-from tral_env.policy_file import JSON_NAME
+from tral_env.policy_file import JSON_NAME, load_network
 from tral_env.world import World
 from tral_fsm.definition import packaged
 from tral_fsm.evaluation.baselines import BASELINES
@@ -126,7 +126,7 @@ def agent(source: str) -> Agent:
         return Agent(source=source, kind="machine", digest=digest(policy.definition), provenance=told)
     path = Path(source)
     about = path / JSON_NAME if path.is_dir() else path  # it tells the digest of the weights
-    told = dict(policy.network.provenance)
+    told = dict(load_network(source).provenance)
     return Agent(source=source, kind="policy file", digest=file_digest(about), provenance=told)
 
 

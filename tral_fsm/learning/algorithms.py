@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -25,6 +26,10 @@ def find(name: str) -> Algorithm:
     Raises:
         MissingExtraError: a package that it needs is not installed.
     """
-    from tral_fsm.learning import teacher
+    if name == "teacher":
+        from tral_fsm.learning import teacher
 
-    return Algorithm(teacher.teacher_settings, teacher.train)
+        return Algorithm(teacher.teacher_settings, teacher.train)
+    from tral_fsm.learning import reinforcement
+
+    return Algorithm(partial(reinforcement.reinforcement_settings, name), reinforcement.train)

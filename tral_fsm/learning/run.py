@@ -13,13 +13,14 @@ from typing import Any
 from tral_env import policy_file
 from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
-from tral_env.learned import LearnedPolicy, Network
+from tral_env.learned import Network
 from tral_fsm.evaluation.files import prepare_folder, write_json
 from tral_fsm.evaluation.host import host
 from tral_fsm.evaluation.seeds import stretches
 from tral_fsm.learning.choices import VALIDATION_SEEDS, TrainRequest
 from tral_fsm.learning.networks import torch
 from tral_fsm.learning.validation import Score, Validation
+from tral_fsm.policies.corrected import policy_of
 
 REQUEST, CURVE, PICTURE, CHECKPOINT = "train.json", "curve.json", "curve.png", "checkpoint.pt"
 MIN_PAUSE_S = 20.0
@@ -166,7 +167,7 @@ class TrainingRun:
             figures: what the training tells of itself: success, episodes, loss.
         """
         began = time.monotonic()
-        score = self.validation.score(LearnedPolicy(network))
+        score = self.validation.score(policy_of(network))
         self._cost_s = time.monotonic() - began
         self._validated_s = self.seconds
         point = {"seconds": round(self.seconds, 1), "steps": self.steps, **figures, "validation": score.record()}

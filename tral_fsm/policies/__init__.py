@@ -1,4 +1,4 @@
-"""Policies by the name or the path of what drives."""
+"""Any policy by its name or path: a machine, a trained network, a machine that a network corrects."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from pathlib import Path
 from tral_env import policy_file
 from tral_env.learned import LearnedPolicy
 from tral_fsm.formats import library
+from tral_fsm.policies.corrected import CorrectedPolicy, policy_of
 from tral_fsm.runtime.machine import Trace
 from tral_fsm.runtime.policy import MachinePolicy
 
 
-def load_policy(name_or_path: str | Path, trace: Trace | None = None) -> MachinePolicy | LearnedPolicy:
+def load_policy(
+    name_or_path: str | Path, trace: Trace | None = None
+) -> MachinePolicy | LearnedPolicy | CorrectedPolicy:
     """A policy: a machine, or a trained network.
 
     Args:
@@ -27,7 +30,7 @@ def load_policy(name_or_path: str | Path, trace: Trace | None = None) -> Machine
         PolicyFileError: the policy was made for other readings, or its files are damaged.
     """
     if policy_file.is_policy_file(name_or_path):
-        return policy_file.load(name_or_path)
+        return policy_of(policy_file.load_network(name_or_path))
     return load_machine_policy(name_or_path, trace)
 
 

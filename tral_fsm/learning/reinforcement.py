@@ -1,0 +1,217 @@
+"""A network learns from the reward: PPO and SAC of Stable-Baselines3, alone or as a correction of a machine."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tral_env.config import TaskConfig, as_config
+from tral_env.errors import ConfigError, MissingExtraError
+from tral_env.learned import Correction
+from tral_env.learner import LearnerConfig
+from tral_fsm.formats import library, tral_json
+from tral_fsm.learning.choices import positive, read_settings, sees_detections
+from tral_fsm.learning.export import network_of
+from tral_fsm.learning.networks import ACTIVATIONS, torch
+from tral_fsm.learning.run import TrainingRun
+from tral_fsm.runtime.policy import MachinePolicy
+
+try:
+    from stable_baselines3 import PPO, SAC
+    from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.vec_env import VecEnv, VecNormalize
+
+    from tral_env.sb3 import make_vec_env
+except ImportError as error:
+    raise MissingExtraError("stable-baselines3", "rl", "tral train --algo ppo, sac or residual") from error
+
+RECENT = 200
+"""Success in the training is that of so many episodes."""
+_FOREVER = 10**12
+"""More steps than any training takes: the run says when it is over."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReinforcementSettings:
+    """Hyper-parameters; their meaning stands in the files of settings/."""
+
+    learner: LearnerConfig
+    task: Mapping[str, Any]
+    cars: int
+    layers: tuple[int, ...]
+    activation: str
+    normalize_reward: bool
+    policy: Mapping[str, Any]
+    algorithm: Mapping[str, Any]
+
+    def __post_init__(self) -> None:
+        positive(self, "cars")
+        as_config(TaskConfig, self.task)
+        if self.activation not in ACTIVATIONS:
+            raise ConfigError(f"activation = {self.activation!r}: expected one of {', '.join(ACTIVATIONS)}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResidualSettings(ReinforcementSettings):
+    """As those of PPO, and how much a correction may change."""
+
+    bounds: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        Correction(machine="{}", bounds=self.bounds)
+        if self.learner.action != "throttle" or self.learner.drive_range is not None:
+            raise ConfigError("learner: corrections have action: throttle and no drive_range; bounds limit them")
+
+
+def reinforcement_settings(algo: str, scenarios: tuple[str, ...], path: Path | None = None) -> ReinforcementSettings:
+    """The hyper-parameters of an algorithm for some families, see `read_settings`."""
+    kind = ResidualSettings if algo == "residual" else ReinforcementSettings
+    settings = read_settings(kind, algo, path)
+    return replace(settings, learner=sees_detections(settings.learner, scenarios))
+
+
+def train(run: TrainingRun) -> None:
+    """Train until the time or the steps are used up. The best network is in the folder of the run then.
+
+    Raises:
+        ConfigError: Stable-Baselines3 does not take the hyper-parameters.
+    """
+    torch.set_num_threads(1)
+    venv = _cars(run)
+    model = _model(run, venv)
+    state = run.kept()
+    if state is not None:
+        _load(model, state)
+    # A resumed training goes on with courses of its own, not with those that it began with.
+    venv.seed(run.request.first_seed + len(run.curve.points))
+    model.learn(_FOREVER, callback=_Callback(run, _machine_text(run)), log_interval=None)
+    venv.close()
+
+
+def _cars(run: TrainingRun) -> VecEnv:
+    request, settings = run.request, run.settings
+    venv = make_vec_env(
+        settings.cars,
+        seed=request.first_seed,
+        nthread=request.nthread,
+        scenario=request.scenario,
+        randomization=request.randomization,
+        task=dict(settings.task),
+        **settings.learner.record(),
+    )
+    if isinstance(settings, ResidualSettings):
+        venv.env_method("correct", MachinePolicy(library.load(request.machine_name)), settings.bounds, indices=0)
+    if settings.normalize_reward:
+        return VecNormalize(venv, norm_obs=False, gamma=settings.algorithm.get("gamma", 0.99))
+    return venv
+
+
+def _machine_text(run: TrainingRun) -> str | None:
+    if not isinstance(run.settings, ResidualSettings):
+        return None
+    return tral_json.dumps(library.load(run.request.machine_name))
+
+
+def _model(run: TrainingRun, venv: VecEnv) -> Any:
+    settings: ReinforcementSettings = run.settings
+    kind = SAC if run.request.algo == "sac" else PPO
+    board = str(run.folder / "tensorboard") if importlib.util.find_spec("tensorboard") else None
+    policy = {
+        "net_arch": list(settings.layers),
+        "activation_fn": ACTIVATIONS[settings.activation],
+        **settings.policy,
+    }
+    try:
+        return kind(
+            "MlpPolicy",
+            venv,
+            policy_kwargs=policy,
+            seed=run.request.seed,
+            device="cpu",
+            tensorboard_log=board,
+            **settings.algorithm,
+        )
+    except (TypeError, ValueError, AssertionError) as error:
+        raise ConfigError(f"settings of {run.request.algo}: Stable-Baselines3 says: {error}") from error
+
+
+class _Callback(BaseCallback):
+    """Counts, tells, validates, and ends the training."""
+
+    def __init__(self, run: TrainingRun, machine: str | None) -> None:
+        super().__init__()
+        self._run, self._machine, self._before = run, machine, run.steps
+        self._outcomes: deque[bool] = deque(maxlen=RECENT)
+        self._episodes = 0
+
+    def _on_step(self) -> bool:
+        run = self._run
+        for info, done in zip(self.locals["infos"], self.locals["dones"], strict=True):
+            if done:
+                self._outcomes.append(bool(info["is_success"]))
+                self._episodes += 1
+        run.steps = self._before + self.num_timesteps
+        if self.n_calls % 8 == 0:
+            run.tell(self._success)
+        if run.is_over or run.is_validation_due:
+            self._validate()
+        return not run.is_over
+
+    @property
+    def _success(self) -> float | None:
+        return float(np.mean(self._outcomes)) if self._outcomes else None
+
+    def _validate(self) -> None:
+        settings: ReinforcementSettings = self._run.settings
+        state = self.model.policy.state_dict()
+        network = network_of(
+            state, settings.learner, activation=settings.activation, provenance={"algorithm": self._run.request.algo}
+        )
+        if isinstance(settings, ResidualSettings):
+            assert self._machine is not None
+            network = replace(network, correction=Correction(machine=self._machine, bounds=settings.bounds))
+        self._run.validate(network, {"success": self._success, "episodes": self._episodes, "loss": None})
+        self._run.keep(_state(self.model))
+
+
+def _state(model: Any) -> dict[str, Any]:
+    """What a later training needs to go on; the replay buffer of SAC is not among it."""
+    optimizers = {name: each.state_dict() for name, each in _optimizers(model).items()}
+    state: dict[str, Any] = {"policy": model.policy.state_dict(), "optimizers": optimizers}
+    normalize = model.get_vec_normalize_env()
+    if normalize is not None:
+        returns = normalize.ret_rms
+        state["returns"] = [float(returns.mean), float(returns.var), float(returns.count)]
+    if getattr(model, "log_ent_coef", None) is not None:
+        state["log_ent_coef"] = model.log_ent_coef.detach()
+    return state
+
+
+def _load(model: Any, state: Mapping[str, Any]) -> None:
+    try:
+        model.policy.load_state_dict(state["policy"])
+        for name, optimizer in _optimizers(model).items():
+            optimizer.load_state_dict(state["optimizers"][name])
+        normalize = model.get_vec_normalize_env()
+        if normalize is not None:
+            returns = normalize.ret_rms
+            mean, var, returns.count = state["returns"]
+            returns.mean, returns.var = np.float64(mean), np.float64(var)
+        if "log_ent_coef" in state:
+            model.log_ent_coef.data.copy_(state["log_ent_coef"])
+    except (KeyError, RuntimeError, ValueError) as error:
+        raise ConfigError(f"--resume: the checkpoint does not fit: {error}") from error
+
+
+def _optimizers(model: Any) -> dict[str, Any]:
+    if not hasattr(model, "actor"):
+        return {"policy": model.policy.optimizer}
+    found = {"actor": model.actor.optimizer, "critic": model.critic.optimizer}
+    return found if model.ent_coef_optimizer is None else found | {"entropy": model.ent_coef_optimizer}
