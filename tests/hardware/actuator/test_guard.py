@@ -342,6 +342,13 @@ def test_the_brake_is_used_in_a_silence_after_driving_forward() -> None:
     assert bench.wait(10) == OFF
 
 
+def test_a_car_that_coasts_is_braked_too() -> None:
+    bench = Bench(settings(brake=-1.0)).arm()
+    bench.drive(100, 0.5)
+    bench.drive(100, 0.0)
+    assert bench.wait(100) == BRAKE
+
+
 def test_the_brake_is_no_stronger_than_reverse_may_be() -> None:
     bench = Bench(settings(brake=-1.0, max_reverse=0.25)).arm()
     bench.drive(100, 0.5)
@@ -357,9 +364,19 @@ def test_the_brake_is_no_stronger_than_reverse_may_be() -> None:
         (0.5, -0.5, 0.0),
         (0.5, -0.01, 0.0),
         (0.5, -0.5, 0.0, 0.05),
+        (0.1,),
         (-0.5, 0.0),
     ],
-    ids=["never drove", "stands", "brakes", "braked", "braked little", "within the dead zone", "reverse"],
+    ids=[
+        "never drove",
+        "stands",
+        "brakes",
+        "braked",
+        "braked little",
+        "within the dead zone",
+        "at its edge",
+        "reverse",
+    ],
 )
 def test_what_would_be_reverse_is_never_sent_as_a_brake(throttles: tuple[float, ...]) -> None:
     bench = Bench(settings(brake=-1.0)).arm()

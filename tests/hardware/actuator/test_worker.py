@@ -32,6 +32,14 @@ def test_a_command_becomes_pulses_and_is_answered(works: Any) -> None:
     assert (reply.state, reply.steering_us, reply.throttle_us, reply.sequence) == (State.ARMED, *HALF, car.sequence)
 
 
+def test_a_change_of_state_is_told_once_without_being_asked(works: Any) -> None:
+    car = works().arm()
+    car.drive(100, 0.5)
+    car.told()
+    car.turns(1000)
+    assert [(reply.state, reply.reason) for reply in car.told()] == [(State.LATCHED, Reason.SILENCE)]
+
+
 def test_pulses_that_do_not_change_are_sent_again_every_100_ms(works: Any) -> None:
     car = works()
     before = len([1 for _, method, _ in car.board.done if method == "pulses"])
