@@ -80,6 +80,8 @@ def test_a_command_beyond_the_bounds_counts_as_the_bound() -> None:
     bench = Bench().arm()
     assert bench.drive(12.5, 7.0, steering=-9.0) == (1810.0, 1100.0)
     assert (bench.reply.steering, bench.reply.throttle) == (-1.0, 1.0)
+    bench.drive(12.5, -7.0, steering=9.0)
+    assert (bench.reply.steering, bench.reply.throttle) == (1.0, -1.0)
 
 
 def test_throttle_is_held_below_its_limits() -> None:
@@ -294,7 +296,9 @@ def test_a_board_that_refuses_for_too_long_does() -> None:
     bench = Bench().arm()
     bench.drive(100, 0.5)
     bench.board_takes = False
-    bench.drive(100, 0.5)
+    bench.drive(37.5, 0.5)
+    assert bench.guard.state is State.ARMED
+    bench.drive(12.5, 0.5)
     assert (bench.guard.state, bench.guard.reason) == (State.LATCHED, Reason.BUS)
     bench.guard.fail(Reason.LOST, bench.now_ns)
     bench.wait(1000)
@@ -325,6 +329,9 @@ def test_a_board_that_lost_its_settings_is_not_armed_before_it_has_them_again() 
 def test_late_commands_are_counted() -> None:
     bench = Bench().arm()
     bench.drive(100, 0.5)
+    bench.wait(25)
+    bench.send(0.5)
+    assert bench.reply.late == 0
     bench.wait(26)
     bench.send(0.5)
     assert bench.reply.late == 1
