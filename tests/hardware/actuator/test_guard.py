@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rig import MS, NEUTRAL, OFF, STEERING, THROTTLE, Bench, settings
 
-from tral_env.hardware.actuator.wire import Flag, Reason, Refusal, State
+from tral_env.hardware.actuator.wire import Flag, Reason, Refusal, State, pack_reply, read_reply
 
 HALF = (1530.0, 1300.0)
 """Pulses of throttle 0.5, straight."""
@@ -99,6 +99,8 @@ def test_slew_is_limited_by_the_time_that_passed_and_never_delays_neutral() -> N
     assert bench.reply[5:7] == pytest.approx((0.3, 0.15))
     bench.drive(12.5, 0.0, steering=1.0)
     assert bench.reply[5:7] == pytest.approx((0.4, 0.0))
+    bench.drive(12.5, 0.0, steering=0.0)
+    assert bench.reply[5:7] == pytest.approx((0.3, 0.0))
 
 
 def test_a_gap_earns_no_jump() -> None:
@@ -200,6 +202,16 @@ def test_driving_in_bits_without_evidence_adds_up() -> None:
         bench.drive(100, 0.5, seeing=False)
         bench.drive(100, 0.0, seeing=False)
     assert bench.guard.reason is Reason.EVIDENCE
+
+
+def test_arming_again_begins_to_count_anew() -> None:
+    bench = Bench(settings(evidence_s=1.0)).arm()
+    bench.drive(1100, 0.5, seeing=False)
+    assert bench.guard.reason is Reason.EVIDENCE
+    bench.send(flags=Flag.ARM)
+    bench.send(flags=Flag.ARM)
+    bench.wait(50)
+    assert bench.drive(1000, 0.5, seeing=False) == HALF
 
 
 def test_silences_do_not_hide_missing_evidence() -> None:
@@ -335,6 +347,13 @@ def test_late_commands_are_counted() -> None:
     bench.wait(26)
     bench.send(0.5)
     assert bench.reply.late == 1
+
+
+def test_counts_that_no_longer_fit_stay_at_the_largest() -> None:
+    bench = Bench()
+    reply = bench.guard.reply(bench.now_ns, 2**40)
+    assert read_reply(pack_reply(reply)) == reply
+    assert reply.retries == 2**32 - 1
 
 
 BRAKE = (1530.0, 1900.0)
