@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import socket
 from dataclasses import replace
 from typing import Any
@@ -162,7 +163,8 @@ class Works:
         self.clock.now_ns += round(ms * MS)
         if self.keeper_lives and self.keeper.fileno() >= 0:
             self.keeper.send(b".")
-        return self.worker.turn(True, True)
+        waits, _, _ = select.select(self.ends, [], [], 0)
+        return self.worker.turn(self.ends[0] in waits, self.ends[1] in waits)
 
     def turns(self, ms: float) -> None:
         for _ in range(round(ms / 10)):

@@ -1,6 +1,7 @@
 """The policy's end of the socket, against a worker in a thread whose board fails on demand."""
 
 import json
+import select
 import socket
 import threading
 import time
@@ -51,8 +52,8 @@ class Thread:
         while not self.over and not self.worker.guard.is_over:
             if self.works:
                 self.keeper.send(b".")
-                self.worker.turn(True, True)
-            time.sleep(0.002)
+                heard, _, _ = select.select([self.commands], [], [], 0.002)
+                self.worker.turn(bool(heard), True)
 
     def wait(self, timeout: float = 0.0) -> int:
         self.over = True
@@ -126,6 +127,9 @@ def test_a_board_that_cannot_be_armed_is_told_with_the_reason(
 def test_a_worker_that_does_not_answer_is_told(process: type[Thread]) -> None:
     with ActuatorProcess(settings()) as actuator:
         with pytest.raises(HardwareError, match="does not answer"):
+            actuator.check()
+        actuator.neutral()
+        with pytest.raises(HardwareError, match="is not armed"):
             actuator.check()
         actuator.arm()
         process.works = False

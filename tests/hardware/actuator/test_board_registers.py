@@ -1,12 +1,14 @@
 """The registers of the PWM board: neutral before it wakes, both pulses at once, off, and settings read back."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pytest
 from fakes import FakeSmbus, Pca9685Fake
-from rig import STEERING, THROTTLE
+from rig import SETTINGS, STEERING, THROTTLE
 
 from tral_env.errors import HardwareError
+from tral_env.hardware.actuator.drivers import open_driver
 from tral_env.hardware.actuator.laws import Channel
 from tral_env.hardware.actuator.pca9685 import Board, all_off
 from tral_env.hardware.i2c import Bus
@@ -119,3 +121,19 @@ def test_all_outputs_can_be_ended_without_knowing_the_car() -> None:
     opened.start()
     all_off(Bus(bus).device(0x40, "board"))
     assert bus.log[-1] == (0x40, 0xFD, (0x10,)), "the chip's register ALL_LED_OFF_H, bit 4"
+
+
+def test_the_driver_opens_the_bus_and_the_board_of_its_settings(monkeypatch: pytest.MonkeyPatch) -> None:
+    smbus2 = pytest.importorskip("smbus2")
+    chip = Pca9685Fake()
+    bus = FakeSmbus({0x41: chip})
+    opened: list[object] = []
+    monkeypatch.setattr(smbus2, "SMBus", lambda number: (opened.append(number), bus)[1])
+    driver = open_driver(replace(SETTINGS, driver="pca9685", bus=3, address=0x41))
+    assert (opened, bus.log) == ([3], [])
+    driver.start()
+    driver.set_pulses(1600, 1400)
+    assert chip.seen[-1] == pytest.approx((1600, 1400), abs=STEP_US / 2)
+    assert driver.check() == ""
+    driver.off()
+    assert chip.seen[-1] == (0.0, 0.0)

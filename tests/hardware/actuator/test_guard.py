@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rig import MS, NEUTRAL, OFF, STEERING, THROTTLE, Bench, settings
 
-from tral_env.hardware.actuator.wire import Flag, Reason, Refusal, State
+from tral_env.hardware.actuator.wire import Flag, Reason, Refusal, State, pack_reply, read_reply
 
 HALF = (1530.0, 1300.0)
 """Pulses of throttle 0.5, straight."""
@@ -80,6 +80,8 @@ def test_a_command_beyond_the_bounds_counts_as_the_bound() -> None:
     bench = Bench().arm()
     assert bench.drive(12.5, 7.0, steering=-9.0) == (1810.0, 1100.0)
     assert (bench.reply.steering, bench.reply.throttle) == (-1.0, 1.0)
+    bench.drive(12.5, -7.0, steering=9.0)
+    assert (bench.reply.steering, bench.reply.throttle) == (1.0, -1.0)
 
 
 def test_throttle_is_held_below_its_limits() -> None:
@@ -97,6 +99,8 @@ def test_slew_is_limited_by_the_time_that_passed_and_never_delays_neutral() -> N
     assert bench.reply[5:7] == pytest.approx((0.3, 0.15))
     bench.drive(12.5, 0.0, steering=1.0)
     assert bench.reply[5:7] == pytest.approx((0.4, 0.0))
+    bench.drive(12.5, 0.0, steering=0.0)
+    assert bench.reply[5:7] == pytest.approx((0.3, 0.0))
 
 
 def test_a_gap_earns_no_jump() -> None:
@@ -200,6 +204,16 @@ def test_driving_in_bits_without_evidence_adds_up() -> None:
     assert bench.guard.reason is Reason.EVIDENCE
 
 
+def test_arming_again_begins_to_count_anew() -> None:
+    bench = Bench(settings(evidence_s=1.0)).arm()
+    bench.drive(1100, 0.5, seeing=False)
+    assert bench.guard.reason is Reason.EVIDENCE
+    bench.send(flags=Flag.ARM)
+    bench.send(flags=Flag.ARM)
+    bench.wait(50)
+    assert bench.drive(1000, 0.5, seeing=False) == HALF
+
+
 def test_silences_do_not_hide_missing_evidence() -> None:
     bench = Bench(settings(evidence_s=1.0)).arm()
     for _ in range(20):
@@ -294,7 +308,9 @@ def test_a_board_that_refuses_for_too_long_does() -> None:
     bench = Bench().arm()
     bench.drive(100, 0.5)
     bench.board_takes = False
-    bench.drive(100, 0.5)
+    bench.drive(37.5, 0.5)
+    assert bench.guard.state is State.ARMED
+    bench.drive(12.5, 0.5)
     assert (bench.guard.state, bench.guard.reason) == (State.LATCHED, Reason.BUS)
     bench.guard.fail(Reason.LOST, bench.now_ns)
     bench.wait(1000)
@@ -325,9 +341,19 @@ def test_a_board_that_lost_its_settings_is_not_armed_before_it_has_them_again() 
 def test_late_commands_are_counted() -> None:
     bench = Bench().arm()
     bench.drive(100, 0.5)
+    bench.wait(25)
+    bench.send(0.5)
+    assert bench.reply.late == 0
     bench.wait(26)
     bench.send(0.5)
     assert bench.reply.late == 1
+
+
+def test_counts_that_no_longer_fit_stay_at_the_largest() -> None:
+    bench = Bench()
+    reply = bench.guard.reply(bench.now_ns, 2**40)
+    assert read_reply(pack_reply(reply)) == reply
+    assert reply.retries == 2**32 - 1
 
 
 BRAKE = (1530.0, 1900.0)
@@ -340,6 +366,13 @@ def test_the_brake_is_used_in_a_silence_after_driving_forward() -> None:
     assert bench.wait(100) == BRAKE
     assert bench.wait(390) == BRAKE
     assert bench.wait(10) == OFF
+
+
+def test_a_car_that_coasts_is_braked_too() -> None:
+    bench = Bench(settings(brake=-1.0)).arm()
+    bench.drive(100, 0.5)
+    bench.drive(100, 0.0)
+    assert bench.wait(100) == BRAKE
 
 
 def test_the_brake_is_no_stronger_than_reverse_may_be() -> None:
@@ -357,9 +390,19 @@ def test_the_brake_is_no_stronger_than_reverse_may_be() -> None:
         (0.5, -0.5, 0.0),
         (0.5, -0.01, 0.0),
         (0.5, -0.5, 0.0, 0.05),
+        (0.1,),
         (-0.5, 0.0),
     ],
-    ids=["never drove", "stands", "brakes", "braked", "braked little", "within the dead zone", "reverse"],
+    ids=[
+        "never drove",
+        "stands",
+        "brakes",
+        "braked",
+        "braked little",
+        "within the dead zone",
+        "at its edge",
+        "reverse",
+    ],
 )
 def test_what_would_be_reverse_is_never_sent_as_a_brake(throttles: tuple[float, ...]) -> None:
     bench = Bench(settings(brake=-1.0)).arm()

@@ -129,7 +129,9 @@ class ActuatorProcess(Physical):
         self._hear()
         if self._reply is None or time.monotonic_ns() - self._reply.stamp_ns > _ANSWER_S * NS:
             raise HardwareError(f"the actuator's process does not answer. {_POWER}")
-        if self._reply.state is not State.ARMED:
+        if self._reply.state is State.DISARMED:
+            raise HardwareError("the actuator is not armed: arm it before the first command")
+        if self._reply.state is State.LATCHED:
             raise HardwareError(f"the actuator stopped the car: {TOLD[self._reply.reason]}")
 
     def neutral(self) -> None:
