@@ -24,6 +24,7 @@ from tral_fsm.report.compare.page import heat, page_html
 
 PLAN = build_plan(Course(name="short", segments=(Segment(length=5.0, width=2.0),)))
 PLANS = {("straight", "none", 500): PLAN}
+MADE = {"training_seed": 7, "validation": {"episodes": 50, "time_s": None}, "curve": list(range(99))}
 PATH = [[1.0 + 0.1 * k, 0.0, 0.0] for k in range(30)]
 
 
@@ -32,7 +33,7 @@ def about(value: float) -> dict[str, float]:
 
 
 def contender(name: str, success: float, *, truth: bool = False, agents: int = 1) -> dict[str, Any]:
-    agent = {"source": name, "kind": "machine", "digest": "0123", "sees_truth": truth, "provenance": {"seed": 7}}
+    agent = {"source": name, "kind": "machine", "digest": "0123", "sees_truth": truth, "provenance": MADE}
     figures = {
         "drives": 40, "success": about(success), "score": about(0.8), "iqm": about(0.85), "gap": about(0.2),
         "progress": about(0.9), "collision_rate": 0.1, "crash_rate": 0.05, "missed_gate_rate": 0.0,
@@ -145,7 +146,7 @@ def test_names_are_text_and_no_markup(html: str) -> None:
         "-25.0-30.0 to -20.0",
         "wall: crashstraight, none, seed 500: 3.0 s, 50.0 % of the route",
         "tral compare --policies wall",
-        "digest 0123; seed: 7",
+        "digest 0123; training seed: 7; validation: episodes 50\n",
         "; mean score 0.8",
     ],
 )

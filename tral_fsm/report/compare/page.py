@@ -74,8 +74,14 @@ def context(shown: Mapping[str, Any], plans: Plans, clips: Mapping[int, bytes]) 
 
 def _told(agent: Mapping[str, Any]) -> str:
     """What an agent tells of its making, as far as it is short; compare.json has all of it."""
-    short = {name: value for name, value in agent["provenance"].items() if len(str(value)) <= MAX_TOLD}
-    return "".join(f"; {name}: {value}" for name, value in short.items())
+    texts = {name: _as_text(value) for name, value in agent["provenance"].items()}
+    return "".join(f"; {name.replace('_', ' ')}: {text}" for name, text in texts.items() if len(text) <= MAX_TOLD)
+
+
+def _as_text(value: Any) -> str:
+    if not isinstance(value, Mapping):
+        return str(value)
+    return ", ".join(f"{name.replace('_', ' ')} {one}" for name, one in value.items() if one is not None)
 
 
 def _task(task: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
