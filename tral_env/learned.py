@@ -72,6 +72,8 @@ class Network:
     """What it corrects; None: its actions are commands themselves."""
     provenance: Mapping[str, Any] = field(default_factory=dict)
     """Where it comes from: algorithm, courses, seeds, versions, curve; for JSON."""
+    _transposed: tuple[tuple[Values, Values], ...] = field(init=False, repr=False, default=())
+    """The layers with weights (inputs, outputs)."""
 
     def __post_init__(self) -> None:
         for name, allowed in (("activation", ACTIVATIONS), ("output", OUTPUTS)):
@@ -91,6 +93,8 @@ class Network:
                     f"and ({outputs},)"
                 )
             inputs = outputs
+        transposed = tuple((np.ascontiguousarray(weight.T), bias) for weight, bias in self.layers)
+        object.__setattr__(self, "_transposed", transposed)  # frozen; a product with these takes a quarter less time
 
     def actions(self, observation: Values) -> Values:
         """Actions (k, 2) in [-1, 1] for observations (k, H * F)."""
@@ -98,10 +102,10 @@ class Network:
         if self.normalization is not None:
             x = (x - self.normalization[0]) / self.normalization[1]
         activation = ACTIVATIONS[self.activation]
-        for weight, bias in self.layers[:-1]:
-            x = activation(x @ weight.T + bias)
-        weight, bias = self.layers[-1]
-        return OUTPUTS[self.output](x @ weight.T + bias)
+        for weight, bias in self._transposed[:-1]:
+            x = activation(x @ weight + bias)
+        weight, bias = self._transposed[-1]
+        return OUTPUTS[self.output](x @ weight + bias)
 
 
 class LearnedPolicy:
@@ -152,8 +156,9 @@ class LearnedPolicy:
             ConfigError: the observation has another shape, or a value is NaN or out of its bounds.
         """
         readings = self._checked(observation)
-        fresh = self._fresh | (readings[:, self._distance] < self._way)
-        self._way = readings[:, self._distance]
+        way = readings[:, self._distance]
+        fresh = self._fresh | (way < self._way)
+        self._way = way
         if fresh.any():
             self._view.update(readings, ~fresh)
             self._view.reset(fresh, readings)

@@ -284,6 +284,8 @@ class LearnerView:
         """(n, stride) distance counted at the frames kept last, m."""
         self._tick = np.zeros(n, np.int64)
         """(n,) ticks since reset."""
+        self._common: int | None = None
+        """The same as a number where it is that of all cars: this saves half the time of a single car."""
 
     @property
     def size(self) -> int:
@@ -293,6 +295,8 @@ class LearnerView:
     @property
     def due(self) -> Flags:
         """(n,) a decision is due."""
+        if self._common is not None:
+            return np.full(self.n, self._common % self.config.decision_ticks == 0)
         is_due: Flags = self._tick % self.config.decision_ticks == 0
         return is_due
 
@@ -304,6 +308,7 @@ class LearnerView:
             readings: (n, d), in the columns of the layout.
         """
         self._tick[rows] = 0
+        self._common = 0 if rows.all() else None
         distance = readings[rows, self._distance]
         self._way[rows] = distance[:, None]
         self._frames[rows] = self._frame(np.asarray(readings[rows], np.float32), np.zeros_like(distance))[:, None]
@@ -316,29 +321,39 @@ class LearnerView:
             rows: (n,) the cars that moved; None: all.
             ended: (n,) cars whose episode ended in this tick: they keep a frame at once, since no other will come.
         """
-        if rows is None:
+        if rows is None and self._common is not None:
             self._tick += 1
-            keep = self._tick % self._interval == 0
-        else:
-            self._tick += rows
-            keep = rows & (self._tick % self._interval == 0)
-        if ended is not None:
-            keep = keep | ended
-        if keep.all():
-            self._keep(slice(None), readings)
-        elif keep.any():
+            self._common += 1
+            if self._common % self._interval == 0:
+                self._keep_all(readings)
+            elif ended is not None and ended.any():
+                self._keep(ended, readings)
+            return
+        self._common = None
+        moved = True if rows is None else rows
+        self._tick += moved
+        keep = moved & (self._tick % self._interval == 0)
+        keep = keep if ended is None else keep | ended
+        if keep.any():
             self._keep(keep, readings)
 
-    def _keep(self, rows: Any, readings: NDArray[np.floating]) -> None:
+    def _keep_all(self, readings: NDArray[np.floating]) -> None:
+        """Keep a frame of each car, and forget the oldest."""
+        now = np.asarray(readings, np.float32)
+        distance = now[:, self._distance].astype(np.float64)
+        way = (distance - self._way[:, 0]).astype(np.float32)
+        self._way[:, :-1] = self._way[:, 1:]
+        self._way[:, -1] = distance
+        self._frames[:, :-1] = self._frames[:, 1:]
+        self._frames[:, -1] = self._frame(now, way)
+
+    def _keep(self, rows: Flags, readings: NDArray[np.floating]) -> None:
         """Keep a frame of some cars, and forget the oldest."""
         now = np.asarray(readings[rows], np.float32)
         distance = now[:, self._distance].astype(np.float64)
         way = (distance - self._way[rows, 0]).astype(np.float32)
         self._way[rows] = np.concatenate([self._way[rows, 1:], distance[:, None]], axis=1)
-        frames = self._frames[rows]
-        frames[:, :-1] = frames[:, 1:]
-        frames[:, -1] = self._frame(now, way)
-        self._frames[rows] = frames
+        self._frames[rows] = np.concatenate([self._frames[rows, 1:], self._frame(now, way)[:, None]], axis=1)
 
     def _frame(self, readings: Values, way: Values) -> Values:
         return readings if self._features is None else self._features.frames(readings, way)
