@@ -65,7 +65,10 @@ def command(
     episodes: Annotated[int, typer.Option(min=1, help="Number of episodes.")] = 1,
     policy: Annotated[
         str,
-        typer.Option(help="Name of a packaged machine, a machine file, or FILE.py:NAME for a policy of your own."),
+        typer.Option(
+            help="Name of a packaged machine, a machine file, the folder of a trained policy, or FILE.py:NAME for a "
+            "policy of your own."
+        ),
     ] = "office",
     camera: Annotated[
         Camera,
