@@ -14,7 +14,11 @@ Scenario = Annotated[str, typer.Option(help="Family of courses; `tral courses` l
 Seed = Annotated[int, typer.Option(min=0, help="Seed of the first episode; each later episode has the next seed.")]
 Episodes = Annotated[int, typer.Option(min=1, help="Number of episodes.")]
 Policy = Annotated[
-    str, typer.Option(help="Name of a packaged machine, a machine file, or FILE.py:NAME for a policy of your own.")
+    str,
+    typer.Option(
+        help="Name of a packaged machine, a machine file, the folder of a trained policy, or FILE.py:NAME for a policy "
+        "of your own."
+    ),
 ]
 Camera = Annotated[
     choices.Camera,

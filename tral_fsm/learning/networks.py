@@ -18,7 +18,7 @@ try:
 except ImportError as error:
     raise MissingExtraError("torch", "rl", "tral train") from error
 
-__all__ = ["ACTIVATIONS", "as_network", "perceptron", "torch"]
+__all__ = ["ACTIVATIONS", "as_network", "nn", "perceptron", "torch"]
 
 ACTIVATIONS: Mapping[str, Any] = {"relu": nn.ReLU, "tanh": nn.Tanh}
 

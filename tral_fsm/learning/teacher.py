@@ -15,9 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import nn
 
 from tral_env.interface import CORE_LAYOUT, STEERING, THROTTLE
 from tral_env.learned import Network
@@ -25,7 +23,7 @@ from tral_env.learner import Actuation, LearnerConfig, LearnerView, inverse
 from tral_env.speed_control import SPEED_PER_THROTTLE, THROTTLE_DEAD
 from tral_env.vector_env import TralCorridorVectorEnv
 from tral_fsm.learning.choices import positive, read_settings, sees_detections
-from tral_fsm.learning.networks import as_network, perceptron
+from tral_fsm.learning.networks import as_network, nn, perceptron, torch
 from tral_fsm.learning.run import TrainingRun
 from tral_fsm.learning.validation import StuckWatch
 from tral_fsm.policies import load_machine_policy
