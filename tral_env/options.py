@@ -136,6 +136,12 @@ class CorridorConfig(LearnerConfig):
         """The options of how a learner meets the car."""
         return LearnerConfig(**{place.name: getattr(self, place.name) for place in fields(LearnerConfig)})
 
+    @property
+    def learner_options(self) -> dict[str, object]:
+        """The options, name -> value, by which a step takes and gives something else than a tick of the car does."""
+        plain, names = LearnerConfig(), ("decision_hz", "observation", "history", "action", "drive_range")
+        return {name: getattr(self, name) for name in names if getattr(self, name) != getattr(plain, name)}
+
     @classmethod
     def of(
         cls, options: Mapping[str, Any], *, allowed: Iterable[str] = (), image_size: tuple[int, int] | None = None
