@@ -257,7 +257,7 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
 
     @property
     def learner_options(self) -> dict[str, object]:
-        """Options, name -> value, with which a step is no plain tick; `tral_env.interface.check_readings` reads them."""
+        """Options, name -> value, with which a step is no plain tick, for `tral_env.interface.check_readings`."""
         return self.world.config.learner_options
 
     @property

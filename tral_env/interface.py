@@ -351,7 +351,7 @@ def check_readings(policy: Policy, env: Any) -> None:
             below wrappers; what one does not say is not checked.
 
     Raises:
-        ConfigError: a needed reading is missing or unknown, the env has such options, or `needed_readings` are no names.
+        ConfigError: a needed reading is missing or unknown, the env has such options, or the needed are no names.
     """
     needed = getattr(policy, "needed_readings", None)
     if needed is None:

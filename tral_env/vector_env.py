@@ -84,7 +84,7 @@ class TralCorridorVectorEnv(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
 
     @property
     def learner_options(self) -> dict[str, object]:
-        """Options, name -> value, with which a step is no plain tick; `tral_env.interface.check_readings` reads them."""
+        """Options, name -> value, with which a step is no plain tick, for `tral_env.interface.check_readings`."""
         return self.world.config.learner_options
 
     def correct(self, policy: RowPolicy, bounds: tuple[float, float]) -> None:
