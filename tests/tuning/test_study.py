@@ -23,7 +23,7 @@ from tral_fsm.formats.library import load
 from tral_fsm.states.basic import MotorSpec
 from tral_fsm.tuning import Objective, Progress, Racing, Settings, Stage, Task, Tuned, tune
 from tral_fsm.tuning.evaluator import Evaluator
-from tral_fsm.tuning.folder import LOCK, MACHINE, NUMBERS, PAGE, STUDY, held
+from tral_fsm.tuning.folder import MACHINE, NUMBERS, PAGE, STUDY
 from tral_fsm.tuning.found import described
 from tral_fsm.tuning.holdout import compare
 from tral_fsm.tuning.journal import Journal
@@ -339,12 +339,6 @@ def test_the_error_of_a_process_comes_before_the_others_have_driven_to_the_end()
     ):
         evaluator.drive([CRASHING], requests)
     assert max((stage.done for stage in stages), default=0) < 50
-
-
-def test_two_searches_never_write_into_one_folder(tmp_path: Path) -> None:
-    with held(tmp_path), pytest.raises(ConfigError, match="another search writes into this folder: give each its own"):
-        search(tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == [LOCK]
 
 
 def test_a_result_without_a_whole_trial_can_be_written(whole: tuple[Path, Tuned]) -> None:
