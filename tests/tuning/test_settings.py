@@ -38,3 +38,23 @@ def test_whole_numbers_of_numpy_are_settings() -> None:
 def test_a_text_for_a_list_of_parameters_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"parameters = 'speed': expected a list of patterns, such as \['speed'\]"):
         tune("wall", "speed", TASK)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"objectives": ("clearance", "time")}, "several need the sampler nsga2"),
+        ({"objectives": ("clearance",), "sampler": "nsga2"}, "expected two or more"),
+        ({"objectives": ("clarity", "time"), "sampler": "nsga2"}, "unknown objective 'clarity'"),
+        ({"budget": 0}, "budget = 0: expected a whole number, 1 or more"),
+        ({"sampler": "cma"}, "unknown sampler 'cma': did you mean 'cmaes'"),
+        ({"population": 2}, "population = 2: expected a whole number, 4 or more"),
+        ({"population": 4.5}, "population = 4.5: expected a whole number"),
+        ({"budget": None}, "budget = None: expected a whole number"),
+        ({"seed": -1}, "seed = -1: expected a whole number"),
+        ({"sampler": "nsga2", "objectives": ("time", "time")}, "two or more different ones"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(changed: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        Settings(**changed)  # type: ignore[arg-type]

@@ -6,7 +6,6 @@ Such a file says nothing of the mounting, the frame rate and the size of markers
 
 from __future__ import annotations
 
-import math
 import re
 import reprlib
 from collections.abc import Mapping
@@ -19,6 +18,7 @@ import yaml
 from tral_env import json_text
 from tral_env.atomic import write_bytes
 from tral_env.calibration.lens_files import KEYS, lens_documents, named
+from tral_env.checks import is_number
 from tral_env.config import WIDE_LENS, CameraConfig, as_config
 from tral_env.errors import CalibrationError, ConfigError, nearest
 from tral_env.yaml_text import Items, Lines, number
@@ -255,22 +255,17 @@ def _flat(entry: _Entry) -> list[tuple[Any, str]] | None:
 
 def _number(value: Any, where: str) -> float:
     found = number(value)
-    try:
-        finite = float(found) if isinstance(found, int | float) and not isinstance(found, bool) else math.nan
-    except OverflowError:
-        finite = math.nan
-    if not math.isfinite(finite):
+    if not is_number(found):
         hint = ""
         if isinstance(value, str) and re.fullmatch(r"-?\d+,\d+", value):
             hint = "; a point parts the decimals"
         raise CalibrationError(f"{where} = {_SHORT.repr(value)}: expected a finite number{hint}")
-    return finite
+    return float(found)
 
 
 def _whole(entry: _Entry) -> int:
     value = number(entry.value)
-    whole = isinstance(value, int | float) and not isinstance(value, bool) and 1 <= value <= _MAX_PIXELS
-    if not whole or value != int(value):
+    if not is_number(value) or not 1 <= value <= _MAX_PIXELS or value != int(value):
         raise CalibrationError(
             f"{entry.where} = {_SHORT.repr(entry.value)}: expected a whole number of pixels, 1 to {_MAX_PIXELS}"
         )
