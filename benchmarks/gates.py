@@ -91,7 +91,7 @@ def drive(seeds: range, settings: RunSettings, processes: int, out: Path) -> Non
     )
 
 
-class Watch:
+class GateWatch:
     """An observer of a drive that records its paths through the gates."""
 
     def __init__(self, seed: int, plan: Plan) -> None:
@@ -160,15 +160,13 @@ def gap(
 
 def batch(scenario: str, seeds: Sequence[int], settings: RunSettings) -> list[dict[str, Any]]:
     """Records of drives that run side by side."""
-    runner = BatchRunner([scenario], rows=len(seeds), camera=settings.camera, randomization=settings.randomization)
     requests = [EpisodeRequest(0, scenario, seed) for seed in seeds]
-    watches = [Watch(request.seed, runner.draw(request)[0].plan) for request in requests]
     stop = stop_check()
-    try:
+    camera, level = settings.camera, settings.randomization
+    with BatchRunner([scenario], rows=len(seeds), camera=camera, randomization=level) as runner:
+        watches = [GateWatch(request.seed, runner.draw(request)[0].plan) for request in requests]
         observers = {k: [watch, stop] for k, watch in enumerate(watches)}
         runner.drive([load_machine(settings.policy)], requests, observers=observers)
-    finally:
-        runner.close()
     return [watch.record() for watch in watches]
 
 

@@ -119,13 +119,10 @@ def batch(scenario: str, wanted: Sequence[tuple[str, int]], settings: MachinesSe
     """Records of drives, given as machine and seed, on one family."""
     names = sorted({name for name, _ in wanted})
     machines = [machine(name, settings) for name in names]
-    runner = BatchRunner([scenario], rows=len(wanted), camera=settings.camera, randomization=settings.randomization)
-    try:
-        drives = runner.drive(
-            machines, [EpisodeRequest(names.index(name), scenario, seed) for name, seed in wanted], stop_check()
-        )
-    finally:
-        runner.close()
+    requests = [EpisodeRequest(names.index(name), scenario, seed) for name, seed in wanted]
+    camera, level = settings.camera, settings.randomization
+    with BatchRunner([scenario], rows=len(wanted), camera=camera, randomization=level) as runner:
+        drives = runner.drive(machines, requests, stop_check())
     return [{"kind": "drive", "machine": name} | each.record() for (name, _), each in zip(wanted, drives, strict=True)]
 
 

@@ -7,7 +7,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeGuard, TypeVar
+
+import numpy as np
 
 from tral_env.errors import ConfigError, nearest
 
@@ -53,6 +55,21 @@ Bounds = Mapping[str, tuple[float, float, str]]
 """Name of a field -> least and greatest plausible value, unit. Source of all bounds: choice, beyond any small car."""
 
 
+def is_number(value: object, *, whole: bool = False) -> TypeGuard[float]:
+    """Whether a value is a finite number, of Python or NumPy; text, `None`, `True` and `False` are none.
+
+    Args:
+        value: the value.
+        whole: whether it has to be of a type of whole numbers.
+    """
+    if isinstance(value, bool | np.bool_) or not isinstance(value, Integral if whole else Real):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number that no float can hold
+        return False
+
+
 def check_number(where: str, value: object, unit: str = "", *, whole: bool = False) -> None:
     """Refuse what is no finite number; text, `None`, `True` and `False` are none.
 
@@ -65,8 +82,8 @@ def check_number(where: str, value: object, unit: str = "", *, whole: bool = Fal
     Raises:
         ConfigError: no finite number, or a fraction.
     """
-    kind, expected = (Integral, "a whole number") if whole else (Real, "a finite number")
-    if isinstance(value, bool) or not isinstance(value, kind) or not _is_finite(value):
+    if not is_number(value, whole=whole):
+        expected = "a whole number" if whole else "a finite number"
         raise ConfigError(f"{where} = {value!r}: expected {expected}{f' of {unit}' if unit else ''}")
 
 
@@ -86,13 +103,6 @@ def one_of(name: str, value: object, allowed: Iterable[str], hint: str = "") -> 
     if not isinstance(value, str) or value not in names:
         got = f"'{value}'" if isinstance(value, str | Path) else repr(value)
         raise ConfigError(f"unknown {name} {got}: {nearest(value, names)}{hint}")
-
-
-def _is_finite(value: Real) -> bool:
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # a whole number that no float can hold
-        return False
 
 
 def check_fields(

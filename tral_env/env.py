@@ -256,6 +256,11 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
         return frozenset(self.world.layout.names)
 
     @property
+    def learner_options(self) -> dict[str, object]:
+        """Options, name -> value, with which a step is no plain tick, for `tral_env.interface.check_readings`."""
+        return self.world.config.learner_options
+
+    @property
     def plan(self) -> Plan:
         """Geometry of the course that is driven.
 

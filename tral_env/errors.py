@@ -16,6 +16,10 @@ class ConfigError(TralError, ValueError):
     """A value of a configuration, an option or an argument is not allowed."""
 
 
+class BadFileError(ConfigError):
+    """A file that was given can be opened, but something in it is not allowed, or it is damaged."""
+
+
 class UnknownOptionError(ConfigError, TypeError):
     """An environment does not take an option of this name. Python, too, has a TypeError for unknown arguments."""
 

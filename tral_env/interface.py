@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tral_env.errors import ConfigError, nearest
 
@@ -254,7 +254,7 @@ class Layout:
         low, high = self._bounds
         return np.minimum(np.maximum(packed, low, out=packed), high, out=packed)
 
-    def unpack(self, observation: NDArray[np.floating]) -> dict[str, NDArray[np.floating]]:
+    def unpack(self, observation: ArrayLike) -> dict[str, NDArray[np.floating]]:
         """Views of the named readings of an observation.
 
         Args:
@@ -266,11 +266,12 @@ class Layout:
         Raises:
             ConfigError: the last axis has not d entries.
         """
-        if observation.shape[-1:] != (self.size,):
+        rows: NDArray[np.floating] = np.asarray(observation)
+        if rows.shape[-1:] != (self.size,):
             raise ConfigError(
-                f"observation has shape {observation.shape}, expected (..., {self.size}): {', '.join(self.names)}"
+                f"observation has shape {rows.shape}, expected (..., {self.size}): {', '.join(self.names)}"
             )
-        return {name: observation[..., i] for i, name in enumerate(self.names)}
+        return {name: rows[..., i] for i, name in enumerate(self.names)}
 
     def table(self) -> str:
         """Markdown table of the fields, for docstrings and docs."""
@@ -285,6 +286,7 @@ class Layout:
 
 CORE_LAYOUT = Layout()
 """The layout without optional groups."""
+_ALL_LAYOUT = Layout.of(OPTIONAL_GROUPS)
 
 STEERING = 0
 """An action has the steering in this column."""
@@ -338,20 +340,31 @@ class Policy(Protocol):
 
 
 def check_readings(policy: Policy, env: Any) -> None:
-    """Refuse a policy that needs readings which its car does not have. Call it before the first reset.
+    """Refuse a policy that cannot drive its car: a reading is missing, or a step is no tick. Call it before a reset.
+
+    A policy that names its readings takes them as the car measures them, and answers a throttle in each tick; so it
+    cannot drive where the options of a learner, such as `decision_hz`, change what a step takes and gives.
 
     Args:
         policy: says what it needs in `needed_readings`, names of fields; one that does not is not checked.
-        env: says what it has in `provided_readings`, also below wrappers; one that does not is not checked.
+        env: says what it has in `provided_readings`, and how it differs from the plain car in `learner_options`, also
+            below wrappers; what one does not say is not checked.
 
     Raises:
-        ConfigError: a needed reading is missing.
+        ConfigError: a needed reading is missing or unknown, the env has such options, or the needed are no names.
     """
     needed = getattr(policy, "needed_readings", None)
-    provided = getattr(getattr(env, "unwrapped", env), "provided_readings", None)
-    if needed is None or provided is None:
+    if needed is None:
         return
-    lacking = set(needed) - set(provided)
+    names = _reading_names(needed)
+    below = getattr(env, "unwrapped", env)
+    _require_plain(getattr(below, "learner_options", {}))
+    provided = getattr(below, "provided_readings", None)
+    if provided is None:
+        return
+    lacking = names - set(provided)
+    for name in sorted(lacking.difference(_ALL_LAYOUT.names)):
+        _ALL_LAYOUT.column(name)  # it raises an error that tells the nearest name
     core = [field.name for field in CORE_FIELDS if field.name in lacking]
     missing = [*core, *sorted(lacking.difference(core))]
     if missing:
@@ -360,4 +373,23 @@ def check_readings(policy: Policy, env: Any) -> None:
             f"the policy needs {', '.join(missing)}, which this car does not read; it reads "
             f"{', '.join(sorted(has)) or 'nothing'}: add the sensor (sensors=SensorGroup(...)), or choose a machine "
             "that does without, such as one with a throttle instead of a speed where the hall sensor is missing"
+        )
+
+
+def _reading_names(needed: object) -> set[str]:
+    """The readings that a policy needs, if these are names of some."""
+    names = None if isinstance(needed, str) or not isinstance(needed, Iterable) else list(needed)
+    if names is None or not all(isinstance(name, str) for name in names):
+        raise ConfigError(f"needed_readings = {needed!r}: expected names in a set, such as {{'distance', 'speed'}}")
+    return set(names)
+
+
+def _require_plain(options: Mapping[str, object]) -> None:
+    """Refuse an env whose step takes or gives something else than a tick of the car does."""
+    if options:
+        given = ", ".join(f"{name}={value!r}" for name, value in options.items())
+        raise ConfigError(
+            f"the environment was made with {given}, but the policy takes the plain readings and answers steering and "
+            f"throttle {CONTROL_RATE_HZ:g} times a second, as each that names `needed_readings`: make the environment "
+            f"without {'it' if len(options) == 1 else 'these options'}"
         )

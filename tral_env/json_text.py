@@ -9,7 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-_BYTE_ORDER_MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
+BYTE_ORDER_MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
+"""Bytes at the beginning of a file -> its encoding."""
 
 
 class _Object(dict[str, Any]):
@@ -26,7 +27,7 @@ def read(path: str | Path) -> str:
         UnicodeDecodeError: it is no such text.
     """
     content = Path(path).read_bytes()
-    marked = (name for mark, name in _BYTE_ORDER_MARKS.items() if content.startswith(mark) and content != mark)
+    marked = (name for mark, name in BYTE_ORDER_MARKS.items() if content.startswith(mark) and content != mark)
     return content.decode(next(marked, "utf-8"))
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 from tral_env.calibration.camera_info import load_lens
-from tral_env.checks import as_config, one_of
+from tral_env.checks import as_config, is_number, one_of
 from tral_env.config import CameraConfig, CarConfig, TaskConfig
 from tral_env.course.generate import SCENARIOS
 from tral_env.course.layout import Course, example_names, example_path
@@ -136,6 +136,12 @@ class CorridorConfig(LearnerConfig):
         """The options of how a learner meets the car."""
         return LearnerConfig(**{place.name: getattr(self, place.name) for place in fields(LearnerConfig)})
 
+    @property
+    def learner_options(self) -> dict[str, object]:
+        """The options, name -> value, by which a step takes and gives something else than a tick of the car does."""
+        plain, names = LearnerConfig(), ("decision_hz", "observation", "history", "action", "drive_range")
+        return {name: getattr(self, name) for name in names if getattr(self, name) != getattr(plain, name)}
+
     @classmethod
     def of(
         cls, options: Mapping[str, Any], *, allowed: Iterable[str] = (), image_size: tuple[int, int] | None = None
@@ -205,8 +211,7 @@ def takes(parameters: Iterable[inspect.Parameter]) -> Callable[[Class], Class]:
 
 def is_count(value: object) -> bool:
     """Whether a value is a whole number from 1 to the largest int64; `True` is none."""
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    return whole and 1 <= int(value) <= np.iinfo(np.int64).max  # type: ignore[call-overload]
+    return is_number(value, whole=True) and 1 <= value <= np.iinfo(np.int64).max
 
 
 def check_counts(**counts: object) -> None:
@@ -227,7 +232,7 @@ def is_seed(value: object) -> bool:
     """Whether a value can seed an episode: `None`, or a whole number, 0 or more; `True` is none."""
     if value is None:
         return True
-    return isinstance(value, int | np.integer) and not isinstance(value, bool) and bool(value >= 0)
+    return is_number(value, whole=True) and bool(value >= 0)
 
 
 def as_plain(value: Any) -> Any:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from tral_env import json_text, yaml_text
 from tral_env.checks import Bounds, as_config, check_number, check_plausible, one_of
 from tral_env.config import EscConfig, UltrasonicConfig
-from tral_env.errors import ConfigError, nearest, problem_report
+from tral_env.errors import BadFileError, ConfigError, nearest, problem_report
 
 Range = tuple[float, float]
 _ESC, _SONAR = EscConfig(), UltrasonicConfig()
@@ -240,7 +240,8 @@ def read_level(path: str | Path) -> Randomization:
             names the level that the others are taken from; without it they are those of the nominal car, "none".
 
     Raises:
-        ConfigError: the file cannot be read, or something in it is not allowed; the message lists all problems.
+        ConfigError: the file cannot be read.
+        BadFileError: something in it is not allowed; the message lists all problems.
     """
     content = _content(path)
     base = content.pop("base", "none")
@@ -258,7 +259,7 @@ def read_level(path: str | Path) -> Randomization:
         except ConfigError as error:
             problems.append(str(error).removeprefix("Randomization."))
     if problems:
-        raise ConfigError(problem_report(str(path), problems))
+        raise BadFileError(problem_report(str(path), problems))
     return replace(LEVELS[base], **values)
 
 
@@ -282,7 +283,7 @@ def _content(path: str | Path) -> dict[str, Any]:
     content = _json(text, path) if str(path).lower().endswith(".json") else _yaml(text, path)
     if not isinstance(content, dict) or not content:
         got = "list" if isinstance(content, list) else type(content).__name__
-        raise ConfigError(f"{path}: got {got}: expected parameters and their ranges, such as friction: [0.4, 0.6]")
+        raise BadFileError(f"{path}: got {got}: expected parameters and their ranges, such as friction: [0.4, 0.6]")
     return content
 
 
@@ -292,19 +293,19 @@ def _json(text: str, path: str | Path) -> Any:
         content = json.loads(text)
     except json.JSONDecodeError as error:
         place = f"{path}:{error.lineno}:{error.colno}"
-        raise ConfigError(f"{place}: not JSON: {error.msg}{json_text.reason(error)}") from error
+        raise BadFileError(f"{place}: not JSON: {error.msg}{json_text.reason(error)}") from error
     except (ValueError, RecursionError) as error:  # an integer of thousands of digits, endless nesting
-        raise ConfigError(f"{path}: not readable: {error}") from error
+        raise BadFileError(f"{path}: not readable: {error}") from error
     if repeated:
         twice = ", ".join(pointer.removeprefix("/") for pointer in repeated)
-        raise ConfigError(f"{path}: {twice}: there more than once. Allowed: each name once")
+        raise BadFileError(f"{path}: {twice}: there more than once. Allowed: each name once")
     return content
 
 
 def _yaml(text: str, path: str | Path) -> Any:
-    found = yaml_text.documents(text, str(path), ConfigError)
+    found = yaml_text.documents(text, str(path), BadFileError)
     if len(found) > 1:
-        raise ConfigError(f"{path}: got {len(found)} documents between lines of '---': expected one")
+        raise BadFileError(f"{path}: got {len(found)} documents between lines of '---': expected one")
     content = found[0] if found else None
     return {name: _numbers(given) for name, given in content.items()} if isinstance(content, dict) else content
 

@@ -82,6 +82,11 @@ class TralCorridorVectorEnv(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
         """Names of the fields that the cars measure: all of the observation."""
         return frozenset(self.world.layout.names)
 
+    @property
+    def learner_options(self) -> dict[str, object]:
+        """Options, name -> value, with which a step is no plain tick, for `tral_env.interface.check_readings`."""
+        return self.world.config.learner_options
+
     def correct(self, policy: RowPolicy, bounds: tuple[float, float]) -> None:
         """Let a policy drive, and take actions as corrections of its commands from now on; before the first reset.
 

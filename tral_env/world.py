@@ -169,7 +169,7 @@ class World:
         """
         if not self._started and len(rows) != self.n:
             raise ConfigError(f"the first reset starts {len(rows)} of {self.n} cars: expected all")
-        options = _checked(options or {})
+        options = _checked({} if options is None else options)
         cars = self._cars(rows, options.get("car"))
         given = as_course(options.get("course"))
         if given is None:

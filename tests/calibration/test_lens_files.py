@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tral_env.calibration.camera_info import load_lens, parse_camera_info
+from tral_env.calibration.camera_info import camera_info, load_lens, parse_camera_info
 from tral_env.config import CameraConfig
 from tral_env.errors import CalibrationError
 
@@ -79,6 +79,9 @@ XML = """\
 """
 
 
+OMNI = KALIBR.replace("pinhole", "omni").replace("[458.654", "[1.7, 458.654")
+
+
 def test_a_camchain_of_kalibr_is_read() -> None:
     assert parse_camera_info(KALIBR, "camchain.yaml") == CameraConfig(
         width=752, height=480, fx=458.654, fy=457.296, cx=367.215, cy=248.375,
@@ -113,6 +116,36 @@ def test_what_this_opencv_writes_is_read(tmp_path: Path) -> None:
     assert load_lens(file) == lens
 
 
+@pytest.mark.parametrize("number", ["640", "640.", "640.0", "6.4e+02"])
+@pytest.mark.parametrize(("text", "old"), [(INI, "640"), (XML, "640"), (KALIBR, "752")])
+def test_a_whole_number_may_be_written_as_a_decimal(text: str, old: str, number: str) -> None:
+    assert parse_camera_info(text.replace(old, number, 1), "file").width == 640
+
+
+def test_opencv_writes_texts_in_quotes_and_each_decimal_with_a_point() -> None:
+    text = XML.replace("<fisheye_model>0<", '<distortion_model>"plumb_bob"</distortion_model><fisheye_model>0.<')
+    assert parse_camera_info(text, "file") == parse_camera_info(XML, "file")
+
+
+@pytest.mark.parametrize("more", ["resolution: 640x480\n", "intrinsics: {fx: 500}\n", "intrinsics: [1, 2, 3, 4]\n"])
+def test_keys_of_kalibr_in_a_file_of_ros_are_its_own(more: str) -> None:
+    lens = CameraConfig(distortion=(-0.1, 0.01, 0.001, -0.002, 0.0))
+    assert parse_camera_info(camera_info(lens) + more, "file") == lens
+
+
+@pytest.mark.parametrize("coefficients", ["distortion_coeffs: []", "rosbag: a.bag"])
+def test_a_lens_of_kalibr_may_have_no_distortion(coefficients: str) -> None:
+    text = KALIBR.replace("radtan", "none").replace(
+        "distortion_coeffs: [-0.2834, 0.0740, 0.00019, 1.76e-05]", coefficients
+    )
+    assert parse_camera_info(text, "file").distortion == (0.0,) * 5
+
+
+def test_yaml_may_begin_with_a_merge_key() -> None:
+    text = "<<: {image_width: 640, image_height: 480}\n" + camera_info(CameraConfig()).split("\n", 2)[2]
+    assert parse_camera_info(text, "file") == CameraConfig()
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [
@@ -120,13 +153,17 @@ def test_what_this_opencv_writes_is_read(tmp_path: Path) -> None:
             KALIBR.replace("radtan", "equidistant"),
             r"file:5: distortion_model 'equidistant': a fisheye lens.*tral calib",
         ),
-        (KALIBR.replace("pinhole", "omni"), r"file:3: camera_model 'omni'"),
+        (OMNI, r"file:3: camera_model: 'omni': .*Allowed: pinhole, .*run|calibrate with"),
+        (KALIBR.replace("radtan", "none"), r"file:4: distortion_coeffs .*: but the distortion model is 'none'"),
+        (KALIBR + "camera_matrix: [1, 0, 0]\n", "file: cam0 and camera_matrix both tell a lens"),
+        ("<opencv_storage>" + "<a>" * 200_000, "file:1: <a> lies within 8 others"),
+        ("<opencv_storage>\ud800", "file: not XML: .*surrogates not allowed"),
         (KALIBR.replace("458.654, ", ""), r"file:6: intrinsics: expected \[fu, fv, pu, pv\]"),
         (KALIBR.replace("[752, 480]", "752"), r"file:7: resolution: expected \[width, height\]"),
         (KALIBR.replace("458.654", "wide"), r"file:6: intrinsic_matrix\[0\] = 'wide': expected a finite number"),
         (KALIBR + KALIBR.replace("cam0", "cam1"), "file: 2 cameras, cam0, cam1: keep one of them"),
         (INI.replace("0.110510", "abc"), r"file:20: distortion\[1\] = 'abc': expected a finite number"),
-        (INI.replace("640", "640.5"), r"file:6: width = '640\.5': expected a whole number of pixels"),
+        (INI.replace("640", "640.5"), r"file:6: width = 640\.5: expected a whole number of pixels"),
         (INI + INI[INI.index("camera") :], r"file:\d+: 'camera matrix' stands twice, first in line 14"),
         (INI.replace("height\n480\n", ""), "file: image_height missing"),
         (XML.replace("<fisheye_model>0", "<fisheye_model>1"), "file:7: fisheye_model 1: a fisheye lens"),

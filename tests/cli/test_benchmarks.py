@@ -102,9 +102,9 @@ ONE_GATE = build_plan(
 """Posts stand 0.4 to 0.64 m to either side of (5, 0.1)."""
 
 
-def passed(x: float, y: float, yaw: float = 0.0) -> gates.Watch:
+def passed(x: float, y: float, yaw: float = 0.0) -> gates.GateWatch:
     """A drive straight along x that ends at a pose, having crossed the gate at its last tick but one."""
-    watch = gates.Watch(3, ONE_GATE)
+    watch = gates.GateWatch(3, ONE_GATE)
     for place in np.arange(3.0, 5.0, 0.02):
         watch.follow(np.array([place, y, yaw]), 0)
     watch.follow(np.array([5.005, y, yaw]), 1)

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from readings import two_states
 
 from tral_env import speed_control as speed_loop
-from tral_fsm.control.command import IDLE, Command
+from tral_fsm.control.command import IDLE, Command, is_command
 from tral_fsm.control.speed import SpeedController
 
 
@@ -122,3 +122,22 @@ class TestStallRelease:
             controller.throttle(Command(speed=0.528), 0.0)
         controller.throttle(Command(throttle=-0.3), 0.3)
         assert controller.throttle(Command(speed=0.528), 0.0) == pytest.approx(self.AT_ONCE + self.A_TICK)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        Command(0.0, speed=-0.5),
+        Command(0.0, speed=50.0),
+        Command(0.0, speed=True),
+        Command(0.0, throttle=1.5),
+        Command(0.0, throttle=-7.0),
+    ],
+)
+def test_a_speed_or_throttle_that_no_car_has_is_no_command(command: Command) -> None:
+    assert not is_command(command)
+
+
+def test_the_fastest_speed_and_full_throttle_are_commands() -> None:
+    assert is_command(Command(0.0, speed=5.0))
+    assert is_command(Command(0.0, throttle=-1.0))

@@ -1,10 +1,13 @@
 """The waist: fields, packing, spaces."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from tral_env.errors import ConfigError
-from tral_env.interface import CORE_LAYOUT, OPTIONAL_GROUPS, Layout, action_space
+from tral_env.interface import CORE_LAYOUT, OPTIONAL_GROUPS, Layout, action_space, check_readings
 
 
 def test_nothing_seen_lies_within_the_bounds_of_every_field() -> None:
@@ -47,6 +50,25 @@ def test_unknown_names_are_answered_with_the_nearest() -> None:
 def test_an_observation_of_the_wrong_width_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"shape \(3,\), expected \(\.\.\., 20\)"):
         CORE_LAYOUT.unpack(np.zeros(3))
+
+
+def test_a_list_is_unpacked_as_an_array_is() -> None:
+    assert CORE_LAYOUT.unpack([0.5] * CORE_LAYOUT.size)["speed"] == 0.5
+
+
+@pytest.mark.parametrize(
+    ("needed", "told"),
+    [
+        ("distance", "needed_readings = 'distance': expected names in a set"),
+        (5, "needed_readings = 5: expected names in a set"),
+        ({"distanc"}, "unknown reading 'distanc': did you mean 'distance'"),
+    ],
+)
+def test_needed_readings_that_are_no_names_of_readings_are_refused(needed: object, told: str) -> None:
+    policy: Any = SimpleNamespace(needed_readings=needed)
+    car = SimpleNamespace(provided_readings=frozenset({"speed"}))
+    with pytest.raises(ConfigError, match=told):
+        check_readings(policy, car)
 
 
 def test_the_table_names_every_field_once() -> None:

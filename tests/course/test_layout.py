@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
@@ -12,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tral_env.course import layout
-from tral_env.course.layout import Course, course_schema, example_names, example_path
+from tral_env.course.layout import Course, Segment, course_schema, example_names, example_path
 from tral_env.errors import CourseError
 
 SCHEMA_FILE = Path(layout.__file__).parent / "course.schema.json"
@@ -238,3 +239,40 @@ def test_a_file_that_is_no_text_is_a_course_error(tmp_path: Path):
 def test_a_file_that_cannot_be_opened_is_a_course_error_with_its_path(tmp_path: Path, name: str, why: str):
     with pytest.raises(CourseError, match=f"{re.escape(str(tmp_path / name))}: cannot be read: .*{why}"):
         Course.load(tmp_path / name)
+
+
+def told(segment: dict[str, Any], **members: Any) -> str:
+    with pytest.raises(CourseError) as caught:
+        Course.parse(json.dumps({"name": "a", "segments": [{"length": 12.0, **segment}], **members}))
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("segment", "member"),
+    [
+        ({"gates": [{"id": 1, "at": 3.0, "yaw_deg": 45.0}]}, "30"),
+        ({"obstacles": [{"at": 3.0, "yaw_deg": 100.0}]}, "90"),
+    ],
+)
+def test_an_angle_is_not_called_a_length(segment: dict[str, Any], member: str) -> None:
+    assert f"Allowed: less than or equal to {member}\n" in told(segment) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("segment", "expected"),
+    [
+        ({"tapes": [{"at": 6.0, "length": 500.0}]}, "/segments/0/tapes/0/length: got 500. Allowed: 12 at most"),
+        ({"tapes": [{"at": 6.0, "length": 3.0, "across": True}]}, "Allowed: 2 at most, the width of the segment"),
+        (
+            {"cupboards": [{"side": "left", "at": 6.0, "length": 300.0, "depth": 0.4}]},
+            "/segments/0/cupboards/0/length: got 300. Allowed: 12 at most, the length of the segment",
+        ),
+    ],
+)
+def test_what_is_longer_than_its_segment_is_refused(segment: dict[str, Any], expected: str) -> None:
+    assert expected in told(segment)
+
+
+def test_a_course_file_may_name_its_schema_for_editors() -> None:
+    text = json.dumps({"$schema": "course.schema.json", "name": "a", "segments": [{"length": 5.0}]})
+    assert Course.parse(text).to_json() == Course(name="a", segments=(Segment(length=5.0),)).to_json()

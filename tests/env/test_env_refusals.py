@@ -74,6 +74,7 @@ def test_bad_actions_of_several_cars_are_refused(actions: object) -> None:
     [
         ({"cours": 1}, "did you mean 'course'"),
         (5, "options = 5"),
+        ([], r"options = \[\]"),
         ({"course": 3}, "course = 3"),
         ({"car": 5}, "'car'"),
         ({"car": {"_fricton": 1.0}}, "unknown parameter '_fricton': did you mean 'friction'"),

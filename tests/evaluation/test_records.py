@@ -109,3 +109,19 @@ def test_what_a_file_lacks_is_driven_in_chunks_of_a_family(tmp_path: Path) -> No
     assert again[4:] == [{"kind": "drive", "family": "loop", "seed": 3, "chunk": 1}]
     assert drive({"loop": range(4)}) == again
     assert (totals, len(counted)) == ([4, 1], 5)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ['{"kind": "run"}', '{"kind": "run", "settings": {}, "machines": null}', '{"kind": "run", "settings": 5}'],
+)
+def test_a_line_that_is_json_but_no_record_is_damaged(line: str, tmp_path: Path) -> None:
+    path = tmp_path / "records.jsonl"
+    path.write_text(line + "\n")
+    with pytest.raises(ConfigError, match=r"records\.jsonl:1: the line is damaged"):
+        made_with(path, Run())
+
+
+def test_a_folder_is_no_file_of_records(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="cannot be read: Is a directory"):
+        read_lines(tmp_path)

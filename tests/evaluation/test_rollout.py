@@ -4,11 +4,14 @@ import json
 import math
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from lane import STEPS, Cruiser, Lane
 
+from tral_env.errors import ConfigError
 from tral_env.interface import CORE_LAYOUT
+from tral_fsm import load_policy
 from tral_fsm.evaluation.episode import Tick
 from tral_fsm.evaluation.rollout import drive
 
@@ -146,3 +149,37 @@ def test_the_same_drive_twice_gives_equal_episodes() -> None:
     assert first == second
     assert hash(first) == hash(second)
     assert first != drive(Lane("timeout"), Cruiser(), seed=1)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"action": "speed"}, "made with action='speed', but the policy takes the plain readings.*without it"),
+        ({"decision_hz": 10}, "made with decision_hz=10, but"),
+        ({"drive_range": (0.0, 0.3)}, r"made with drive_range=\(0\.0, 0\.3\), but"),
+        ({"observation": "features", "history": 2}, "observation='features', history=2, .*without these options"),
+    ],
+)
+def test_a_machine_does_not_drive_where_its_command_means_something_else(options: dict[str, Any], told: str) -> None:
+    env = gym.make("tral_env:TralCorridor-v0", scenario="straight", **options)
+    with pytest.raises(ConfigError, match=told):
+        drive(env, load_policy("wall"), seed=0)
+    env.close()
+
+
+def test_no_policy_drives_decisions_of_several_ticks_because_figures_are_of_ticks() -> None:
+    env = gym.make("tral_env:TralCorridor-v0", scenario="straight", decision_hz=20)
+    with pytest.raises(ConfigError, match="decision_hz=20, but the figures of a drive are measured 80 times a second"):
+        drive(env, Stateless(), seed=0)
+    env.close()
+
+
+def test_a_policy_of_ones_own_may_command_a_speed() -> None:
+    class Slow(Stateless):
+        def act(self, observation: np.ndarray) -> np.ndarray:
+            return np.array([0.0, -1.0])
+
+    options = {"action": "speed", "drive_range": (0.0, 1.0), "task": {"nominal_speed": 3.0, "grace_s": 0.1}}
+    env = gym.make("tral_env:TralCorridor-v0", scenario="straight", randomization="none", **options)
+    assert drive(env, Slow(), seed=0).mean_speed == pytest.approx(0.0, abs=0.01)
+    env.close()

@@ -225,3 +225,8 @@ def test_a_parameter_of_an_earlier_version_is_read_and_noted(tmp_path: Path, sta
     machine, notes = load_with_notes(told)
     assert (machine, ()) == load_with_notes(untold)
     assert notes == ("/states/0/learn_trim is of an earlier version and does nothing: delete it",)
+
+
+def test_each_key_that_stands_twice_is_told_with_its_place() -> None:
+    text = '{"root": 0, "states": [{"id": 0, "type": "Idle", "id": 1, "type": "Stop"}], "root": 1}'
+    assert {"/root", "/states/0/id", "/states/0/type"} <= problems(text).keys()

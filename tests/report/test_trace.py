@@ -9,7 +9,7 @@ import pytest
 from readings import Bench, two_states
 from typer.testing import CliRunner
 
-from tral_env.interface import CORE_LAYOUT
+from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT
 from tral_fsm import MachinePolicy, load_policy
 from tral_fsm.cli import app
 from tral_fsm.evaluation.episode import Tick
@@ -28,7 +28,7 @@ def tick(index: int = 0, **changes: object) -> Tick:
         "observation": CORE_LAYOUT.pack(values, 1)[0],
         "state": "follow",
         "action": np.array([0.25, 0.5], np.float32),
-        "info": {"time_s": 0.0125 * (index + 1), "pose": np.array([1.0, -2.0, 0.5]), "speed_mps": 0.75},
+        "info": {"time_s": CONTROL_PERIOD_S * (index + 1), "pose": np.array([1.0, -2.0, 0.5]), "speed_mps": 0.75},
         **changes,
     }
     return Tick(**given)  # type: ignore[arg-type]
@@ -81,7 +81,7 @@ class TestFile:
         result = CliRunner().invoke(app, [*arguments, "--trace", "--json", "--out", str(tmp_path)])
         report = json.loads(result.stdout)
         rows = list(csv.DictReader((tmp_path / "trace.csv").read_text("utf-8").splitlines()))
-        assert len(rows) == round(report["episodes"][0]["time_s"] / 0.0125)
+        assert len(rows) == round(report["episodes"][0]["time_s"] / CONTROL_PERIOD_S)
         assert {r["state"] for r in rows} == {"follow"}
         assert "trace.csv" in report["episodes"][0]["files"]
         again = CliRunner().invoke(app, [*arguments, "--json", "--out", str(tmp_path)])
@@ -135,7 +135,9 @@ class TestPolicy:
         machine = {
             "root": 0,
             "states": [{"id": k, "type": "Motor", "throttle": 0.1} for k in (0, 1)],
-            "transitions": [{"id": k, "type": "Timer", "seconds": 0.0125, "from": k, "to": 1 - k} for k in (0, 1)],
+            "transitions": [
+                {"id": k, "type": "Timer", "seconds": CONTROL_PERIOD_S, "from": k, "to": 1 - k} for k in (0, 1)
+            ],
         }
         policy = MachinePolicy(loads(json.dumps(machine)))
         fired: list[Transit] = []

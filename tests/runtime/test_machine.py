@@ -8,7 +8,7 @@ import pytest
 from readings import Bench, two_states
 
 from tral_env.errors import MachineError
-from tral_env.interface import CORE_LAYOUT
+from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT
 from tral_fsm import Driver, Machine, load_machine
 from tral_fsm.control.command import IDLE
 from tral_fsm.estimation.estimate import CarEstimate
@@ -58,7 +58,7 @@ class TestTickOrder:
         bench = Bench({"root": 0, "states": [{**motor(0, 0.1), "final": True}], "transitions": [again]})
         for distance in (0.0, 1.0, 1.5, 2.0):
             bench.tick(distance=distance)
-        assert [round(t.time / 0.0125) for t in bench.fired] == [2, 4]
+        assert [round(t.time / CONTROL_PERIOD_S) for t in bench.fired] == [2, 4]
 
     def test_a_transitions_memory_starts_anew_when_its_state_is_entered(self) -> None:
         bench = Bench({"root": 0, "states": [motor(0, 0.1), motor(1, 0.1)], "transitions": [
@@ -151,7 +151,7 @@ class TestMachinesInMachines:
 
         monkeypatch.setattr(Motor, "on_exit", lambda self, estimate: calls.append(f"inner {self.spec.id}"))
         monkeypatch.setattr(FSMState, "on_exit", outer_exit)
-        bench = self.outer({"id": "out", "from": "a", "to": "b", "type": "Timer", "seconds": 0.0125},
+        bench = self.outer({"id": "out", "from": "a", "to": "b", "type": "Timer", "seconds": CONTROL_PERIOD_S},
                            {"id": "in", "from": "b", "to": "a", "type": "Distance", "distance": 1.0})  # fmt: skip
         bench.tick()
         bench.tick()

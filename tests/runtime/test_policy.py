@@ -143,3 +143,9 @@ def test_rows_to_reset_are_one_truth_value_for_each_car(rows: np.ndarray) -> Non
     policy.reset(2)
     with pytest.raises(MachineError, match=r"expected bool of shape \(2,\)"):
         policy.reset_rows(rows)
+
+
+@pytest.mark.parametrize("n", [0, -1, "2", True, 1.5])
+def test_a_number_of_cars_that_is_none_is_refused(n: object) -> None:
+    with pytest.raises(ConfigError, match="number of cars = "):
+        load_policy("wall").reset(n)  # type: ignore[arg-type]

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tral_env.interface import CORE_LAYOUT
+from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT
 from tral_fsm import MachinePolicy
 from tral_fsm.formats.tral_json import loads
 
@@ -57,13 +57,13 @@ class Plain:
 def machine(depth: int) -> st.SearchStrategy[Raw]:
     motor = st.builds(lambda t: {"type": "Motor", "throttle": t / 64}, st.integers(0, 63))
     state = motor if depth == 0 else motor | st.builds(lambda m: {"type": "FSMState", "machine": m}, machine(depth - 1))
-    condition = st.builds(lambda k: {"type": "Timer", "seconds": 0.0125 * k}, st.integers(1, 5)) | st.builds(
+    condition = st.builds(lambda k: {"type": "Timer", "seconds": CONTROL_PERIOD_S * k}, st.integers(1, 5)) | st.builds(
         lambda k: {"type": "SensorLevel", "sensor": "front", "below": 0.5 * k}, st.integers(1, 5)
     )
     ways = st.lists(st.tuples(st.integers(0, 2), st.integers(0, 2), condition), max_size=5)
 
     def put(states: list[Raw], drawn: list[tuple[int, int, Raw]]) -> Raw:
-        ring = [(k, (k + 1) % 3, {"type": "Timer", "seconds": 0.0125 * 7}) for k in range(3)]
+        ring = [(k, (k + 1) % 3, {"type": "Timer", "seconds": CONTROL_PERIOD_S * 7}) for k in range(3)]
         seen: list[Any] = []
         transitions = []
         for source, target, when in [*drawn, *ring]:

@@ -23,15 +23,11 @@ from tral_fsm.formats.library import load
 from tral_fsm.states.basic import MotorSpec
 from tral_fsm.tuning import Objective, Progress, Racing, Settings, Stage, Task, Tuned, tune
 from tral_fsm.tuning.evaluator import Evaluator
-from tral_fsm.tuning.folder import LOCK, MACHINE, NUMBERS, PAGE, STUDY, held
+from tral_fsm.tuning.folder import MACHINE, NUMBERS, PAGE, STUDY
 from tral_fsm.tuning.found import described
 from tral_fsm.tuning.holdout import compare
 from tral_fsm.tuning.journal import Journal
-from tral_fsm.tuning.objective import Weights
 from tral_fsm.tuning.parameters import find
-from tral_fsm.tuning.search.cma_es import CmaSearch
-from tral_fsm.tuning.search.optuna import front, objective_costs
-from tral_fsm.tuning.search.space import Trial
 from tral_fsm.tuning.study import Study, check_apart
 
 CRASHING = blind(0.5, 1.0)
@@ -212,81 +208,10 @@ def test_courses_of_the_report_must_be_new() -> None:
         check_apart(TASK, Settings(report_seeds=(0, 4, 5, 9)))
 
 
-def trial(values: tuple[float, ...], cost: float, parts: tuple[float, ...] = (0, 0, 0, 0, 0)) -> Trial:
-    return Trial(values=values, cost=cost, full=True, drives=1, successes=1, parts=parts)
-
-
-def test_cma_begins_at_the_machine_and_goes_where_it_is_cheap() -> None:
-    parameters = find(CRASHING, PARAMS)
-    cma = CmaSearch(parameters, seed=3)
-    for _ in range(25):
-        asked = cma.ask()
-        assert all(0.3 <= float(a) <= 0.9 and 0.8 <= float(b) <= 1.6 for a, b in asked)
-        cma.tell([trial(each, (float(each[0]) - 0.72) ** 2 + (float(each[1]) - 1.5) ** 2) for each in asked])
-    best = min(asked, key=lambda each: abs(float(each[0]) - 0.72) + abs(float(each[1]) - 1.5))
-    assert best == pytest.approx((0.72, 1.5), abs=0.02)
-
-
-def test_cma_begins_anew_with_twice_the_population_when_it_rests() -> None:
-    cma = CmaSearch(find(CRASHING, PARAMS), population=6)
-    sizes = set()
-    for _ in range(120):
-        asked = cma.ask()
-        sizes.add(len(asked))
-        cma.tell([trial(each, (float(each[0]) - 0.6) ** 2) for each in asked])
-    assert {6, 12} <= sizes
-
-
-def test_one_parameter_can_be_searched() -> None:
-    asked = CmaSearch(find(CRASHING, PARAMS[:1])).ask()
-    assert all(len(each) == 1 for each in asked)
-
-
-def test_cma_refuses_what_is_no_real_number() -> None:
-    from courses import TWO_WALLS
-
-    with pytest.raises(ConfigError, match=r"state\[right\].side is a choice of .*: --sampler tpe"):
-        CmaSearch(find(TWO_WALLS, ["right.side"]))
-
-
-def test_the_front_holds_what_nothing_beats() -> None:
-    a, b, c = (trial((k,), 0, (0, 0, *costs)) for k, costs in enumerate([(0.01, 3, 0), (0.02, 1, 0), (0.03, 2, 0)]))
-    failing = trial((9.0,), 0, (0.5, 0.2, 0, 0, 0))
-    assert front([c, b, a, failing], ("clearance", "time")) == [a, b]
-
-
-def test_failed_drives_weigh_the_same_in_the_search_and_in_the_front() -> None:
-    failing = trial((9.0,), 0, (0.5, 0.25, 0.1, 2.0, 0))
-    weights = Weights(failure=4.0, unfinished=8.0, clearance=10.0, time=0.5)
-    assert objective_costs(failing, ("clearance", "time"), weights) == (1.0 + 4.0, 1.0 + 4.0)
-    cheap = Weights(failure=0.0, unfinished=0.0)
-    assert front([failing, trial((1.0,), 0, (0, 0, 0.2, 3.0, 0))], ("clearance", "time"), cheap) == [failing]
-
-
 def test_without_optuna_the_remedy_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "optuna", None)
     with pytest.raises(MissingExtraError, match=r"pip install '\.\[tune\]'"):
         search(None, settings=replace(SETTINGS, sampler="tpe"))
-
-
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"objectives": ("clearance", "time")}, "several need the sampler nsga2"),
-        ({"objectives": ("clearance",), "sampler": "nsga2"}, "expected two or more"),
-        ({"objectives": ("clarity", "time"), "sampler": "nsga2"}, "unknown objective 'clarity'"),
-        ({"budget": 0}, "budget = 0: expected a whole number, 1 or more"),
-        ({"sampler": "cma"}, "unknown sampler 'cma': did you mean 'cmaes'"),
-        ({"population": 2}, "population = 2: expected a whole number, 4 or more"),
-        ({"population": 4.5}, "population = 4.5: expected a whole number"),
-        ({"budget": None}, "budget = None: expected a whole number"),
-        ({"seed": -1}, "seed = -1: expected a whole number"),
-        ({"sampler": "nsga2", "objectives": ("time", "time")}, "two or more different ones"),
-    ],
-)
-def test_settings_that_make_no_sense_are_refused(changed: dict[str, object], message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        replace(SETTINGS, **changed)  # type: ignore[arg-type]
 
 
 class TestOptuna:
@@ -310,17 +235,6 @@ class TestOptuna:
         assert all(each.full for each in tuned.trials)  # no race
         assert tuned.front
 
-    def test_choices_and_whole_numbers_are_searched(self) -> None:
-        from courses import TWO_WALLS
-
-        from tral_fsm.tuning.search.optuna import OptunaSearch
-
-        names = ["right.side", "transition[end].of[0].readings", "left.p"]
-        asked = OptunaSearch(find(TWO_WALLS, names), "tpe", population=20).ask()
-        assert asked[0] == ("right", 2, 3.0)  # the machine's own values come first
-        assert {each[0] for each in asked} == {"left", "right"}
-        assert all(isinstance(each[1], int) for each in asked)
-
 
 def test_every_machine_drives_every_course() -> None:
     with Evaluator(TASK) as evaluator:
@@ -339,12 +253,6 @@ def test_the_error_of_a_process_comes_before_the_others_have_driven_to_the_end()
     ):
         evaluator.drive([CRASHING], requests)
     assert max((stage.done for stage in stages), default=0) < 50
-
-
-def test_two_searches_never_write_into_one_folder(tmp_path: Path) -> None:
-    with held(tmp_path), pytest.raises(ConfigError, match="another search writes into this folder: give each its own"):
-        search(tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == [LOCK]
 
 
 def test_a_result_without_a_whole_trial_can_be_written(whole: tuple[Path, Tuned]) -> None:

@@ -23,7 +23,7 @@ from tral_fsm.formats import write
 from tral_fsm.formats.library import load
 from tral_fsm.tuning import Progress
 from tral_fsm.tuning.classical import experiments
-from tral_fsm.tuning.folder import STUDY
+from tral_fsm.tuning.folder import LOCK, STUDY
 from tral_fsm.tuning.search.space import Trial
 
 PARAMS = "0.steering=0.3:0.9,0.speed=0.8:1.6"
@@ -54,7 +54,7 @@ def test_it_leaves_a_machine_the_figures_a_report_and_the_study(tuned: tuple[Pat
     folder, result = tuned
     assert result.exit_code == 0, result.output
     written = {path.name for path in folder.iterdir()}
-    assert written == {"mine.json", "machine.json", "new.uxf", "report.html", "study.jsonl", "tune.json"}
+    assert written == {LOCK, "mine.json", "machine.json", "new.uxf", "report.html", "study.jsonl", "tune.json"}
     report = json.loads((folder / "tune.json").read_text())
     assert report["complete"]
     assert report["task"]["seeds"] == [0]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Array, Image
-from tral_env.checks import one_of
+from tral_env.checks import is_number, one_of
 from tral_env.errors import ConfigError
 from tral_env.perception.dictionaries import dictionary, dictionary_name, marker_count, marker_modules
 
@@ -53,11 +53,12 @@ class Board:
         one_of("board", self.kind, get_args(Kind))
         for name in ("columns", "rows"):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < 3:
+            if not is_number(value, whole=True) or value < 3:
                 raise ConfigError(f"Board.{name} = {value!r}: expected a whole number of 3 or more squares")
+            object.__setattr__(self, name, int(value))
         for name in ("square", "marker"):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not _LENGTHS[0] <= value <= _LENGTHS[1]:
+            if not is_number(value) or not _LENGTHS[0] <= value <= _LENGTHS[1]:
                 raise ConfigError(
                     f"Board.{name} = {value!r}: expected a length of {_LENGTHS[0]:g} to {_LENGTHS[1]:g}, in m"
                 )

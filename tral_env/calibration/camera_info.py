@@ -6,7 +6,6 @@ Such a file says nothing of the mounting, the frame rate and the size of markers
 
 from __future__ import annotations
 
-import math
 import re
 import reprlib
 from collections.abc import Mapping
@@ -18,7 +17,8 @@ import yaml
 
 from tral_env import json_text
 from tral_env.atomic import write_bytes
-from tral_env.calibration.lens_files import lens_documents
+from tral_env.calibration.lens_files import KEYS, lens_documents, named
+from tral_env.checks import is_number
 from tral_env.config import WIDE_LENS, CameraConfig, as_config
 from tral_env.errors import CalibrationError, ConfigError, nearest
 from tral_env.yaml_text import Items, Lines, number
@@ -28,19 +28,12 @@ LENSES = {"default": CameraConfig(), "wide": WIDE_LENS}
 
 _SUFFIXES = (".yaml", ".yml", ".xml", ".ini")
 _ENDS = f"{', '.join(_SUFFIXES[:-1])} or {_SUFFIXES[-1]}"
-_MODELS = ("plumb_bob", "radtan", "rational_polynomial")
-"""A file may name one of these distortion models, or none; all coefficients beyond the fifth have to be 0."""
+_MODELS = ("plumb_bob", "radtan", "rational_polynomial", "none")
+"""A file may name one of these distortion models, or not name any; all coefficients beyond the fifth have to be 0."""
 _FISHEYE = ("equidistant", "fisheye", "kannala_brandt", "kannala_brandt4", "equi")
 """Distortion models of lenses that this package cannot simulate have these names."""
 _COUNTS = (0, 4, 5, 8, 12, 14)
 """OpenCV writes so many coefficients."""
-_NAMES = {
-    "image_width": ("imagewidth", "width"),
-    "image_height": ("imageheight", "height"),
-    "camera_matrix": ("cameramatrix", "k", "intrinsicmatrix", "mtx"),
-    "distortion_coefficients": ("distortioncoefficients", "distcoeffs", "distortioncoeffs", "dist", "d", "distortion"),
-}
-"""Programs write each of these keys in several ways; capitals and underscores make no difference."""
 _ADD = {
     "image_width": "image_width: 640",
     "image_height": "image_height: 480",
@@ -129,8 +122,11 @@ def _lens(content: Any, where: str) -> CameraConfig:
     """Read a lens from a document."""
     if not isinstance(content, Lines):
         got = "nothing" if content is None else type(content).__name__.lower()
-        raise CalibrationError(f"{where}: got {got}, expected a mapping with {', '.join(_NAMES)}")
-    found = {name: _find(content, name, where) for name in _NAMES}
+        raise CalibrationError(f"{where}: got {got}, expected a mapping with {', '.join(KEYS)}")
+    model = _known_model(content, where)
+    found = {name: _find(content, name, where) for name in KEYS}
+    if model == "none" and found["distortion_coefficients"] is None:
+        found["distortion_coefficients"] = _Entry(None, where, where)
     missing = [name for name, entry in found.items() if entry is None]
     if missing:
         there = ", ".join(str(key)[:40] for key in list(content)[:20]) or "-"
@@ -140,7 +136,7 @@ def _lens(content: Any, where: str) -> CameraConfig:
     width, height, matrix, coefficients = (entry for entry in found.values() if entry)
     _require_whole_image(content, where)
     fx, fy, cx, cy = _pinhole(matrix)
-    distortion = _distortion(content, coefficients, where)
+    distortion = _distortion(coefficients, model)
     try:
         return CameraConfig(
             width=_whole(width), height=_whole(height), fx=fx, fy=fy, cx=cx, cy=cy, distortion=distortion
@@ -155,17 +151,18 @@ def _find(content: Lines, name: str, where: str) -> _Entry | None:
     Raises:
         CalibrationError: two keys have one meaning.
     """
-    keys = [key for key in content if re.sub(r"[_\- ]", "", str(key)).lower() in _NAMES[name]]
+    keys = named(content, name)
     if len(keys) > 1:
         lines = [f"'{key}' in line {content.lines[key]}" for key in keys]
         raise CalibrationError(f"{where}: {' and '.join(lines)} both mean {name}: delete one of them")
     return _Entry(content[keys[0]], f"{where}:{content.lines[keys[0]]}: {keys[0]}", where) if keys else None
 
 
-def _distortion(content: Lines, coefficients: _Entry, where: str) -> tuple[float, ...]:
+def _distortion(coefficients: _Entry, model: str) -> tuple[float, ...]:
     """Read the coefficients k1, k2, p1, p2, k3."""
-    _require_known_model(content, where)
     values = _numbers(coefficients, _COUNTS)
+    if model == "none" and any(values):
+        raise CalibrationError(f"{coefficients.where} {_SHORT.repr(values)}: but the distortion model is 'none'")
     if any(values[5:]):
         raise CalibrationError(
             f"{coefficients.where} {_SHORT.repr(values)}: only k1, k2, p1, p2, k3 can be other than 0; {_REMEDY}"
@@ -173,8 +170,10 @@ def _distortion(content: Lines, coefficients: _Entry, where: str) -> tuple[float
     return tuple((values + [0.0] * 5)[:5])
 
 
-def _require_known_model(content: Lines, where: str) -> None:
-    """Check the name of the model: ROS says distortion_model, some programs camera_model, OpenCV fisheye_model: 1."""
+def _known_model(content: Lines, where: str) -> str:
+    """The name of the model of distortion, empty if the file names none; ROS says distortion_model, some programs
+    camera_model, OpenCV fisheye_model: 1."""
+    known = ""
     for key in ("distortion_model", "camera_model", "fisheye_model"):
         if content.get(key) in (None, "", 0):
             continue
@@ -185,8 +184,16 @@ def _require_known_model(content: Lines, where: str) -> None:
                 f"{place} {_SHORT.repr(model)}: a fisheye lens, which this package cannot simulate. For a lens of at "
                 f"most 120 degrees, {_REMEDY}"
             )
-        if name not in _MODELS and (key, name) != ("camera_model", "pinhole"):
-            raise CalibrationError(f"{place} {_SHORT.repr(model)}: {nearest(_SHORT.repr(model), _MODELS)}")
+        if (key, name) == ("camera_model", "pinhole"):
+            continue
+        if name not in _MODELS:
+            allowed = _MODELS if key == "distortion_model" else ("pinhole", *_MODELS)
+            raise CalibrationError(
+                f"{place} {_SHORT.repr(model)}: {nearest(_SHORT.repr(model), allowed)}; for a lens of another model, "
+                f"{_REMEDY}"
+            )
+        known = known or name
+    return known
 
 
 def _require_whole_image(content: Lines, where: str) -> None:
@@ -248,24 +255,19 @@ def _flat(entry: _Entry) -> list[tuple[Any, str]] | None:
 
 def _number(value: Any, where: str) -> float:
     found = number(value)
-    try:
-        finite = float(found) if isinstance(found, int | float) and not isinstance(found, bool) else math.nan
-    except OverflowError:
-        finite = math.nan
-    if not math.isfinite(finite):
+    if not is_number(found):
         hint = ""
         if isinstance(value, str) and re.fullmatch(r"-?\d+,\d+", value):
             hint = "; a point parts the decimals"
         raise CalibrationError(f"{where} = {_SHORT.repr(value)}: expected a finite number{hint}")
-    return finite
+    return float(found)
 
 
 def _whole(entry: _Entry) -> int:
-    value = entry.value
-    whole = isinstance(value, int | float) and not isinstance(value, bool) and 1 <= value <= _MAX_PIXELS
-    if not whole or value != int(value):
+    value = number(entry.value)
+    if not is_number(value) or not 1 <= value <= _MAX_PIXELS or value != int(value):
         raise CalibrationError(
-            f"{entry.where} = {_SHORT.repr(value)}: expected a whole number of pixels, 1 to {_MAX_PIXELS}"
+            f"{entry.where} = {_SHORT.repr(entry.value)}: expected a whole number of pixels, 1 to {_MAX_PIXELS}"
         )
     return int(value)
 

@@ -157,6 +157,8 @@ class Start(Part):
 class Course(Part):
     """A course: corridors, what stands in them, where the car starts and where its goal is."""
 
+    schema_: str | None = Field(default=None, alias="$schema", exclude=True)
+    """JSON Schema of course files, for editors."""
     name: Annotated[str, Field(min_length=1)]
     """Its name, for lists and error messages."""
     description: str = ""
@@ -311,9 +313,21 @@ def _furniture_problems(where: str, segment: Segment) -> Iterable[str]:
                 yield f"{where}/{kind}/{k}/at: got {item.at:g}. Allowed: 0 to {segment.length:g}, the segment's length"
             if kind not in _AT_WALLS and abs(item.offset) > half:
                 yield f"{where}/{kind}/{k}/offset: got {item.offset:g}. Allowed: -{half:g} to {half:g}"
+    for kind, k, what, got, limit in _extents(segment):
+        if got > limit:
+            yield f"{where}/{kind}/{k}/length: got {got:g}. Allowed: {limit:g} at most, {what} of the segment"
     for k, cupboard in enumerate(segment.cupboards):
         if cupboard.depth >= segment.width:
             yield f"{where}/cupboards/{k}/depth: got {cupboard.depth:g}. Allowed: below the width of {segment.width:g}"
+
+
+def _extents(segment: Segment) -> Iterable[tuple[str, int, str, float, float]]:
+    """Kind, number, what bounds it, length and bound of what has a length: cupboards and tapes."""
+    for k, cupboard in enumerate(segment.cupboards):
+        yield "cupboards", k, "the length", cupboard.length, segment.length
+    for k, tape in enumerate(segment.tapes):
+        limit = ("the width", segment.width) if tape.across else ("the length", segment.length)
+        yield "tapes", k, limit[0], tape.length, limit[1]
 
 
 def _report(source: str, problems: Iterable[str]) -> CourseError:
@@ -336,16 +350,22 @@ def _sentence(error: Any) -> str:
     if error["type"] == "literal_error":
         return f"{place}: got {got!r}: {nearest(got, validation_text.choices(annotation))}"
     rule = validation_text.allowed(annotation, error, _WORDS)
-    return f"{place}: got {json.dumps(got, default=str)[:60]}. Allowed: {rule}{_unit_or_quotes(name, error)}"
+    in_metres = bool(re.search(r"\bm\b", _description(owner, name)))
+    return f"{place}: got {json.dumps(got, default=str)[:60]}. Allowed: {rule}{_unit_or_quotes(error, in_metres)}"
 
 
-def _unit_or_quotes(name: str, error: Any) -> str:
+def _description(owner: Any, name: str) -> str:
+    """What is said of a member: its meaning, with its unit."""
+    models = (getattr(kind, "model_fields", {}) for kind in validation_text.members(owner))
+    return next((model[name].description or "" for model in models if name in model), "")
+
+
+def _unit_or_quotes(error: Any, in_metres: bool) -> str:
     """What may be wrong with a number, as the end of a sentence: it is quoted, or in mm or cm; empty: not known."""
     got = error["input"]
     if error["type"] in ("float_type", "int_type") and isinstance(got, str) and re.fullmatch(r"-?\d+([.,]\d+)?", got):
         return f", without quotes: {got.replace(',', '.')}"
-    lengths = error["type"] == "less_than_equal" and name not in ("heading_deg", "laps", "id")
-    return "; lengths are in m" if lengths else ""
+    return "; lengths are in m" if error["type"] == "less_than_equal" and in_metres else ""
 
 
 _WORDS = {

@@ -21,8 +21,6 @@ from tral_env.perception import opengl
 from tral_env.perception.lens import mounting_turn
 from tral_env.perception.rays import pixel_rays
 
-"""(height, width, 3) RGB."""
-
 MAX_GEOMS = 5000
 """A picture can show so many geoms."""
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Image
+from tral_env.checks import is_number
 from tral_env.errors import ConfigError
 
 _MAX_AT_LEVEL_1 = {"exposure": 1.0, "blur_px": 100.0, "glare": 255.0, "noise": 255.0, "streak_px": 1000.0, "patch": 1.0}
@@ -45,7 +46,7 @@ class ImageCorruption:
     def __post_init__(self) -> None:
         for field in fields(self):
             value, most = getattr(self, field.name), _MAX_AT_LEVEL_1[field.name]
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= most:
+            if not is_number(value) or not 0 <= value <= most:
                 raise ConfigError(f"ImageCorruption.{field.name} = {value!r}: expected a number from 0 to {most:g}")
 
     def scaled(self, share: float) -> ImageCorruption:

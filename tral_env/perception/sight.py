@@ -73,17 +73,23 @@ def look(image: NDArray[np.uint8], lens: CameraConfig | None = None) -> Sight:
         lens: the lens, scaled to the image; None: no places are told.
 
     Raises:
-        ConfigError: the image has other proportions than the lens.
+        ConfigError: the image has other proportions than the lens, or the lens is none.
     """
+    if lens is not None and not isinstance(lens, CameraConfig):
+        raise ConfigError(f"lens = {lens!r}: expected a CameraConfig, such as load_lens gives, or None")
     found = Detector().detect(image)
     places = _places(found, fitted_lens(lens, image.shape[1], image.shape[0])) if lens else [None] * len(found.ids)
     seen = sorted(zip(found.ids, found.corners, places, strict=True), key=lambda one: int(one[0]))
     markers = tuple(SeenMarker(int(one), meaning(int(one)), corners, place) for one, corners, place in seen)
-    by_id = {marker.id: marker for marker in markers}
+    counts = Counter(marker.id for marker in markers)
+    by_id = {marker.id: marker for marker in markers if counts[marker.id] == 1}  # of two, one is not the gate's
     gates = tuple(
         _gate(by_id[left], by_id[left + 1]) for left in GATE_MARKER_IDS[::2] if left in by_id and left + 1 in by_id
     )
-    return Sight(markers, gates, tuple(_problems(markers, gates) if markers else [_nothing(image)]))
+    if not markers:
+        return Sight((), (), (_nothing(image),))
+    is_half_seen = not gates and any(marker.id in GATE_MARKER_IDS for marker in markers)
+    return Sight(markers, gates, (*_problems(markers, gates), *(_of_another(image) if is_half_seen else [])))
 
 
 def meaning(marker: int) -> str:
@@ -150,6 +156,12 @@ def _problems(markers: tuple[SeenMarker, ...], gates: tuple[SeenGate, ...]) -> l
         elif meaning(one) == "no meaning":
             told.append(f"marker {one} means nothing: gates have 0 to 39, signs 40 to 42")
     return told
+
+
+def _of_another(image: NDArray[np.uint8]) -> list[str]:
+    """Word that markers of another dictionary are there beside one that may be false, if they are more than one."""
+    fitting = [(name, count) for name, count in fitting_dictionaries(image, 2).items() if name != DICTIONARY]
+    return [f"{count} markers of {name} are there too: is the other marker a false one?" for name, count in fitting[:1]]
 
 
 def _nothing(image: NDArray[np.uint8]) -> str:

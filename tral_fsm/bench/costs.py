@@ -63,6 +63,9 @@ def _resets(name: str, scenario: str, rows: int, courses: int | None) -> Contest
 def camera_cost(*, rounds: int = 5, seconds: float = 0.05) -> dict[str, float]:
     """Time of a frame with a gate in the environment, and of rendering, detection and pose alone, ms.
 
+    The image of the environment has the faults of the default level, those of the parts have none: so the parts do not
+    add up to the frame, and what is left holds the time of the faults.
+
     Args:
         rounds: number of turns of each contestant.
         seconds: time of a turn, s; at least one frame.

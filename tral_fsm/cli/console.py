@@ -8,6 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from tral_env.errors import (
+    BadFileError,
     CalibrationError,
     CourseError,
     HardwareError,
@@ -38,7 +39,7 @@ class Guarded(TyperGroup):
             raise typer.Exit(_exit_code(error)) from None
 
 
-_BAD_FILES = (SimulationError, FormatError, CourseError, PolicyError, PolicyFileError, CalibrationError)
+_BAD_FILES = (SimulationError, BadFileError, FormatError, CourseError, PolicyError, PolicyFileError, CalibrationError)
 """A drive or a file is bad, not the command."""
 
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 from tral_fsm.cli.files import suffix_of
 from tral_fsm.evaluation.choices import check_families
@@ -114,7 +113,7 @@ def _draw(plans: Mapping[str, Plan], out: Path) -> None:
 
 def _save(course: Course, out: Path) -> None:
     prepare_folder(out.parent)
-    write_bytes(out, course.to_json().encode("utf-8"))
+    course.save(out)
     typer.echo(f"Written: {out}")
 
 

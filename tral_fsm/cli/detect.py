@@ -59,6 +59,9 @@ def command(
     camera = None if lens is None else load_lens(lens)
     found = find_sources(sources)
     originals = {Path(name).resolve() for name in found}
+    if out:
+        for number in range(1, len(found) + 1):
+            _require_new(_picture(out, number), originals)
     drawn, seen_any = 0, False
     before: tuple[str, tuple[int, ...]] = "", ()
     with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C is the usual end of a camera
@@ -72,25 +75,35 @@ def command(
             typer.echo(json.dumps(_record(name, sight)) if as_json else _text(name, sight))
             if out and image is not None:
                 drawn += 1
-                picture = out if drawn == 1 else out.with_stem(f"{out.stem}_{drawn}")
-                if picture.resolve() in originals:
-                    raise ConfigError(f"--out {picture} is one of the images: choose another name, or another folder")
+                picture = _picture(out, drawn)
+                _require_new(picture, originals)  # a video gives more pictures than there are sources
                 _draw(image, sight, picture, quiet=as_json)
     if not seen_any:
         raise typer.Exit(FAILED)
 
 
+def _picture(out: Path, number: int) -> Path:
+    """File of the picture of that number, 1 or more."""
+    return out if number == 1 else out.with_stem(f"{out.stem}_{number}")
+
+
+def _require_new(picture: Path, originals: set[Path]) -> None:
+    if picture.resolve() in originals:
+        raise ConfigError(f"--out {picture} is one of the images: choose another name, or another folder")
+
+
 def _looked_at(image: NDArray[np.uint8] | None, lens: CameraConfig | None) -> Sight:
-    from tral_env.perception.sight import Sight, look
+    from tral_env.perception.sight import Sight, fitted_lens, look
 
     if image is None:
         return Sight((), (), ("damaged, empty or not to be opened",))
     picture = image[..., ::-1].copy()
     try:
-        return look(picture, lens)
-    except ConfigError as error:  # the lens is for images of other proportions
+        fitted = lens and fitted_lens(lens, picture.shape[1], picture.shape[0])
+    except ConfigError as error:
         sight = look(picture)
         return replace(sight, problems=(f"no places: {error}", *sight.problems))
+    return look(picture, fitted)
 
 
 def _text(name: str, sight: Sight) -> str:

@@ -5,7 +5,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple, TypeGuard
 
+from tral_env.interface import CORE_LAYOUT
 from tral_fsm.estimation.detections import Detection
+
+MAX_SPEED_MPS = CORE_LAYOUT.fields[CORE_LAYOUT.column("speed")].high
+"""The hall sensor reads no faster speed."""
 
 
 class Command(NamedTuple):
@@ -18,7 +22,7 @@ class Command(NamedTuple):
     steering: float | None = None
     """In [-1, 1], + = left, of a car without faults: the driver adds trim and gain. None: the servo's neutral."""
     speed: float | None = None
-    """m/s."""
+    """m/s, 0 to `MAX_SPEED_MPS`; a car that is to reverse gets a throttle."""
     throttle: float | None = None
     """In [-1, 1], + = forward."""
     steering_trim: float | None = None
@@ -36,12 +40,15 @@ IDLE = Command()
 
 
 def is_command(answer: object) -> TypeGuard[Command]:
-    """Whether an answer is a command whose numbers are finite; a wanted clearance may be NaN, which is none."""
+    """Whether an answer is a command: its numbers are finite, its speed and throttle within their bounds; a wanted
+    clearance may be NaN, which is none."""
     if not isinstance(answer, Command):
         return False
     steering, speed, throttle, steering_trim, side, clearance, target = answer
     try:
         if not math.isfinite((steering or 0.0) + (speed or 0.0) + (throttle or 0.0) + (steering_trim or 0.0)):
+            return False
+        if not 0.0 <= (speed or 0.0) <= MAX_SPEED_MPS or not -1.0 <= (throttle or 0.0) <= 1.0 or speed is True:
             return False
         if math.isinf(side) or math.isinf(clearance):
             return False

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from tral_env.se2 import wrap
+from tral_env.se2 import rotate_back, wrap
 from tral_fsm.estimation import kalman
 from tral_fsm.estimation.kalman import Matrix, Row
 from tral_fsm.estimation.odometry import CURVATURE_PER_STEERING, GAIN_SIGMA, TRIM_SIGMA, OdometrySample
@@ -143,9 +143,8 @@ class GateTracker:
 
     def beside(self, x: float, y: float) -> bool:
         """Whether a car at x, y [m] of dead reckoning is so near that its side ultrasonics may hear the posts."""
-        dx, dy = self.x - x, self.y - y
-        cos, sin = math.cos(self.heading), math.sin(self.heading)
-        return -_POSTS[1] < cos * dx + sin * dy < _POSTS[0] and abs(cos * dy - sin * dx) < _POSTS_ASIDE
+        along, left = rotate_back(math.cos(self.heading), math.sin(self.heading), self.x - x, self.y - y)
+        return -_POSTS[1] < along < _POSTS[0] and abs(left) < _POSTS_ASIDE
 
 
 def _look(dx: float, dy: float) -> tuple[tuple[Row, Row, Row], tuple[float, float, float]]:

@@ -106,7 +106,7 @@ class WallEstimate(NamedTuple):
 
     def range_from(self, x: float, y: float, along: float) -> float:
         """Range at another place x, y [m] of dead reckoning, in a corridor of direction `along` [rad]; NaN: no wall."""
-        return self.range - self.sign * (math.cos(along) * (y - self.y) - math.sin(along) * (x - self.x))
+        return self.range - self.sign * to_left(x - self.x, y - self.y, along)
 
 
 class Wall:

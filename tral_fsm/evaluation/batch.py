@@ -9,6 +9,7 @@ import copy
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Self
 
 import numpy as np
 from gymnasium.utils import seeding
@@ -168,6 +169,12 @@ class BatchRunner:
             rows, drawn = np.append(rows, np.arange(world.n - spare, world.n)), drawn + drawn[:1] * spare
             self._started = True
         world.begin(rows, drawn, self._rngs)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def close(self) -> None:
         """Free the OpenGL context, if there is one."""

@@ -16,7 +16,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from tral_env.errors import ConfigError
+from tral_env.errors import BadFileError, ConfigError
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.host import host
 from tral_fsm.evaluation.pool import ProcessPool, worker_losses
@@ -36,10 +36,13 @@ def read_lines(path: Path) -> list[Record]:
     """All lines but for a last one that was cut off; none if there is no file.
 
     Raises:
-        ConfigError: a line before the last one is damaged.
+        ConfigError: a line before the last one is damaged, or the file cannot be read.
     """
     lines: list[Record] = []
-    whole = path.read_bytes().splitlines() if path.exists() else []
+    try:
+        whole = path.read_bytes().splitlines() if path.exists() else []
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}: choose another --out") from error
     for number, text in enumerate(whole, 1):
         line = _parsed(text)
         if isinstance(line, dict):
@@ -57,9 +60,9 @@ def _parsed(line: bytes) -> Any:
         return None
 
 
-def damaged(path: Path, number: int) -> ConfigError:
+def damaged(path: Path, number: int) -> BadFileError:
     """Error of a damaged line."""
-    return ConfigError(f"{path}:{number}: the line is damaged: mend it, or remove it and all that follows")
+    return BadFileError(f"{path}:{number}: the line is damaged: mend it, or remove it and all that follows")
 
 
 def append(path: Path, line: Record) -> None:
@@ -107,8 +110,13 @@ def made_with(path: Path, settings: Any, machines: Mapping[str, str] | None = No
     found = read_lines(path)
     if found and found[0].get("kind") != "run":
         raise ConfigError(f"{path}:1: got no line of a run, so these are no records of drives: choose another --out")
-    for line in found:
-        if line.get("kind") == "run" and line["settings"] != asdict(settings):
+    for number, line in enumerate(found, 1):
+        is_run = line.get("kind") == "run"
+        if not isinstance(line.get("kind"), str) or not isinstance(line.get("machines", {}), dict):
+            raise damaged(path, number)
+        if is_run and not isinstance(line.get("settings"), dict):
+            raise damaged(path, number)
+        if is_run and line["settings"] != asdict(settings):
             raise ConfigError(f"{path} was made with {line['settings']}, not {asdict(settings)}: choose another --out")
         changed = [name for name, was in line.get("machines", {}).items() if was != (machines or {}).get(name)]
         if changed:

@@ -9,7 +9,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.interface import Policy, check_readings
+from tral_env.errors import ConfigError
+from tral_env.interface import CONTROL_RATE_HZ, Policy, check_readings
 from tral_env.world import Step
 from tral_fsm.evaluation.episode import Episode, Tick, TickRecorder
 from tral_fsm.evaluation.loop import DriveLoop, Pair
@@ -44,11 +45,13 @@ def drive(
         The episode with its trace.
 
     Raises:
-        ConfigError: the policy needs a reading that the env does not have, or is none.
+        ConfigError: the policy needs a reading that the env does not have, or is none; a step of the env takes several
+            ticks, or is none for this policy, see `tral_env.interface.check_readings`.
         PolicyError: the policy fails.
     """
     policy = as_policy(policy)
     check_readings(policy, env)
+    _require_ticks(env)
     car, recorder = _GymCar(env, seed, options), TickRecorder()
     policy.reset(1)
     loop = DriveLoop(1, car, _OnePolicy(policy), lambda step, row: car.info)
@@ -62,6 +65,16 @@ def drive(
         loop.end(0)
     figures = loop.metrics.figures(0, car.info)
     return Episode(seed=seed, scenario=scenario, trace=recorder.trace(), **figures)
+
+
+def _require_ticks(env: gym.Env[Any, Any]) -> None:
+    """Refuse decisions of several ticks: the figures of an episode are measured in each tick."""
+    rate = getattr(env.unwrapped, "learner_options", {}).get("decision_hz")
+    if rate is not None:
+        raise ConfigError(
+            f"the environment was made with decision_hz={rate:g}, but the figures of a drive are measured "
+            f"{CONTROL_RATE_HZ:g} times a second: make it without, and let the policy hold its command"
+        )
 
 
 _MEASURED = ("speed_mps", "lateral_offset_m", "clearance_left_m", "clearance_right_m")

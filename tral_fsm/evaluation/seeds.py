@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from tral_env.errors import ConfigError
+from tral_env.options import is_seed
 
 
 def parse_seeds(text: str, option: str = "--seeds") -> range:
@@ -25,6 +26,16 @@ def parse_seeds(text: str, option: str = "--seeds") -> range:
     if not seeds or seeds[0] < 0:
         raise ConfigError(f"{option} {text}: expected FIRST:END, FIRST below END, neither below 0")
     return seeds
+
+
+def check_seeds(name: str, seeds: object) -> None:
+    """Refuse what are no seeds in a tuple.
+
+    Raises:
+        ConfigError: no tuple, or not all of it are whole numbers, 0 or more.
+    """
+    if not isinstance(seeds, tuple) or not all(seed is not None and is_seed(seed) for seed in seeds):
+        raise ConfigError(f"{name} = {seeds!r}: expected whole numbers, 0 or more, in a tuple such as (0, 1)")
 
 
 def stretches(seeds: Iterable[int]) -> str:

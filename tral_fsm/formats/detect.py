@@ -6,13 +6,13 @@ import re
 from typing import Any
 
 from tral_env.errors import nearest
+from tral_env.json_text import BYTE_ORDER_MARKS
 from tral_fsm.formats import tral_json, xml_tree
 from tral_fsm.formats.plain import Problems
 from tral_fsm.formats.scxml.reader import W3C
 from tral_fsm.formats.umlet import uxf, xml2json
 
 _ENCODING = re.compile(rb"<\?xml[^>]{0,200}?encoding\s*=\s*[\"']([A-Za-z0-9._-]{1,40})[\"']")
-_BYTE_ORDER_MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 _ENCODINGS = ("utf-8", "us-ascii", "iso-8859-1", "iso-8859-15", "windows-1252", "utf-16")
 """Encodings that an XML file may declare."""
 
@@ -25,7 +25,7 @@ def decoded(content: bytes) -> str:
     """
     declared = _ENCODING.match(content.lstrip()[:300])
     encoding = declared[1].decode("ascii").lower() if declared else "utf-8"
-    encoding = next((name for mark, name in _BYTE_ORDER_MARKS.items() if content.startswith(mark)), encoding)
+    encoding = next((name for mark, name in BYTE_ORDER_MARKS.items() if content.startswith(mark)), encoding)
     if encoding not in (*_ENCODINGS, "utf-8-sig"):
         raise xml_tree.XMLError(f"got encoding {encoding!r}: {nearest(encoding, _ENCODINGS)}")
     try:

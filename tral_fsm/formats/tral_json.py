@@ -6,7 +6,6 @@ A transition's condition stands flat beside its id, from and to; combined condit
 from __future__ import annotations
 
 import json
-from collections import Counter
 from typing import Any
 
 from tral_env import json_text
@@ -43,20 +42,15 @@ def dumps(machine: MachineDefinition) -> str:
 def parse(text: str, problems: Problems) -> Any:
     """Value of a JSON text; a repeated key, NaN and endless nesting are problems, and other text gives None."""
 
-    def members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        found = dict(pairs)
-        if len(found) < len(pairs):
-            twice = [key for key, count in Counter(key for key, _ in pairs).items() if count > 1]
-            for key in twice[:3]:
-                problems.complain("", f"got the key {key!r} twice in one object")
-        return found
-
     def constant(name: str) -> float:
         problems.complain("", f"got {name}: numbers must be finite")
         return 0.0
 
     try:
-        return json.loads(text, object_pairs_hook=members, parse_constant=constant)
+        value = json.loads(text, parse_constant=constant)
+        for pointer in json_text.repeated_keys(text):
+            problems.complain(pointer, "is there twice in its object: delete one of them")
+        return value
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
         problems.complain("", f"not JSON: {error.msg} at {place}{json_text.reason(error)}")

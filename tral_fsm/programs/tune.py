@@ -15,7 +15,7 @@ from tral_env.errors import ConfigError
 from tral_env.perception import opengl
 from tral_fsm.evaluation.files import prepare_folder, write_json
 from tral_fsm.evaluation.host import versions
-from tral_fsm.tuning.folder import MACHINE, NUMBERS, PAGE, RESULTS, STUDY
+from tral_fsm.tuning.folder import MACHINE, NUMBERS, PAGE, RESULTS, STUDY, held
 
 if TYPE_CHECKING:
     from tral_fsm.definition.machine import MachineDefinition
@@ -95,7 +95,7 @@ def _check_files(arguments: TuneArguments) -> None:
 
 
 def run(arguments: TuneArguments, machine: MachineDefinition, watcher: Watcher) -> tuple[Tuned, dict[str, Any]]:
-    """Search, check the result on new courses, and write all files.
+    """Search, check the result on new courses, and write all files; no other search writes into the folder meanwhile.
 
     Args:
         arguments: what is tuned, checked by `check`.
@@ -107,17 +107,18 @@ def run(arguments: TuneArguments, machine: MachineDefinition, watcher: Watcher) 
     """
     from tral_fsm.tuning import save
 
-    tuned = _tune(arguments, machine, watcher)
-    asked = {
-        "policy": arguments.policy,
-        "task": arguments.task.record(),
-        "settings": json.loads(json.dumps(asdict(arguments.settings))),
-    }
-    report = {"command": arguments.origin, **asked, "versions": versions(), **tuned.record()}
-    write_json(arguments.out / NUMBERS, report)
-    if arguments.save_as is not None:
-        save(tuned, arguments.save_as, arguments.origin)
-    _write_page(arguments, tuned, report, watcher)
+    with held(arguments.out):
+        tuned = _tune(arguments, machine, watcher)
+        asked = {
+            "policy": arguments.policy,
+            "task": arguments.task.record(),
+            "settings": json.loads(json.dumps(asdict(arguments.settings))),
+        }
+        report = {"command": arguments.origin, **asked, "versions": versions(), **tuned.record()}
+        write_json(arguments.out / NUMBERS, report)
+        if arguments.save_as is not None:
+            save(tuned, arguments.save_as, arguments.origin)
+        _write_page(arguments, tuned, report, watcher)
     return tuned, report
 
 
@@ -133,6 +134,7 @@ def _tune(arguments: TuneArguments, machine: MachineDefinition, watcher: Watcher
         tie=arguments.tie,
         processes=arguments.processes,
         out=arguments.out,
+        is_held=True,
         resume=arguments.resume,
         storage=arguments.storage,
         origin=arguments.origin,

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.errors import MachineError
+from tral_env.checks import check_number
+from tral_env.errors import ConfigError, MachineError
 from tral_env.interface import CORE_LAYOUT
 from tral_fsm.definition import packaged
 from tral_fsm.definition.machine import MachineDefinition, needed_readings
@@ -39,7 +40,14 @@ class MachinePolicy:
         """Names of the readings without which the machine cannot drive, see `tral_env.interface.check_readings`."""
 
     def reset(self, n: int = 1) -> None:
-        """Start again with n cars."""
+        """Start again with n cars.
+
+        Raises:
+            ConfigError: n is no whole number, 1 or more.
+        """
+        check_number("number of cars", n, whole=True)
+        if n < 1:
+            raise ConfigError(f"number of cars = {n}: expected 1 or more")
         if n != len(self._drivers):
             self._drivers = [
                 Driver(self.definition, self._trace if row == 0 else None, checked=row > 0) for row in range(n)

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal, TypeVar
 from pydantic import Field
 
 from tral_env.interface import NO_ECHO_M
-from tral_env.se2 import Pose, clip
+from tral_env.se2 import Pose, clip, rotate
 from tral_fsm.control.command import Command
 from tral_fsm.control.laws import MIN_DAMPED_MPS, damping, line, pid, pid_rate, ramp, slowed
 from tral_fsm.definition.machine import DrivingSpec
@@ -271,8 +271,7 @@ class FollowWallRamp(WallState[FollowWallRampSpec]):
         """
         x, y, _ = target
         if self.spec.along_wall:
-            cos, sin = math.cos(estimate.heading), math.sin(estimate.heading)
-            x, y = cos * x - sin * y, sin * x + cos * y
+            x, y = rotate(math.cos(estimate.heading), math.sin(estimate.heading), x, y)
         self.end_clearance = max(self.start - self.sign * y, 0.05)
         self.length = max(x - self.spec.before, 0.05)
 

@@ -11,14 +11,17 @@ from enum import StrEnum
 from types import TracebackType
 from typing import Any, Self
 
+from tral_env.checks import check_number, one_of
 from tral_env.course.layout import Course
 from tral_env.errors import ConfigError, nearest
+from tral_env.options import CAMERAS
 from tral_env.randomization import LEVELS
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.batch import MAX_ROWS, BatchRunner, complete
 from tral_fsm.evaluation.choices import check_families
 from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
 from tral_fsm.evaluation.pool import ProcessPool, spawned, stop_check, worker_losses
+from tral_fsm.evaluation.seeds import check_seeds
 from tral_fsm.tuning.objective import Objective
 
 SeededCourse = tuple[str, int]
@@ -51,6 +54,12 @@ class Task:
             raise ConfigError(f"unknown randomization '{self.randomization}': {nearest(self.randomization, LEVELS)}")
         if not self.scenarios or not self.seeds:
             raise ConfigError("expected at least one scenario and one seed")
+        check_seeds("seeds", self.seeds)
+        one_of("camera", self.camera, CAMERAS)
+        if self.stuck_s is not None:
+            check_number("stuck_s", self.stuck_s, "s")
+            if self.stuck_s <= 0.0:
+                raise ConfigError(f"stuck_s = {self.stuck_s!r}: expected a time above 0 s, or None")
 
     @property
     def courses(self) -> list[SeededCourse]:
@@ -76,7 +85,8 @@ class Racing:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if not isinstance(value, int | float) or not 0.0 < value <= 1.0:
+            check_number(f"Racing.{field.name}", value)
+            if not 0.0 < value <= 1.0:
                 raise ConfigError(f"Racing.{field.name} = {value!r}: expected a share above 0, at most 1")
 
     def rounds(self, courses: Sequence[SeededCourse], scenarios: int) -> list[Sequence[SeededCourse]]:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from tral_env.errors import ConfigError
+from tral_fsm.evaluation.files import prepare_folder
 
 try:
     import fcntl
@@ -51,12 +52,12 @@ def held(folder: Path | None) -> Iterator[None]:
         folder: the folder, which is made; None: there is none.
 
     Raises:
-        ConfigError: another search holds it.
+        ConfigError: another search holds it, or it cannot be written.
     """
     if folder is None:
         yield
         return
-    folder.mkdir(parents=True, exist_ok=True)
+    prepare_folder(folder)
     with (folder / LOCK).open("ab") as file:
         if fcntl is not None:
             try:

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.checks import check_number
 from tral_env.errors import ConfigError, nearest
 from tral_fsm.evaluation.episode import EpisodeResult
 from tral_fsm.tuning.choices import POOLINGS, Pooling
@@ -35,7 +36,8 @@ class Weights:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if not isinstance(value, int | float) or not math.isfinite(value) or value < 0.0:
+            check_number(f"Weights.{field.name}", value)
+            if value < 0.0:
                 raise ConfigError(f"Weights.{field.name} = {value!r}: expected a finite number, 0 or more")
 
     @property

@@ -125,8 +125,11 @@ def find(machine: MachineDefinition, patterns: Sequence[str], *, tie: bool = Fal
         tie: give all parameters of one pattern the same value.
 
     Raises:
-        ConfigError: a pattern names nothing, or what cannot be searched; or two patterns name the same parameter.
+        ConfigError: a pattern names nothing, or what cannot be searched; two patterns name the same parameter; or the
+            patterns are a text instead of a list of texts.
     """
+    if isinstance(patterns, str):
+        raise ConfigError(f"parameters = {patterns!r}: expected a list of patterns, such as [{patterns!r}]")
     known = sites(machine)
     found: list[Parameter] = []
     taken: dict[str, str] = {}

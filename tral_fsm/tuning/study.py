@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from tral_env.checks import check_number
 from tral_env.errors import ConfigError, nearest
 from tral_fsm.definition.machine import MachineDefinition
-from tral_fsm.evaluation.seeds import stretches
+from tral_fsm.evaluation.seeds import check_seeds, stretches
 from tral_fsm.formats import library, write
 from tral_fsm.tuning.choices import SAMPLERS, Sampler
 from tral_fsm.tuning.evaluator import Evaluator, OnStage, Racing, Scored, SeededCourse, StageName, Task
@@ -61,8 +62,13 @@ class Settings:
             value = getattr(self, name)
             if value is None and name in ("final_seeds", "population"):
                 continue
-            if not isinstance(value, int) or value < low:
+            check_number(name, value, whole=True)
+            if value < low:
                 raise ConfigError(f"{name} = {value!r}: expected a whole number, {low} or more")
+            object.__setattr__(self, name, int(value))  # not that of NumPy, which JSON does not take
+        if not isinstance(self.racing, Racing):
+            raise ConfigError(f"racing = {self.racing!r}: expected a Racing")
+        check_seeds("report_seeds", self.report_seeds)
         if self.sampler not in SAMPLERS:
             raise ConfigError(f"unknown sampler '{self.sampler}': {nearest(self.sampler, SAMPLERS)}")
         self._check_objectives()
@@ -265,6 +271,7 @@ def tune(
     tie: bool = False,
     processes: int | None = None,
     out: Path | None = None,
+    is_held: bool = False,
     resume: bool = False,
     storage: str | None = None,
     origin: str = "tral_fsm.tuning.tune",
@@ -284,6 +291,7 @@ def tune(
         processes: number of processes; None: one for each core. The result does not depend on it.
         out: folder of study.jsonl and machine.json, both up to date after each generation; None: no files. The machine
             is the one as it was until a better one is found. Results of an earlier search move to a folder before-N.
+        is_held: whether the caller holds `out` by `folder.held`, to write more into it after the search.
         resume: go on with the study in `out`.
         storage: database URL or journal file that other processes may use too.
         origin: command line, for the description of the machine.
@@ -303,8 +311,8 @@ def tune(
     objective, settings = objective or Objective(), settings or Settings()
     check_apart(task, settings)
     check_budget(task, settings)
-    parameters = find(definition, list(params), tie=tie)
-    with held(out):
+    parameters = find(definition, params, tie=tie)
+    with held(None if is_held else out):
         study = Study(
             definition, parameters, task, objective, settings, out=out, resume=resume, storage=storage, on_note=on_note
         )

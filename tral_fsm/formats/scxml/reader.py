@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from tral_env.checks import is_number
 from tral_fsm.formats.members import word
 from tral_fsm.formats.plain import MIN_PLAIN_STATES, Plain, Problems
 from tral_fsm.formats.units2016 import with_ids
@@ -177,7 +178,7 @@ class _Reading:
         value = word(node.attributes.get(f"{{{OURS}}}order", "null"))
         if value is None:
             return math.inf
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        if not is_number(value):
             self.complain("", f"got order {value!r}, expected a number", node)
             return math.inf
         return value

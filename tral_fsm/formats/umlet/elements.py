@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from tral_env.checks import is_number
 from tral_fsm.formats import members, units2016
 from tral_fsm.formats.plain import MIN_PLAIN_STATES, Plain, Problems
 
@@ -326,7 +327,7 @@ class _Reading:
         """Sort the transitions of each state by their order, within the places that they have."""
         groups: dict[str, list[int]] = {}
         for index, (order, transition) in enumerate(zip(self.orders, self.transitions, strict=True)):
-            if order is not None and (isinstance(order, bool) or not isinstance(order, int | float)):
+            if order is not None and not is_number(order):
                 self.complain(f"/transitions/{index}", f"got order: {order!r}, expected a number")
                 return
             groups.setdefault(str(transition.get("from")), []).append(index)
