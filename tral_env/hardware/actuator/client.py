@@ -10,7 +10,6 @@ import socket
 import subprocess
 import sys
 import time
-import weakref
 from collections.abc import Mapping, Set
 from contextlib import suppress
 from pathlib import Path
@@ -82,7 +81,6 @@ class ActuatorProcess(Physical):
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(_END_S)
             raise
-        _OPEN.add(self)
 
     @property
     def applied(self) -> tuple[float, float]:
@@ -179,8 +177,9 @@ class ActuatorProcess(Physical):
         with suppress(OSError):  # whoever else holds this end, the worker hears that it has ended
             self._socket.shutdown(socket.SHUT_WR)
         until_s = time.monotonic() + _END_S
-        while not self._has_ended and (left_s := until_s - time.monotonic()) > 0.0 and self._waits(left_s):
-            pass
+        while not self._has_ended and (left_s := until_s - time.monotonic()) > 0.0:
+            if not self._hears_within(left_s):
+                break
         if not self._has_ended:
             raise HardwareError(f"the actuator's process could not end the pulses yet. {_POWER}")
         self._socket.close()
@@ -195,13 +194,15 @@ class ActuatorProcess(Physical):
         """Close it, whatever happened."""
         self.close()
 
-    def _waits(self, seconds: float) -> bool:
-        """Wait for a packet and take it; False: there will be none."""
+    def _hears_within(self, seconds: float) -> bool:
+        """Wait for a packet and take it; False: there was none in that time, or there will be none."""
         try:
             self._socket.settimeout(seconds)
             packet = self._socket.recv(MAX_PACKET)
         except OSError:
             return False
+        if not packet:
+            self._socket.close()
         self._take(packet)
         return bool(packet)
 
@@ -291,18 +292,6 @@ class ActuatorProcess(Physical):
         reason = Reason.NONE if self._reply is None else self._reply.reason
         told = f": {TOLD[reason]}" if reason is not Reason.NONE else ""
         return HardwareError(f"the actuator's process is gone; its keeper ends the pulses{told}. Open the car anew")
-
-
-_OPEN: weakref.WeakSet[ActuatorProcess] = weakref.WeakSet()
-"""Actuators of this process; a fork of it closes its copies of their sockets."""
-
-
-def _forget_all() -> None:
-    for each in _OPEN:
-        each._socket.close()
-
-
-os.register_at_fork(after_in_child=_forget_all)
 
 
 def _library_folder() -> list[str]:
