@@ -62,6 +62,8 @@ class Pca9685Fake:
                 restart = 0x80
             value = (value & 0x7F) | restart
         self.registers[register] = value
+        if 0xFA <= register <= 0xFD:  # of all outputs at once
+            self.registers[register - 0xFA + 0x06 : 0x46 : 4] = bytes([value] * 16)
         if 0x06 <= register <= 0x45:
             self.registers[0] &= 0x7F  # new pulses make a restart unnecessary
 

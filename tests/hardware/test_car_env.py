@@ -12,6 +12,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
 from tral_env.errors import CalibrationError, ConfigError, HardwareError
+from tral_env.hardware.actuator.settings import Limits
 from tral_env.hardware.calibration_file import load_calibration
 from tral_env.hardware.env import TralCarEnv
 from tral_env.hardware.pulses import pulses
@@ -281,8 +282,53 @@ def metal(left=0.8):
     chip = Pca9685Fake()
     devices = {0x40: chip} | {0x70 + i: Srf08Fake(clock, metres) for i, metres in enumerate((left, 3.0, 1.2))}
     bus = FakeSmbus(devices)
-    env = gym.make("TralCar-v0", output="pca9685", sensors="srf08", bus=bus, clock=clock, sleep=clock.sleep)
+    env = gym.make(
+        "TralCar-v0", output="pca9685", sensors="srf08", bus=bus, calibration=MEASURED, clock=clock, sleep=clock.sleep
+    )
     return env, bus, chip, clock
+
+
+MEASURED = TT01.model_copy(update={"clock_measured": True})
+
+
+def test_a_board_whose_clock_was_never_measured_is_warned_of():
+    clock = Clock()
+    bus = FakeSmbus({0x40: Pca9685Fake()})
+    with pytest.warns(UserWarning, match=r"neutral is a throttle of up to 29 %.*docs/real_car.md says how"):
+        TralCarEnv(output="pca9685", bus=bus, clock=clock, sleep=clock.sleep).close()
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"output": "recorder"}, {"output": "pca9685", "bus": FakeSmbus({0x40: Pca9685Fake()})}]
+)
+def test_limits_that_nothing_would_keep_are_refused(options):
+    with pytest.raises(ConfigError, match="limits= has an effect only with output='pca9685' and a bus by number"):
+        car(limits=Limits(max_throttle=0.1), **options)
+
+
+@pytest.mark.parametrize("bus", [None, 1.0, True, object()])
+def test_what_is_no_bus_is_refused(bus):
+    with pytest.raises(ConfigError, match=r"expected a number \(1 is /dev/i2c-1\), a path, or an object"):
+        car(output="pca9685", bus=bus, calibration=MEASURED)
+
+
+def test_sensors_that_were_opened_by_name_are_closed_where_a_group_is_refused(monkeypatch):
+    stopped = []
+    monkeypatch.setattr(SonarArray, "stop", stopped.append)
+    with pytest.raises(ConfigError, match="do not provide battery"):
+        car(sensors="srf08", bus=FakeSmbus({}), groups=("battery",))
+    assert len(stopped) == 1
+
+
+def test_the_slew_limit_begins_anew_at_a_reset():
+    slow = TT01.model_copy(update={"throttle": TT01.throttle.model_copy(update={"slew_per_s": 0.8})})
+    env, _ = car(calibration=slow)
+    env.reset()
+    for _ in range(100):
+        env.step(np.array([0.0, 1.0]))
+    observation, _ = env.reset()
+    assert CORE_LAYOUT.unpack(observation)["throttle"] == 0.0
+    assert env.step(np.array([0.0, 1.0]))[4]["throttle_us"] == pytest.approx(1530 - 0.01 * 390)
 
 
 def test_a_policy_drives_the_whole_car_for_200_steps():

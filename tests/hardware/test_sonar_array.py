@@ -126,6 +126,30 @@ def test_a_ranger_that_never_gets_ready_is_an_error(silent):
     assert clock() < 101
 
 
+def test_one_firing_that_fails_is_nothing_new():
+    array, clock, devices, bus = started()
+    ticks(array, clock, 10)
+    clock.sleep(0.065)
+    before = len(devices[0x70].fired)
+    array.read(clock())
+    bus.failures = 1
+    clock.sleep(0.065)
+    array.read(clock())
+    bus.failures = 1
+    clock.sleep(PERIOD_S)
+    array.read(clock())
+    ticks(array, clock, 6)
+    assert len(devices[0x70].fired) > before
+
+
+def test_firing_that_fails_for_long_is_an_error():
+    array, clock, _, bus = started()
+    bus.failures = 10**6
+    with pytest.raises(HardwareError, match="ultrasonics, all together"):
+        ticks(array, clock, 40)
+    assert 100.3 < clock() < 100.4
+
+
 def test_a_ranger_that_is_not_there_is_named():
     clock = Clock()
     array = SonarArray(FakeSmbus({}), sleep=clock.sleep)

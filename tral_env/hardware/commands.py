@@ -23,11 +23,22 @@ class Commands(Protocol):
         """Pulses that were sent last, us."""
         ...
 
-    def arm(self) -> None:
-        """Make ready to drive, in neutral; nothing happens where that was done.
+    def arm(self) -> str:
+        """Make ready to drive, in neutral, whatever stopped the car; nothing happens where that was done.
+
+        Returns:
+            What had stopped the car, in words; empty: nothing.
 
         Raises:
             HardwareError: not ready.
+        """
+        ...
+
+    def resume(self) -> None:
+        """Make ready again where quiet alone ended the pulses.
+
+        Raises:
+            HardwareError: not ready, or something else stopped the car: only `arm` undoes that.
         """
 
     def command(self, steering: float, throttle: float, evidence: int) -> None:
@@ -72,7 +83,11 @@ class PulseCommands:
         self._output, self._calibration = output, calibration
         self.applied, self.pulses_us = (0.0, 0.0), calibration.neutral_us
 
-    def arm(self) -> None:
+    def arm(self) -> str:
+        """Do nothing: a pulse output knows no arming."""
+        return ""
+
+    def resume(self) -> None:
         """Do nothing: a pulse output knows no arming."""
 
     def command(self, steering: float, throttle: float, evidence: int) -> None:
@@ -86,7 +101,8 @@ class PulseCommands:
         """Do nothing: `command` raises what is wrong."""
 
     def neutral(self) -> None:
-        """Send neutral."""
+        """Send neutral; the slew limit begins there."""
+        self.applied = 0.0, 0.0
         self._send(*self._calibration.neutral_us)
 
     def close(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -21,7 +22,7 @@ from tral_env.hardware.actuator.client import ActuatorProcess
 from tral_env.hardware.actuator.settings import Limits
 from tral_env.hardware.calibration_file import load_calibration
 from tral_env.hardware.commands import Commands, PulseCommands, actuator_settings
-from tral_env.hardware.i2c import Smbus
+from tral_env.hardware.i2c import BusName, Smbus, named
 from tral_env.hardware.pulses import CarCalibration
 from tral_env.hardware.pwm import Pca9685, PulseOutput, Recorder
 from tral_env.hardware.sensors import Sensors, provided_by
@@ -36,6 +37,11 @@ from tral_env.interface import (
     group_names,
 )
 
+_UNMEASURED = (
+    "the calibration '{}' does not say that the board's clock was measured (clock_measured): boards differ by up to "
+    "8 %, and then neutral is a throttle of up to 29 %. Take the motor's plug off, measure the period at a pin, and "
+    "set oscillator_hz; docs/real_car.md says how"
+)
 Observation = NDArray[np.float32]
 OUTPUTS = ("recorder", "pca9685")
 """`TralCarEnv` opens these outputs by name."""
@@ -55,7 +61,8 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     With ``output="pca9685"`` and a bus by number or path, a process of its own owns the board. It goes to neutral when
     no new command comes for `Limits.silence_s`, and ends the pulses after `Limits.off_s`: when this process hangs, is
-    stopped or is killed. An output or a bus that is an object is driven by this process, without that protection.
+    stopped or is killed. An output or a bus that is an object is driven by this process, without that protection. A
+    calibration whose clock was never measured is warned of: neutral may drive then, see docs/safety.md.
 
     ## Action Space
     `Box(-1, 1, (2,), float32)`:
@@ -79,8 +86,9 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     ## Starting State
     The car stands where you put it. `reset` commands neutral, starts the sensors and reads them once. With the
-    actuator's process, it also arms, which holds neutral for `Limits.arming_s`. If no step follows at once, the pulses
-    end, and the first step arms again. The seed changes nothing, and there are no reset options.
+    actuator's process, it first arms, which holds neutral for `Limits.arming_s`. If no step follows at once, the pulses
+    end, and the first step arms again; after anything else that stopped the car, an emergency stop for example, only
+    `reset` does, and says so in its info. The seed changes nothing, and there are no reset options.
 
     ## Episode End
     ### Termination
@@ -96,6 +104,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     | `late_ticks` | | number of steps that came too late |
     | `steering_us` | us | pulse of the servo that was sent last; 0: none |
     | `throttle_us` | us | pulse of the motor controller that was sent last; 0: none |
+    | `armed_again_after` | | of `reset` alone, if the actuator's process had stopped the car: why, in words |
 
     ## Arguments
     ```python
@@ -110,7 +119,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     | `output` | `'recorder'` | `"recorder"` keeps the pulses, `"pca9685"` drives by the PWM board, or a `PulseOutput` or an `ActuatorProcess` of your own. |
     | `sensors` | `None` | `"srf08"`: three ultrasonics. An object of your own, see `tral_env.hardware.sensors.Sensors`. `None`: no reading. |
     | `bus` | `1` | I2C bus of what is opened by name: a number, a path, or an object like `smbus2.SMBus`. |
-    | `limits` | `None` | When the actuator's process stops the car: `tral_env.hardware.actuator.settings.Limits`. `None`: its defaults, without `evidence_s` for a car without sensors. |
+    | `limits` | `None` | When the actuator's process stops the car: `tral_env.hardware.actuator.settings.Limits`. `None`: its defaults, without `evidence_s` for a car without sensors. Refused where no such process is started. |
     | `groups` | `()` | Optional groups of readings behind the core ones; the sensors must name all of them in `provided_readings`. |
     | `max_duration_s` | `60.0` | Length of an episode, s, above 0. |
     | `clock` | `time.monotonic` | Gives a time that never goes back, s. |
@@ -129,7 +138,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         calibration: str | Path | CarCalibration = "tt01",
         output: str | PulseOutput | ActuatorProcess = "recorder",
         sensors: str | Sensors | None = None,
-        bus: int | str | Smbus = 1,
+        bus: BusName | Smbus = 1,
         limits: Limits | None = None,
         groups: Iterable[str] = (),
         max_duration_s: float = 60.0,
@@ -159,15 +168,20 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._max_duration_s, self._clock, self._sleep = max_duration_s, clock, sleep
         self._running, self._closed = False, False
         self._episode = _Episode()
+        opened = named(bus)
+        _check_limits(limits, output, opened)
         if limits is None:
             limits = Limits(evidence_s=None) if sensors is None else Limits()
         # The board first: until it is set up it answers to the address of the first ultrasonic too.
-        self.output = _output(output, self.calibration, bus, limits, clock, sleep)
+        self.output = _output(output, self.calibration, opened, limits, clock, sleep)
         self._commands = _commands(self.output, self.calibration)
+        self.sensors: Sensors | None = None
         try:
-            self.sensors = _sensors(sensors, bus, sleep)
+            self.sensors = _sensors(sensors, opened, sleep)
             _check_provided(groups, self.sensors)
         except BaseException:
+            if isinstance(sensors, str) and self.sensors is not None:
+                self.sensors.stop()
             self.output.close()
             raise
 
@@ -180,7 +194,9 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Command neutral and start the sensors at once; put the car in its place before.
+        """Command neutral, arm, and start the sensors at once; put the car in its place before.
+
+        A wrapper that resets by itself is nobody who looked at the car: leave autoreset off.
 
         Raises:
             ConfigError: an option was given; there are none. Neutral has been commanded.
@@ -192,13 +208,15 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             super().reset(seed=seed)
             if options:
                 raise ConfigError(f"unknown reset option(s) {', '.join(options)}: the real car has none")
+            # The board first here too: one that lost its supply answers to the address of the first ultrasonic again.
+            stopped_by = self._commands.arm()
             if self.sensors is not None:
                 self.sensors.start()
-            self._commands.arm()
+            self._commands.resume()
             self._episode = _Episode(start_s=self._clock(), evidence=self._episode.evidence)
             observation = self._observe()
         self._running = True
-        return observation, self._info()
+        return observation, self._info() | ({"armed_again_after": stopped_by} if stopped_by else {})
 
     def step(self, action: NDArray[np.floating]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Send a command, wait for the end of its period, read the sensors.
@@ -243,7 +261,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     def _apply(self, action: NDArray[np.floating]) -> None:
         steering, throttle = np.clip(as_command(action), -1.0, 1.0).tolist()
         if self._episode.tick == 0:
-            self._commands.arm()
+            self._commands.resume()
         self._commands.command(steering, throttle, self._episode.evidence)
 
     def _pace(self) -> None:
@@ -325,11 +343,21 @@ def _output(
         return output
     if output == "recorder":
         return Recorder(calibration, clock)
+    if output == "pca9685" and not calibration.clock_measured:
+        warnings.warn(_UNMEASURED.format(calibration.name), stacklevel=3)
     if output == "pca9685" and isinstance(bus, int | str):
         return ActuatorProcess(actuator_settings(calibration, bus, limits))
     if output == "pca9685":
         return Pca9685(calibration, bus, sleep=sleep)
     raise ConfigError(f"unknown output '{output}': {nearest(output, OUTPUTS)}")
+
+
+def _check_limits(limits: Limits | None, output: object, bus: object) -> None:
+    if limits is not None and not (output == "pca9685" and isinstance(bus, int | str)):
+        raise ConfigError(
+            "limits= has an effect only with output='pca9685' and a bus by number or path, because the actuator's "
+            "process keeps them: leave it out, or give them to your own ActuatorProcess"
+        )
 
 
 def _commands(output: PulseOutput | ActuatorProcess, calibration: CarCalibration) -> Commands:

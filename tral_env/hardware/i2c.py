@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import operator
+import os
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Protocol, SupportsIndex
 
-from tral_env.errors import HardwareError, MissingExtraError
+from tral_env.errors import ConfigError, HardwareError, MissingExtraError
+
+BusName = SupportsIndex | str | os.PathLike[str]
+"""Number or path of an I2C bus."""
 
 
 class Smbus(Protocol):
@@ -22,19 +27,37 @@ class Smbus(Protocol):
         """Let go of the bus."""
 
 
+def named(bus: BusName | Smbus) -> int | str | Smbus:
+    """A bus by number, by path as text, or an open one.
+
+    Raises:
+        ConfigError: it is none of them.
+    """
+    if isinstance(bus, os.PathLike | str | bytes):
+        return os.fsdecode(bus)
+    if isinstance(bus, SupportsIndex) and not isinstance(bus, bool):
+        return operator.index(bus)
+    if not all(hasattr(bus, method) for method in ("write_i2c_block_data", "read_i2c_block_data", "close")):
+        raise ConfigError(f"bus = {bus!r}: expected a number (1 is /dev/i2c-1), a path, or an object like smbus2.SMBus")
+    opened: Smbus = bus  # type: ignore[assignment]
+    return opened
+
+
 class Bus:
     """An I2C bus by number, by device file, or anything that speaks like ``smbus2.SMBus``."""
 
-    def __init__(self, bus: int | str | Smbus = 1) -> None:
+    def __init__(self, bus: BusName | Smbus = 1) -> None:
         """Open the bus.
 
         Args:
             bus: number (1 is ``/dev/i2c-1``), path, or an open bus, which its owner closes.
 
         Raises:
+            ConfigError: it is no bus.
             MissingExtraError: smbus2 is not installed.
             HardwareError: the bus cannot be opened.
         """
+        bus = named(bus)
         self._owned = isinstance(bus, int | str)
         self.label = f"/dev/i2c-{bus}" if isinstance(bus, int) else bus if isinstance(bus, str) else type(bus).__name__
         self._smbus = _open(bus, self.label) if isinstance(bus, int | str) else bus

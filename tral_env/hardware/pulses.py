@@ -130,6 +130,10 @@ class CarCalibration(_Section):
     oscillator_hz: float = Field(
         default=25e6, gt=20e6, lt=30e6, description="Clock of the PWM board as measured; boards differ by some percent."
     )
+    clock_measured: bool = Field(
+        default=False,
+        description="Whether oscillator_hz was measured on this board: at 27 MHz instead of 25, neutral drives.",
+    )
     steering: SteeringCalibration
     throttle: ThrottleCalibration
 

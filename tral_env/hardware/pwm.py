@@ -11,7 +11,7 @@ from typing import Protocol, Self
 from tral_env.errors import HardwareError
 from tral_env.hardware.actuator.laws import STEPS
 from tral_env.hardware.actuator.pca9685 import Board
-from tral_env.hardware.i2c import Bus, Smbus
+from tral_env.hardware.i2c import Bus, BusName, Smbus
 from tral_env.hardware.physical import Physical
 from tral_env.hardware.pulses import CarCalibration
 
@@ -89,7 +89,7 @@ class Pca9685(Physical):
     def __init__(
         self,
         calibration: CarCalibration,
-        bus: int | str | Smbus = 1,
+        bus: BusName | Smbus = 1,
         address: int = 0x40,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 
 from tral_env.config import UltrasonicConfig
 from tral_env.errors import ConfigError, HardwareError
-from tral_env.hardware.i2c import Bus, Device, Smbus
+from tral_env.hardware.i2c import Bus, BusName, Device, Smbus
 from tral_env.hardware.physical import Physical
 from tral_env.interface import NO_ECHO_M
 from tral_env.sensors.ultrasonic import limits, readable, resolution
@@ -79,7 +79,7 @@ class SonarArray(Physical):
 
     def __init__(
         self,
-        bus: int | str | Smbus = 1,
+        bus: BusName | Smbus = 1,
         config: UltrasonicConfig | None = None,
         addresses: Mapping[str, int] = ADDRESSES,
         firing: str = "together",
@@ -143,7 +143,7 @@ class SonarArray(Physical):
         """Give the latest ranges and their ages since firing; see `Sensors.read`."""
         self._collect(now)
         if not self._listening and now - self._fired >= self._config.cadence_s:
-            self._fire(now)
+            self._try_to_fire(now)
         readings: dict[str, float] = {}
         for side, (metres, fired) in self._latest.items():
             readings[f"ultrasonic_{side}"] = metres
@@ -158,7 +158,20 @@ class SonarArray(Physical):
         self._latest: dict[str, tuple[float, float]] = {}
         self._listening: set[str] = set()
         self._fired = -math.inf
+        self._unfired: float | None = None
+        """Firing has failed since then."""
         self._turn = 0
+
+    def _try_to_fire(self, now: float) -> None:
+        """Fire; a firing that fails is nothing new, and is tried again at the next reading."""
+        try:
+            self._fire(now)
+        except HardwareError:
+            self._unfired = now if self._unfired is None else self._unfired
+            if now - self._unfired > _PATIENCE_S:
+                raise
+        else:
+            self._unfired = None
 
     def _fire(self, now: float) -> None:
         sides = tuple(self._rangers)

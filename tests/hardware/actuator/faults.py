@@ -1,6 +1,6 @@
 """Faults of real processes, injected while the car drives, and the times until neutral and until no pulses.
 
-`python tests/hardware/actuator/faults.py [RUNS]` prints the table of docs/safety.md.
+`python tests/hardware/actuator/faults.py [RUNS [FAULT ...]]` prints the table of docs/safety.md.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ bare.__path__ = [sys.argv[1]]
 sys.modules["tral_env"] = bare
 from tral_env.hardware.actuator.client import ActuatorProcess
 from tral_env.hardware.actuator.settings import Settings
+exec(sys.argv[5])
 actuator = ActuatorProcess(Settings.from_json(sys.argv[2]))
 actuator.arm()
 observations = 0
@@ -49,7 +50,8 @@ drive(float(sys.argv[4]))
 print(actuator.hello["worker"], actuator.hello["keeper"], time.monotonic_ns(), flush=True)
 exec(sys.argv[3])
 """
-"""The policy's process: arguments are the package's folder, settings, the fault as a program, time to drive, s."""
+"""The policy's process: arguments are the package's folder, settings, the fault as a program, time to drive, s,
+and what it does before it opens the car, as a program."""
 
 PROGRAMS = {
     "exception": "raise RuntimeError('a policy failed')",
@@ -75,8 +77,18 @@ SIGNALS = {
     "SIGKILL of the keeper": ("keeper", signal.SIGKILL),
     "SIGSTOP of the keeper": ("keeper", signal.SIGSTOP),
     "SIGTERM of the keeper": ("keeper", signal.SIGTERM),
+    "SIGKILL of the worker, the policy ignores SIGCHLD": ("worker", signal.SIGKILL),
+    "SIGSTOP of the worker, the policy ignores SIGCHLD": ("worker", signal.SIGSTOP),
+    "SIGTERM of the worker, the policy blocks all signals": ("worker", signal.SIGTERM),
+    "SIGTERM of the keeper, the policy blocks all signals": ("keeper", signal.SIGTERM),
 }
 """Faults that come from outside, while the policy goes on driving if it can."""
+
+BEFORE = {
+    "ignores SIGCHLD": "signal.signal(signal.SIGCHLD, signal.SIG_IGN)",
+    "blocks all signals": "signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())",
+}
+"""What a policy does before it opens the car, by the end of a fault's name."""
 
 
 def pulses_in(log: Path) -> list[tuple[int, tuple[float, float]]]:
@@ -128,7 +140,8 @@ def measure(fault: str, folder: Path, settings: Settings | None = None) -> tuple
     if fault == "observations frozen":
         given = replace(given, limits=replace(QUICK, evidence_s=1.0))
     program = PROGRAMS.get(fault, "drive(60)")
-    arguments = [str(HERE.parents[3] / "tral_env"), given.to_json(), program, str(DRIVING_S)]
+    before = next((text for name, text in BEFORE.items() if fault.endswith(name)), "")
+    arguments = [str(HERE.parents[3] / "tral_env"), given.to_json(), program, str(DRIVING_S), before]
     policy = subprocess.Popen(
         [sys.executable, "-I", "-c", POLICY, *arguments], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     )
@@ -150,10 +163,10 @@ def measure(fault: str, folder: Path, settings: Settings | None = None) -> tuple
     return times_ms(log, fault_ns)
 
 
-def main(runs: int = 5) -> None:
+def main(runs: int = 5, *only: str) -> None:
     """Print a table: fault, median and longest time until neutral and until no pulses, ms."""
     print("| fault | neutral: median, longest | no pulses: median, longest |\n| --- | --- | --- |")
-    for fault in [*PROGRAMS, *SIGNALS]:
+    for fault in only or [*PROGRAMS, *SIGNALS]:
         measured = []
         for _ in range(runs):
             with tempfile.TemporaryDirectory() as folder:
@@ -163,4 +176,4 @@ def main(runs: int = 5) -> None:
 
 
 if __name__ == "__main__":
-    main(*(int(word) for word in sys.argv[1:]))
+    main(*(int(word) for word in sys.argv[1:2]), *sys.argv[2:])

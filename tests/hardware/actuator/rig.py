@@ -109,6 +109,8 @@ class FakeBoard:
         """Time, method and pulses of every transaction that was taken."""
         self.failures = self.tries = 0
         """So many transactions from now on fail; so many were tried."""
+        self.error: Exception = OSError(121, "Remote I/O error")
+        """A transaction fails so."""
         self.takes_ms = 0.0
         """A transaction takes so long."""
         self.lost, self.cannot_be_read = "", False
@@ -134,7 +136,7 @@ class FakeBoard:
         self.clock.now_ns += round(self.takes_ms * MS)
         if self.failures:
             self.failures -= 1
-            raise OSError(121, "Remote I/O error")
+            raise self.error
         self.done.append((self.clock.now_ns, method, pulses))
 
     @property

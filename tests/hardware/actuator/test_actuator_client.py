@@ -1,10 +1,15 @@
 """The policy's end of the socket, against a worker in a thread whose board fails on demand."""
 
+import contextlib
 import json
+import os
 import select
 import socket
+import subprocess
 import threading
 import time
+from importlib.machinery import ModuleSpec
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,7 +18,7 @@ from rig import NEUTRAL, Clock, FakeBoard, settings
 from tral_env.errors import HardwareError, MissingExtraError
 from tral_env.hardware.actuator import client
 from tral_env.hardware.actuator.client import ActuatorProcess
-from tral_env.hardware.actuator.wire import Reason
+from tral_env.hardware.actuator.wire import ENDED, Reason
 from tral_env.hardware.actuator.worker import Worker
 
 
@@ -31,10 +36,13 @@ class Thread:
     board: FakeBoard
     worker: Worker
     says: dict[str, Any]
+    arguments: list[str]
     works = True
+    lingers = False
     status = 0
 
     def __init__(self, arguments: list[str], pass_fds: list[int], **_: Any) -> None:
+        type(self).arguments = arguments
         self.commands = socket.socket(fileno=socket.dup(pass_fds[0]))
         self.commands.send(json.dumps(self.says).encode())
         self.commands.setblocking(False)
@@ -54,16 +62,18 @@ class Thread:
                 self.keeper.send(b".")
                 heard, _, _ = select.select([self.commands], [], [], 0.002)
                 self.worker.turn(bool(heard), True)
+        if self.status == 0:
+            with contextlib.suppress(OSError):
+                self.commands.send(ENDED)
+        for each in (self.commands, self.keeper, self.kept):
+            each.close()
 
     def wait(self, timeout: float = 0.0) -> int:
         self.over = True
         self.thread.join()
-        for each in (self.commands, self.keeper, self.kept):
-            each.close()
+        if self.lingers:
+            raise subprocess.TimeoutExpired("actuator", timeout)
         return self.status
-
-    def kill(self) -> None:
-        self.over = True
 
 
 @pytest.fixture
@@ -143,8 +153,90 @@ def test_a_worker_that_does_not_answer_is_told(process: type[Thread]) -> None:
 def test_pulses_that_could_not_be_ended_are_told_at_the_close(process: type[Thread]) -> None:
     actuator = ActuatorProcess(settings())
     process.status = 1
-    with pytest.raises(HardwareError, match="could not end the pulses"):
+    for _ in range(2):
+        with pytest.raises(HardwareError, match="could not end the pulses"):
+            actuator.close()
+
+
+def test_a_process_that_goes_on_trying_is_told_and_waited_for_again(
+    process: type[Thread], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client, "_END_S", 0.1)
+    actuator = ActuatorProcess(settings())
+    process.board.failures = 10**9
+    with pytest.raises(HardwareError, match="could not end the pulses yet. Cut the power"):
         actuator.close()
+    process.board.failures = 0
+    monkeypatch.setattr(client, "_END_S", 3.0)
+    actuator.close()
+
+
+def test_a_process_that_ended_the_pulses_and_lingers_is_no_alarm(process: type[Thread]) -> None:
+    actuator = ActuatorProcess(settings())
+    process.lingers = True
+    actuator.close()
+
+
+def test_a_copy_of_the_socket_in_a_fork_does_not_keep_the_process(process: type[Thread]) -> None:
+    actuator = ActuatorProcess(settings())
+    copies = [os.dup(fd) for fd in sockets()]
+    begun_s = time.monotonic()
+    actuator.close()
+    assert time.monotonic() - begun_s < 2.0
+    for each in copies:
+        os.close(each)
+
+
+def sockets() -> list[int]:
+    """File descriptors of this process that are sockets."""
+    found = []
+    for entry in Path("/proc/self/fd").iterdir():
+        with contextlib.suppress(OSError):
+            if str(entry.readlink()).startswith("socket:"):
+                found.append(int(entry.name))
+    return found
+
+
+def test_a_fork_neither_drives_nor_closes(process: type[Thread], monkeypatch: pytest.MonkeyPatch) -> None:
+    actuator = ActuatorProcess(settings())
+    actuator.arm()
+    with monkeypatch.context() as fork:
+        fork.setattr(client.os, "getpid", lambda: 1)
+        with pytest.raises(HardwareError, match="is a fork of the one that opened the car"):
+            actuator.command(0.0, 0.5, 0)
+        actuator.close()
+    drive(actuator, 0.1)
+    actuator.close()
+
+
+def test_after_an_emergency_stop_only_an_explicit_arm_drives_on(process: type[Thread]) -> None:
+    with ActuatorProcess(settings()) as actuator:
+        assert actuator.arm() == ""
+        actuator.resume()
+        drive(actuator, 0.1)
+        actuator.stop()
+        with pytest.raises(HardwareError, match="a stop was commanded. Only a reset arms it again"):
+            actuator.resume()
+        assert actuator.arm() == "a stop was commanded"
+        drive(actuator, 0.1)
+
+
+def test_a_silence_is_resumed(process: type[Thread]) -> None:
+    with ActuatorProcess(settings()) as actuator:
+        actuator.arm()
+        time.sleep(0.6)
+        actuator.resume()
+        drive(actuator, 0.1)
+
+
+@pytest.mark.parametrize("found", [None, "/user/lib/smbus2/__init__.py"])
+def test_the_folder_of_the_buss_library_is_handed_over(
+    process: type[Thread], monkeypatch: pytest.MonkeyPatch, found: str | None
+) -> None:
+    spec = None if found is None else ModuleSpec("smbus2", None, origin=found)
+    monkeypatch.setattr(client.importlib.util, "find_spec", lambda _: spec)
+    with ActuatorProcess(settings()):
+        assert process.arguments[5:] == ([] if found is None else ["/user/lib"])
 
 
 def test_a_closed_actuator_takes_no_command(process: type[Thread]) -> None:

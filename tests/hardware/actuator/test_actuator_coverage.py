@@ -8,8 +8,18 @@ import pytest
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
-DECIDES = ("laws", "wire", "settings", "guard", "pca9685", "worker")
-TESTS = ("actuator_laws", "wire", "actuator_settings", "guard", "board_registers", "worker", "keeper")
+DECIDES = ("laws", "wire", "settings", "guard", "pca9685", "worker", "keeper", "drivers", "client", "rights")
+TESTS = (
+    "actuator_laws",
+    "wire",
+    "actuator_settings",
+    "guard",
+    "board_registers",
+    "worker",
+    "keeper",
+    "actuator_client",
+    "rights",
+)
 
 
 @pytest.mark.slow

@@ -25,6 +25,8 @@ from tral_env.errors import ConfigError, HardwareError
 from tral_env.hardware.actuator import client
 from tral_env.hardware.actuator.client import ActuatorProcess
 from tral_env.hardware.actuator.settings import Settings
+from tral_env.hardware.actuator.wire import State
+from tral_env.hardware.calibration_file import load_calibration
 from tral_env.hardware.env import TralCarEnv
 
 BUSY = 2.0
@@ -97,6 +99,11 @@ def test_a_silence_latches_and_arming_again_undoes_it(actuator: ActuatorProcess,
     actuator.arm()
     drive(actuator)
     assert actuator.pulses_us == (1457.5, 1300.0)
+
+
+def test_the_processes_have_names_of_their_own(actuator: ActuatorProcess) -> None:
+    for role in ("keeper", "worker"):
+        assert Path(f"/proc/{actuator.hello[role]}/comm").read_text() == f"tral-{role}\n"
 
 
 def test_arming_an_armed_actuator_takes_no_time(actuator: ActuatorProcess) -> None:
@@ -316,9 +323,37 @@ def names(car: TralCarEnv) -> list[str]:
     return list(CORE_LAYOUT.unpack(car.observation_space.sample()))
 
 
+def test_the_board_is_set_up_and_armed_before_the_sensors_talk(actuator: ActuatorProcess) -> None:
+    class Late(Counting):
+        def start(self) -> None:
+            assert actuator.reply is not None
+            states.append(actuator.reply.state)
+            time.sleep(0.6)
+
+    states: list[State] = []
+    car = TralCarEnv(output=actuator, sensors=Late())
+    car.reset()
+    assert states == [State.ARMED]
+    assert actuator.reply is not None
+    assert actuator.reply.state is State.ARMED, "a start that takes long is no fault"
+
+
 def test_a_first_step_that_comes_late_arms_again(car: TralCarEnv, log: Path) -> None:
     car.reset()
     wait_until(lambda: has_ended(log))
+    steps(car, 5)
+    assert pulses_in(log)[-1][1] == GONE
+
+
+def test_a_first_step_does_not_undo_an_emergency_stop_and_a_reset_says_that_it_does(
+    car: TralCarEnv, actuator: ActuatorProcess, log: Path
+) -> None:
+    assert "armed_again_after" not in car.reset()[1]
+    actuator.stop()
+    with pytest.raises(HardwareError, match="a stop was commanded. Only a reset arms it again"):
+        car.step(GO)
+    assert {pulses for _, pulses in pulses_in(log)} <= {NEUTRAL, OFF}
+    assert car.reset()[1]["armed_again_after"] == "a stop was commanded"
     steps(car, 5)
     assert pulses_in(log)[-1][1] == GONE
 
@@ -368,6 +403,13 @@ def test_the_board_is_driven_by_the_process_by_default(monkeypatch: pytest.Monke
 
     monkeypatch.setattr("tral_env.hardware.env.ActuatorProcess", start)
     for sensors, evidence_s in ((None, None), (Counting(), 1.0)):
+        for bus, told in ((3, 3), (np.int64(3), 3), (Path("/dev/i2c-3"), "/dev/i2c-3")):
+            with pytest.raises(HardwareError, match="no car here"):
+                TralCarEnv(output="pca9685", bus=bus, sensors=sensors, calibration=MEASURED)
+            assert (wanted[-1].driver, wanted[-1].bus, wanted[-1].limits.evidence_s) == ("pca9685", told, evidence_s)
+    with pytest.warns(UserWarning, match="'tt01' does not say that the board's clock was measured"):
         with pytest.raises(HardwareError, match="no car here"):
-            TralCarEnv(output="pca9685", bus=3, sensors=sensors)
-        assert (wanted[-1].driver, wanted[-1].bus, wanted[-1].limits.evidence_s) == ("pca9685", 3, evidence_s)
+            TralCarEnv(output="pca9685")
+
+
+MEASURED = load_calibration("tt01").model_copy(update={"clock_measured": True})

@@ -10,7 +10,7 @@ from rig import SETTINGS, STEERING, THROTTLE
 from tral_env.errors import HardwareError
 from tral_env.hardware.actuator.drivers import open_driver
 from tral_env.hardware.actuator.laws import Channel
-from tral_env.hardware.actuator.pca9685 import Board, all_off
+from tral_env.hardware.actuator.pca9685 import Board, all_off, still_on
 from tral_env.hardware.i2c import Bus
 
 STEP_US = 4.24
@@ -106,7 +106,7 @@ def test_a_board_whose_supply_broke_down_has_lost_its_settings() -> None:
     opened, bus = board(chip)
     opened.start()
     bus.devices[0x40] = fresh = Pca9685Fake()
-    assert opened.check() == "MODE1 0x11, divider 30 instead of 0x20, 105"
+    assert opened.check() == "MODE1 0x11, MODE2 0x04, divider 30 instead of 0x20, 0x04, 105"
     opened.set_pulses(1240, 1100)
     assert not fresh.seen, "a board that sleeps sends nothing"
     opened.start()
@@ -115,12 +115,35 @@ def test_a_board_whose_supply_broke_down_has_lost_its_settings() -> None:
     assert fresh.seen[0] == pytest.approx((1530, 1500), abs=STEP_US / 2)
 
 
+def test_outputs_that_were_inverted_are_noticed() -> None:
+    chip = Pca9685Fake()
+    opened, _ = board(chip)
+    opened.start()
+    chip.registers[0x01] = 0x1F  # what the ultrasonics' gain of 31 is there
+    assert opened.check() == "MODE1 0x20, MODE2 0x1f, divider 105 instead of 0x20, 0x04, 105"
+
+
+def test_a_board_that_waits_for_another_clock_says_what_undoes_it() -> None:
+    class Sticky(Pca9685Fake):
+        def read(self, register: int, length: int) -> list[int]:
+            return [value | (0x40 if register == 0 else 0) for value in super().read(register, length)]
+
+    opened, bus = board(Sticky())
+    with pytest.raises(HardwareError, match="EXTCLK, which only a power cycle undoes"):
+        opened.start()
+    assert bus.log == [(0x40, 0x00, (0x30,))], "it sleeps: no pulses"
+
+
 def test_all_outputs_can_be_ended_without_knowing_the_car() -> None:
     chip = Pca9685Fake()
     opened, bus = board(chip)
     opened.start()
     all_off(Bus(bus).device(0x40, "board"))
     assert bus.log[-1] == (0x40, 0xFD, (0x10,)), "the chip's register ALL_LED_OFF_H, bit 4"
+    assert chip.seen[-1] == (0.0, 0.0)
+    assert still_on(Bus(bus).device(0x40, "board")) == []
+    opened.set_pulses(1600, 1400)
+    assert still_on(Bus(bus).device(0x40, "board")) == [0, 1]
 
 
 def test_the_driver_opens_the_bus_and_the_board_of_its_settings(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rig import MS, NEUTRAL, OFF, STEERING, THROTTLE, Bench, settings
 
-from tral_env.hardware.actuator.wire import Flag, Reason, Refusal, State, pack_reply, read_reply
+from tral_env.hardware.actuator.wire import Command, Flag, Reason, Refusal, State, pack, pack_reply, read_reply
 
 HALF = (1530.0, 1300.0)
 """Pulses of throttle 0.5, straight."""
@@ -424,6 +424,71 @@ def test_a_stop_brakes_too_if_it_may() -> None:
     bench.drive(100, 0.5)
     assert bench.send(flags=Flag.STOP) == BRAKE
     assert bench.send(flags=Flag.STOP) == BRAKE
+
+
+def packet(bench: Bench, throttle: float = 0.0, flags: Flag = Flag.NONE) -> None:
+    """Give a command that is read in the same turn as the next one: nothing is written in between."""
+    bench.sequence += 1
+    bench.guard.take(pack(Command(bench.sequence, bench.now_ns, 0.0, throttle, 0, flags)), bench.now_ns)
+
+
+def test_a_forward_that_was_commanded_and_never_sent_allows_no_brake() -> None:
+    bench = Bench(settings(brake=-1.0)).arm()
+    bench.drive(1000, -0.5)
+    packet(bench, 0.5)
+    packet(bench, flags=Flag.STOP)
+    assert bench.wait(100) == NEUTRAL
+
+
+def test_a_forward_that_the_board_refused_allows_no_brake() -> None:
+    bench = Bench(settings(brake=-1.0)).arm()
+    bench.drive(1000, -0.5)
+    bench.board_takes = False
+    bench.drive(37.5, 0.5)
+    bench.board_takes = True
+    assert bench.send(flags=Flag.STOP) == NEUTRAL
+
+
+def test_a_reverse_that_the_board_may_have_taken_allows_no_brake() -> None:
+    bench = Bench(settings(brake=-1.0)).arm()
+    bench.drive(1000, 0.5)
+    bench.board_takes = False
+    bench.drive(12.5, -0.5)
+    bench.board_takes = True
+    assert bench.send(flags=Flag.STOP) == NEUTRAL
+
+
+@pytest.mark.parametrize(("stood_ms", "allowed"), [(34, False), (35, True)])
+def test_a_forward_counts_when_it_stood_for_two_periods_of_pulses(stood_ms: float, allowed: bool) -> None:
+    bench = Bench(settings(brake=-1.0)).arm()
+    bench.drive(1000, -0.5)
+    bench.send(0.5)
+    bench.wait(stood_ms)
+    assert bench.send(flags=Flag.STOP) == (BRAKE if allowed else NEUTRAL)
+
+
+def test_a_board_that_lost_its_settings_gets_no_brake() -> None:
+    bench = Bench(settings(brake=-1.0)).arm()
+    bench.drive(1000, 0.5)
+    bench.guard.fail(Reason.BOARD, bench.now_ns)
+    assert bench.write() == NEUTRAL
+
+
+def test_a_fault_of_a_disarmed_car_does_not_brake_again() -> None:
+    bench = Bench(settings(brake=-1.0)).arm()
+    bench.drive(100, 0.5)
+    assert bench.send(flags=Flag.STOP) == BRAKE
+    bench.send()
+    assert bench.send(flags=Flag.ARM) == NEUTRAL
+    bench.guard.fail(Reason.STOP, bench.now_ns)
+    assert bench.write() == NEUTRAL
+
+
+def test_a_forward_below_neutral_pulses_is_told_apart_by_the_calibration() -> None:
+    turned = THROTTLE._replace(minus_us=1100.0, plus_us=1900.0)
+    bench = Bench(settings(throttle=turned, brake=-1.0)).arm()
+    bench.drive(100, 0.5)
+    assert bench.wait(100) == (1530.0, 1100.0)
 
 
 def within(pulses: tuple[float, float]) -> bool:

@@ -1,10 +1,15 @@
 """The keeper: what it does when the worker dies, hangs, or ends well. The board and the clock are fakes."""
 
+import fcntl
+import json
+import os
 import signal
 import socket
+import struct
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,17 +18,21 @@ from fakes import FakeSmbus, Pca9685Fake
 from faults import is_gone, wait_until
 from rig import MS, NEUTRAL, OFF, Clock, FakeBoard, Works, settings
 
-from tral_env.hardware.actuator.keeper import Keeper, main, notify, switch_off
-from tral_env.hardware.actuator.wire import Reason, State, read_reply
+from tral_env.hardware.actuator import keeper
+from tral_env.hardware.actuator.keeper import Keeper, main, notify, own_signals, switch_off
+from tral_env.hardware.actuator.settings import Settings
+from tral_env.hardware.actuator.wire import ENDED, Reason, State, read_reply
 from tral_env.hardware.actuator.worker import Worker
 
 
 @pytest.fixture(autouse=True)
 def signals() -> Iterator[None]:
-    """Give back the handler of SIGTERM."""
-    before = signal.getsignal(signal.SIGTERM)
+    """Give back the handlers."""
+    before = {number: signal.getsignal(number) for number in signal.valid_signals()}
     yield
-    signal.signal(signal.SIGTERM, before)
+    for number, handler in before.items():
+        if handler is not None and signal.getsignal(number) != handler:
+            signal.signal(number, handler)
 
 
 class Watch:
@@ -119,14 +128,67 @@ def test_a_sign_of_life_is_answered_and_fed_to_the_service_manager(
 def test_the_pulses_are_ended_as_soon_as_the_board_takes_it(watch: Any) -> None:
     case = watch("pass")
     case.board.failures = 200
-    assert case.keeper.end_pulses()
+    case.keeper.end_pulses()
     assert since_ms(case.board) == [(2000.0, "off")]
+
+
+def test_the_keeper_never_gives_up_a_board_that_may_come_back(watch: Any, capfd: pytest.CaptureFixture[str]) -> None:
+    case = watch("pass")
+    case.board.failures = 9000
+    case.keeper.end_pulses()
+    assert since_ms(case.board) == [(pytest.approx(630_000.0), "off")], "30 s at 10 ms, then every 100 ms"
+    assert capfd.readouterr().err.count("cut the power of the motor") == 1
+
+
+def test_a_driver_that_fails_in_its_own_way_does_not_end_the_keeper(watch: Any) -> None:
+    case = watch("pass")
+    case.board.failures, case.board.error = 5, ValueError("a short answer")
+    case.keeper.end_pulses()
+    assert [since_ms(case.board)[0], since_ms(case.board)[-1]] == [(50.0, "pulses"), (400.0, "off")]
+
+
+@pytest.mark.parametrize("program", ["import os; os.kill(os.getpid(), 9)", "import time; time.sleep(60)"])
+def test_a_worker_that_the_kernel_took_away_is_followed_by_neutral_and_off(watch: Any, program: str) -> None:
+    """As where the policy ignores SIGCHLD and the keeper had inherited that."""
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    case = watch(program)
+    if "kill" in program:
+        wait_until(lambda: not Path(f"/proc/{case.child.pid}").exists())
+        case.worker.close()
+    assert case.keeper.run() == 0
+    assert case.board.done[0][2] == NEUTRAL
+    assert case.board.stands == OFF
+
+
+def test_whatever_fails_in_the_keeper_the_pulses_end(watch: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    case = watch("import time; time.sleep(60)")
+    monkeypatch.setenv("NOTIFY_SOCKET", "/run/notify")
+    real, calls = socket.socket, []
+
+    def fails(*arguments: Any, **named: Any) -> socket.socket:
+        calls.append(1)
+        if len(calls) == 1:
+            raise MemoryError
+        return real(*arguments, **named)
+
+    monkeypatch.setattr(keeper.socket, "socket", fails)
+    assert case.keeper.run() == 0
+    assert case.board.stands == OFF
+
+
+def test_a_signal_is_handed_on_to_the_worker(watch: Any) -> None:
+    case = watch("import time; time.sleep(60)")
+    case.keeper.end()
+    case.worker.send(b".")
+    case.worker.shutdown(socket.SHUT_WR)
+    assert case.keeper.run() == 0
+    assert case.child.wait() in (-signal.SIGTERM, 0)
 
 
 def test_neutral_is_told_once_and_tried_again(watch: Any) -> None:
     case = watch("pass")
     case.board.failures = 2
-    assert case.keeper.end_pulses()
+    case.keeper.end_pulses()
     assert since_ms(case.board)[0] == (20.0, "pulses")
     assert read_reply(case.source.recv(4096)) is not None
     case.source.setblocking(False)
@@ -134,17 +196,10 @@ def test_neutral_is_told_once_and_tried_again(watch: Any) -> None:
         case.source.recv(4096)
 
 
-def test_a_board_that_never_answers_is_given_up_and_told(watch: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    case = watch("import time; time.sleep(60)")
-    case.board.failures = 10**9
-    assert case.keeper.run() == 1
-    assert "cut the power of the motor" in capsys.readouterr().err
-
-
 def test_nobody_to_tell_is_no_reason_to_stop(watch: Any) -> None:
     case = watch("pass")
     case.source.close()
-    assert case.keeper.end_pulses()
+    case.keeper.end_pulses()
     assert case.board.stands == OFF
 
 
@@ -166,20 +221,52 @@ def test_the_service_manager_is_told(tmp_path: Any, monkeypatch: pytest.MonkeyPa
 
 
 def test_the_outputs_of_a_board_can_be_switched_off_from_a_shell(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     smbus2 = pytest.importorskip("smbus2")
     opened = []
 
     def open_bus(number: object) -> FakeSmbus:
         opened.append((number, FakeSmbus({0x41: Pca9685Fake()})))
+        opened[-1][1].failures = stutters.pop() if stutters else 0
         return opened[-1][1]
 
+    stutters, naps = [0], list[float]()
+
     monkeypatch.setattr(smbus2, "SMBus", open_bus)
-    assert switch_off(["3", "0x41"]) == 0
+    assert switch_off(["off", "3", "41"], naps.append) == 0, "hexadecimal, as i2cdetect has it"
     assert (opened[0][0], opened[0][1].log) == (3, [(0x41, 0xFD, (0x10,))])
-    assert switch_off([]) == 1
-    assert "PCA9685 at 0x40 on /dev/i2c-1: no answer" in capsys.readouterr().err
+    assert switch_off(["off", "/dev/i2c-3", "0x41"], naps.append) == 0
+    stutters = [1, 1]
+    assert switch_off(["off", "3", "0x41"], naps.append) == 0
+    assert [number for number, _ in opened] == [3, "/dev/i2c-3", 3, 3, 3]
+    assert sum(naps) == pytest.approx(0.2)
+    assert switch_off(["off"], naps.append) == 1
+    assert "PCA9685 at 0x40 on /dev/i2c-1: no answer" in capfd.readouterr().err
+    assert sum(naps) == pytest.approx(5.1)
+
+
+def test_another_device_at_the_address_is_not_taken_for_a_board_that_is_off(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    class Deaf(Pca9685Fake):
+        def read(self, register: int, length: int) -> list[int]:
+            return [0] * length
+
+    smbus2 = pytest.importorskip("smbus2")
+    monkeypatch.setattr(smbus2, "SMBus", lambda _: FakeSmbus({0x40: Deaf()}))
+    assert switch_off(["off"], lambda _: None) == 1
+    assert "do not read back as off: another device?" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "arguments", [[], ["of"], ["off", "1", "zz"], ["off", "1", "7"], ["off", "1", "80"], ["off", "1", "40", "3"]]
+)
+def test_what_a_person_mistypes_opens_no_bus(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        switch_off(arguments)
+    assert ended.value.code == 2
+    assert "usage: python -m tral_env.hardware.actuator" in capsys.readouterr().err
 
 
 def test_a_board_that_cannot_be_opened_is_told_to_the_source(tmp_path: Any) -> None:
@@ -187,16 +274,100 @@ def test_a_board_that_cannot_be_opened_is_told_to_the_source(tmp_path: Any) -> N
     with source:
         given = settings()
         given = type(given)(**{**vars(given), "bus": str(tmp_path / "missing" / "log")})
-        handlers = {each: signal.getsignal(each) for each in IGNORED}
-        try:
-            assert main([str(commands.detach()), given.to_json()]) == 1
-        finally:
-            for each, handler in handlers.items():
-                signal.signal(each, handler)
+        assert main([str(commands.detach()), given.to_json()]) == 1
         assert b"No such file" in source.recv(4096)
 
 
-IGNORED = (signal.SIGINT, signal.SIGHUP, signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
+@pytest.fixture(autouse=True)
+def unnamed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names that a process took; the tests keep theirs, and their rights."""
+    names: list[str] = []
+    monkeypatch.setattr(keeper.rights, "name", names.append)
+    monkeypatch.setattr(keeper.rights, "claim", dict)
+    return names
+
+
+def test_signals_that_were_ignored_or_blocked_before_the_start_are_not_afterwards() -> None:
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM, signal.SIGCHLD})
+    try:
+        own_signals()
+        assert signal.pthread_sigmask(signal.SIG_BLOCK, ()) == set()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+    assert {signal.getsignal(each) for each in (signal.SIGCHLD, signal.SIGTERM)} == {signal.SIG_DFL}
+    assert {signal.getsignal(each) for each in (signal.SIGHUP, signal.SIGINT, signal.SIGPIPE)} == {signal.SIG_IGN}
+
+
+def begun(given: Settings, *folders: str) -> tuple[int, bytes]:
+    """Exit status and first words of a start in this process."""
+    source, commands = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with source:
+        status = main([str(commands.detach()), given.to_json(), *folders])
+        return status, source.recv(4096)
+
+
+@pytest.fixture
+def chip(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> tuple[Pca9685Fake, Settings]:
+    """A board, and settings that name its bus."""
+    smbus2 = pytest.importorskip("smbus2")
+    board = Pca9685Fake()
+    monkeypatch.setattr(smbus2, "SMBus", lambda _: FakeSmbus({0x40: board}))
+    (tmp_path / "i2c-1").touch()
+    return board, replace(settings(), driver="pca9685", bus=str(tmp_path / "i2c-1"))
+
+
+def test_a_container_is_refused_before_anything_is_sent(chip: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(keeper.rights, "in_container", lambda: True)
+    status, told = begun(chip[1])
+    assert (status, json.loads(told)["kind"], chip[0].seen) == (1, "ConfigError", [])
+    assert b"in_container=True" in told
+
+
+@pytest.mark.parametrize("meant", [True, False])
+def test_parent_and_child_of_the_fork_are_keeper_and_worker(
+    chip: Any, monkeypatch: pytest.MonkeyPatch, unnamed: list[str], meant: bool
+) -> None:
+    monkeypatch.setattr(keeper.rights, "in_container", lambda: meant)
+    monkeypatch.setattr(keeper.gc, "freeze", lambda: None)
+    given = replace(chip[1], in_container=meant)
+    child = subprocess.Popen([sys.executable, "-S", "-c", "import time; time.sleep(60)"])
+    before = list(sys.path)
+    monkeypatch.setattr(keeper.os, "fork", lambda: child.pid)
+    status, told = begun(given, "/somewhere")
+    assert (status, told[:4], sys.path[-1]) == (0, b"TRAL", "/somewhere")
+    assert chip[0].seen[-1] == OFF
+    sys.path[:] = before
+    child.wait()
+
+    class Ended(BaseException):
+        pass
+
+    def end(status: int) -> None:
+        raise Ended(status)
+
+    monkeypatch.setattr(keeper.os, "fork", lambda: 0)
+    monkeypatch.setattr(keeper.os, "_exit", end)
+    source, commands = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    number = commands.detach()
+    source.close()
+    with pytest.raises(Ended):
+        main([str(number), given.to_json()])
+    assert unnamed == ["tral-keeper", "tral-keeper", "tral-worker"]
+
+
+def test_a_link_does_not_hide_the_owner_of_a_board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(keeper, "_CLAIM_S", 0.02)
+    (tmp_path / "bus").touch()
+    (tmp_path / "link").symlink_to(tmp_path / "bus")
+    lock = struct.pack("hhqqi4x", fcntl.F_WRLCK, os.SEEK_SET, 0x40, 1, 0)
+    with (tmp_path / "bus").open("r+b") as owner:
+        fcntl.fcntl(owner, fcntl.F_OFD_SETLK, lock)
+        status, told = begun(replace(settings(), bus=str(tmp_path / "link")))
+    assert status == 1
+    assert b"another process drives the board at 0x40" in told
+    assert (tmp_path / "bus").read_text() == ""
 
 
 class Hurry(Clock):
@@ -211,16 +382,32 @@ class Hurry(Clock):
         return self.now_ns
 
 
-@pytest.mark.parametrize(("failures", "status"), [(0, 0), (10**9, 1)])
-def test_a_worker_ends_when_its_source_did(failures: int, status: int) -> None:
+@pytest.mark.parametrize("failures", [0, 100])
+def test_a_worker_ends_when_its_source_did_and_the_board_took_the_end(failures: int) -> None:
     car = Works()
     car.source.close()
     car.board.failures = failures
-    worker = Worker(settings(), car.board, *car.ends, clock_ns=Hurry(30.0 if status == 0 else 500.0))
-    assert worker.run() == status
+    worker = Worker(settings(), car.board, *car.ends, clock_ns=Hurry(500.0 if failures else 30.0))
+    assert worker.run() == 0
     assert worker.guard.reason is Reason.LOST
     assert signal.getsignal(signal.SIGTERM) == worker.end
-    assert (car.board.stands == OFF) is (status == 0)
+    assert car.board.stands == OFF
+    assert car.clock.now_ns == Clock().now_ns, "the worker waits on its own clock"
+    car.close()
+
+
+def test_the_end_of_the_policy_is_the_end_even_if_its_socket_is_held_open() -> None:
+    car = Works()
+    read_end, write_end = os.pipe()
+    os.close(write_end)
+    worker = Worker(settings(), car.board, *car.ends, clock_ns=Hurry(30.0), policy=read_end)
+    assert worker.run() == 0
+    assert worker.guard.reason is Reason.LOST
+    assert car.board.stands == OFF
+    words = [car.source.recv(4096)]
+    while words[-1] != ENDED:
+        words.append(car.source.recv(4096))
+    os.close(read_end)
     car.close()
 
 

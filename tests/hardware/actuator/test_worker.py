@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from rig import NEUTRAL, OFF, Works, settings
 
+from tral_env.hardware.actuator import guard
 from tral_env.hardware.actuator.wire import Flag, Reason, State
 
 HALF = (1530.0, 1300.0)
@@ -150,9 +151,28 @@ def test_a_board_that_cannot_be_set_up_is_not_armed(works: Any) -> None:
 def test_a_read_back_that_fails_is_no_brown_out(works: Any) -> None:
     car = works().arm()
     car.board.cannot_be_read = True
-    car.drive(1000, 0.5)
+    car.drive(800, 0.5)
     assert car.worker.guard.state is State.ARMED
-    assert car.worker.retries == 15
+    assert car.worker.retries == 12
+
+
+def test_settings_that_can_never_be_read_back_are_a_fault(works: Any) -> None:
+    car = works().arm()
+    car.board.cannot_be_read = True
+    car.drive(1010, 0.5)
+    assert car.worker.guard.reason is Reason.BUS
+    assert car.board.stands == NEUTRAL
+
+
+def test_a_driver_that_fails_in_its_own_way_is_a_board_that_refuses(works: Any) -> None:
+    car = works().arm()
+    car.drive(100, 0.5)
+    car.board.failures, car.board.error = 10**6, ValueError("a short answer")
+    car.drive(80, 0.5)
+    assert car.worker.guard.reason is Reason.BUS
+    car.board.failures = 0
+    car.turn()
+    assert car.board.stands == NEUTRAL
 
 
 def test_a_keeper_that_is_gone_ends_the_drive(works: Any) -> None:
@@ -195,6 +215,33 @@ def test_a_signal_ends_the_drive(works: Any) -> None:
     car.turn()
     assert car.board.stands == NEUTRAL
     assert car.told()[-1].reason is Reason.SIGNAL
+    car.turns(400)
+    assert car.worker.guard.is_over
+
+
+@pytest.mark.parametrize("throttle", [0.5, 0.0], ids=["a command", "an arming"])
+def test_a_signal_amid_a_decision_is_not_undone_by_it(
+    works: Any, monkeypatch: pytest.MonkeyPatch, throttle: float
+) -> None:
+    car = works()
+    if throttle:
+        car.arm().drive(100, throttle)
+    else:
+        car.turn()
+    interrupted = "slewed" if throttle else "read"
+    real = getattr(guard, interrupted)
+
+    def signalled(*arguments: Any, **named: Any) -> Any:
+        monkeypatch.setattr(guard, interrupted, real)
+        car.worker.end()
+        return real(*arguments, **named)
+
+    monkeypatch.setattr(guard, interrupted, signalled)
+    car.send(throttle, Flag.NONE if throttle else Flag.ARM)
+    car.turn()
+    car.turn()
+    assert (car.worker.guard.state, car.worker.guard.reason) == (State.LATCHED, Reason.SIGNAL)
+    assert car.board.stands == NEUTRAL
     car.turns(400)
     assert car.worker.guard.is_over
 

@@ -16,4 +16,5 @@ if "tral_env" not in sys.modules:
 from tral_env.hardware.actuator.keeper import main, switch_off
 
 if __name__ == "__main__":
-    sys.exit(switch_off(sys.argv[2:]) if sys.argv[1:2] == ["off"] else main(sys.argv[1:]))
+    # The policy's process gives the number of a socket; a person gives words.
+    sys.exit(main(sys.argv[1:]) if sys.argv[1:2] and sys.argv[1].isdecimal() else switch_off(sys.argv[1:]))

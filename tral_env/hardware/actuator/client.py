@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
+import os
 import select
 import socket
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Self
 
@@ -17,6 +20,7 @@ from tral_env.hardware.actuator.guard import OFF
 from tral_env.hardware.actuator.laws import pulse_us
 from tral_env.hardware.actuator.settings import Settings
 from tral_env.hardware.actuator.wire import (
+    ENDED,
     MAX_PACKET,
     NS,
     TOLD,
@@ -41,6 +45,8 @@ _HEARTBEAT_S = 0.0125
 _END_S = 3.0
 """The process ends within this time if the board takes pulses."""
 _POWER = "Cut the power of the motor."
+_QUIET = frozenset({Reason.NONE, Reason.SILENCE})
+"""After these nobody has to look at the car before it may drive again."""
 
 
 class ActuatorProcess(Physical):
@@ -57,12 +63,12 @@ class ActuatorProcess(Physical):
             MissingExtraError: the library of the bus is not installed.
             HardwareError: the board does not answer.
         """
-        self._settings = settings
+        self._settings, self._owner, self._has_ended = settings, os.getpid(), False
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             self._process = subprocess.Popen(
                 [sys.executable, "-I", str(Path(__file__).with_name("__main__.py")), str(theirs.fileno()),
-                 settings.to_json()],
+                 settings.to_json(), *_library_folder()],
                 pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, start_new_session=True,
             )  # fmt: skip
         self._sequence, self._evidence = 0, 0
@@ -71,9 +77,9 @@ class ActuatorProcess(Physical):
             self.hello = self._hello()
             """Process ids of `worker` and `keeper`, and whether `realtime`, `locked` and `spared` were granted."""
         except BaseException:
-            self._socket.close()
-            self._process.kill()
-            self._process.wait()
+            self._socket.close()  # the process ends by itself, and with it the pulses
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(_END_S)
             raise
 
     @property
@@ -93,18 +99,32 @@ class ActuatorProcess(Physical):
         """What the worker told last."""
         return self._reply
 
-    def arm(self) -> None:
-        """Hold neutral until the worker lets the motor go; at once if it did so already.
+    def arm(self) -> str:
+        """Hold neutral until the worker lets the motor go, whatever stopped the car; at once if it did so already.
+
+        Returns:
+            What had stopped the car, in words; empty: nothing.
 
         Raises:
             HardwareError: the worker does not arm, with its reason.
         """
-        until_s = time.monotonic() + self._settings.limits.arming_s + _ARM_S
-        self._send(0.0, 0.0)  # a latch is undone by an ARM that was not there before
-        while (reply := self._ask(Flag.ARM)).state is not State.ARMED:
-            if time.monotonic() > until_s:
-                raise HardwareError(f"the actuator does not arm: {TOLD[reply.reason]}")
-            time.sleep(_HEARTBEAT_S)
+        return self._arm(frozenset(Reason))
+
+    def resume(self) -> None:
+        """Arm again after a silence; at once if it is armed.
+
+        Raises:
+            HardwareError: anything else stopped the car, which only `arm` undoes; or the worker does not arm.
+        """
+        self._arm(_QUIET)
+
+    def stop(self) -> None:
+        """Stop the car at once, in an emergency; only `arm` undoes it.
+
+        Raises:
+            HardwareError: the process is gone.
+        """
+        self._send(0.0, 0.0, Flag.STOP)
 
     def command(self, steering: float, throttle: float, evidence: int) -> None:
         """Send a command, at once; the worker brings it within all limits.
@@ -152,13 +172,19 @@ class ActuatorProcess(Physical):
         Raises:
             HardwareError: the pulses could not be ended. The process goes on trying; another call waits again.
         """
+        if os.getpid() != self._owner:  # a fork: the process is not its own
+            return
+        with suppress(OSError):  # whoever else holds this end, the worker hears that it has ended
+            self._socket.shutdown(socket.SHUT_WR)
+        until_s = time.monotonic() + _END_S
+        while not self._has_ended and (left_s := until_s - time.monotonic()) > 0.0:
+            if not self._hears_within(left_s):
+                break
+        if not self._has_ended:
+            raise HardwareError(f"the actuator's process could not end the pulses yet. {_POWER}")
         self._socket.close()
-        try:
-            status = self._process.wait(_END_S)
-        except subprocess.TimeoutExpired:
-            raise HardwareError(f"the actuator's process could not end the pulses yet. {_POWER}") from None
-        if status:
-            raise HardwareError(f"the actuator's process could not end the pulses (status {status}). {_POWER}")
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(_END_S)
 
     def __enter__(self) -> Self:
         """The process itself, disarmed."""
@@ -167,6 +193,38 @@ class ActuatorProcess(Physical):
     def __exit__(self, *_: object) -> None:
         """Close it, whatever happened."""
         self.close()
+
+    def _hears_within(self, seconds: float) -> bool:
+        """Wait for a packet and take it; False: there was none in that time, or there will be none."""
+        try:
+            self._socket.settimeout(seconds)
+            packet = self._socket.recv(MAX_PACKET)
+        except OSError:
+            return False
+        if not packet:
+            self._socket.close()
+        self._take(packet)
+        return bool(packet)
+
+    def _take(self, packet: bytes) -> None:
+        """Take a reply, or the last word."""
+        self._has_ended = self._has_ended or packet == ENDED
+        self._reply = read_reply(packet) or self._reply
+
+    def _arm(self, undone: Set[Reason]) -> str:
+        """Hold neutral until the worker is armed, unless another reason than those to be undone latched it."""
+        until_s, flags, told = time.monotonic() + self._settings.limits.arming_s + _ARM_S, Flag.NONE, ""
+        # A latch is undone by an ARM that was not there before, so the first question does not have it.
+        while (reply := self._ask(flags)).state is not State.ARMED:
+            if reply.state is State.LATCHED and reply.reason not in undone:
+                raise HardwareError(f"the actuator stopped the car: {TOLD[reply.reason]}. Only a reset arms it again")
+            if reply.state is State.LATCHED and flags is Flag.NONE:
+                told = TOLD[reply.reason]
+            if time.monotonic() > until_s:
+                raise HardwareError(f"the actuator does not arm: {TOLD[reply.reason]}")
+            flags = Flag.ARM
+            time.sleep(_HEARTBEAT_S)
+        return told
 
     def _stands(self, reply: Reply) -> bool:
         """Whether the board has the pulses that the worker wants for a car that does not drive."""
@@ -190,6 +248,11 @@ class ActuatorProcess(Physical):
         return hello
 
     def _send(self, steering: float, throttle: float, flags: Flag = Flag.NONE) -> None:
+        if os.getpid() != self._owner:
+            raise HardwareError(
+                "this process is a fork of the one that opened the car: only that one may drive, and its end stops the "
+                "car"
+            )
         self._sequence += 1
         command = Command(self._sequence, time.monotonic_ns(), steering, throttle, self._evidence, flags)
         try:
@@ -203,7 +266,7 @@ class ActuatorProcess(Physical):
         try:
             self._socket.setblocking(False)
             while packet := self._socket.recv(MAX_PACKET):
-                self._reply = read_reply(packet) or self._reply
+                self._take(packet)
         except BlockingIOError:
             return
         except OSError as error:
@@ -229,3 +292,9 @@ class ActuatorProcess(Physical):
         reason = Reason.NONE if self._reply is None else self._reply.reason
         told = f": {TOLD[reason]}" if reason is not Reason.NONE else ""
         return HardwareError(f"the actuator's process is gone; its keeper ends the pulses{told}. Open the car anew")
+
+
+def _library_folder() -> list[str]:
+    """Folder of the bus's library, which an isolated interpreter does not find if only this user has it."""
+    found = importlib.util.find_spec("smbus2")
+    return [] if found is None or found.origin is None else [str(Path(found.origin).parents[1])]

@@ -42,7 +42,12 @@ class Guard:
         self._last, self._refusal = NOTHING_YET, Refusal.NONE
         self._heard_ns = self._applied_ns = self._failed_ns = now_ns
         self._applied = _NEUTRAL
-        self._stopped, self._goes_forward = False, False
+        self._stopped, self._halt = False, _NEUTRAL
+        """Whether the car was stopped, and the steering and throttle of that: `_stop` alone sets them."""
+        self._goes_forward = False
+        """Whether the motor controller knows for sure that the car goes forward: by pulses that it was sent."""
+        self._forward_ns: int | None = None
+        """Pulses that drive forward stand since then."""
         self._told_to_drive, self._blind_ns = False, 0
         """Whether the last command drove, and for how long that went on without a change of the observations."""
         self._standing_ns: int | None = None
@@ -67,7 +72,7 @@ class Guard:
         if command.flags & Flag.STOP:
             self.fail(Reason.STOP, now_ns)
         elif command.flags & Flag.DISARM and self.state is State.ARMED:
-            self._disarm()
+            self.state = State.DISARMED
         if why is not Refusal.NONE:
             self._refuse(why)
             return
@@ -76,13 +81,16 @@ class Guard:
     def fail(self, reason: Reason, now_ns: int) -> None:
         """Latch the disarm: neutral or the brake now, no pulses later. The first reason stays."""
         self.ending = self.ending or reason in _FINAL
-        self.needs_setup = self.needs_setup or reason is Reason.BOARD
+        if reason is Reason.BOARD:  # nobody knows which pulses left it
+            self.needs_setup, self._goes_forward, self._forward_ns = True, False, None
         if self.state is State.LATCHED:
             return
         # A board that sends no pulses gets none for the sake of neutral.
         self._failed_ns = now_ns if self._sent != OFF else now_ns - self._ns(self._limits.off_s)
         if self.state is State.ARMED:
-            self._stop()
+            self._stop(now_ns)
+        else:
+            self._halt = _NEUTRAL
         self.state, self.reason = State.LATCHED, reason
 
     def restored(self) -> None:
@@ -95,24 +103,26 @@ class Guard:
         quiet_ns = now_ns - self._heard_ns
         if self.state is State.ARMED and quiet_ns >= silence_ns:
             self._silences += not self._stopped
-            self._stop()
+            self._stop(now_ns)
             if quiet_ns >= off_ns:
                 self.fail(Reason.SILENCE, self._heard_ns + silence_ns)
         if self.state is State.LATCHED and now_ns - self._failed_ns >= off_ns - silence_ns:
             return OFF
         if self.state is State.DISARMED and quiet_ns >= off_ns:
             return OFF
-        steering, throttle = self._applied
+        steering, throttle = self._wanted
         return pulse_us(steering, self._settings.steering), pulse_us(throttle, self._settings.throttle)
 
     def sent(self, pulses: Pulses, took: bool, now_ns: int) -> None:
         """Note whether the board took pulses; a board that refuses them for too long is a fault."""
         if not took:
             self._refusing_ns = now_ns if self._refusing_ns is None else self._refusing_ns
+            self._goes_forward, self._forward_ns = False, None  # nobody knows what the board took
             if self.state is State.ARMED and now_ns - self._refusing_ns >= self._ns(self._limits.bus_s):
                 self.fail(Reason.BUS, now_ns)
             return
         self._refusing_ns, self._sent = None, pulses
+        self._note_direction(pulses, now_ns)
         if pulses != self.neutral_us:
             self._standing_ns = None
         elif self._standing_ns is None:
@@ -132,7 +142,7 @@ class Guard:
         """What the source of the commands is told."""
         counts = self._refused, self._late, self._silences, retries
         return Reply(
-            self.state, self.reason, self._refusal, self._last.sequence, now_ns, *self._applied, *self._sent,
+            self.state, self.reason, self._refusal, self._last.sequence, now_ns, *self._wanted, *self._sent,
             *(min(count, 2**32 - 1) for count in counts),
         )  # fmt: skip
 
@@ -155,17 +165,21 @@ class Guard:
         """Do what an ARM may do: undo a latch if it was not held all along, or arm if neutral has stood."""
         if self.state is State.LATCHED:
             if not before.flags & Flag.ARM:
-                self.state, self._applied = State.DISARMED, _NEUTRAL
+                self.state = State.DISARMED
             return
         stood = self._standing_ns is not None and now_ns - self._standing_ns >= self._ns(self._limits.arming_s)
         if stood and not self.needs_setup:
             self.state, self.reason = State.ARMED, Reason.NONE
             self._applied, self._applied_ns = _NEUTRAL, now_ns
-            self._stopped, self._goes_forward = False, False
+            self._stopped, self._goes_forward, self._forward_ns = False, False, None
             self._told_to_drive, self._blind_ns = False, 0
 
-    def _disarm(self) -> None:
-        self.state, self._applied = State.DISARMED, _NEUTRAL
+    @property
+    def _wanted(self) -> tuple[float, float]:
+        """Steering and throttle that must stand now, if any pulses do."""
+        if self.state is State.DISARMED:
+            return _NEUTRAL
+        return self._applied if self.state is State.ARMED and not self._stopped else self._halt
 
     def _weigh(self, command: Command, before: Command, gap_ns: int) -> None:
         """Sum up the time of driving since the observations changed."""
@@ -185,22 +199,29 @@ class Guard:
             slewed(drive, throttle, self._settings.throttle.slew_per_s, seconds, zero_at_once=True),
         )
         self._applied_ns, self._stopped, self._told_to_drive = now_ns, False, self._applied[1] != 0.0
-        if self._applied[1] < 0.0:
-            self._goes_forward = False
-        elif self._moves(self._applied[1]):
-            self._goes_forward = True
 
-    def _moves(self, throttle: float) -> bool:
-        """Whether the motor controller takes a throttle for more than neutral."""
+    def _note_direction(self, pulses: Pulses, now_ns: int) -> None:
+        """Note what pulses that the board took tell the motor controller about the direction."""
         channel = self._settings.throttle
-        return abs(pulse_us(throttle, channel) - channel.centre_us) > channel.dead_zone_us
+        beyond_us = pulses[1] - channel.centre_us
+        if pulses == OFF or beyond_us * (channel.minus_us - channel.centre_us) > 0.0:
+            self._goes_forward, self._forward_ns = False, None
+        elif abs(beyond_us) > channel.dead_zone_us:
+            self._forward_ns = now_ns if self._forward_ns is None else self._forward_ns
+        else:  # coasts
+            self._goes_forward, self._forward_ns = self._knows_forward(now_ns), None
 
-    def _stop(self) -> None:
+    def _knows_forward(self, now_ns: int) -> bool:
+        """Whether pulses that drive forward stood for two periods, so that the motor controller has seen one whole."""
+        seen_ns = 2 * self._ns(self._settings.period_us * 1e-6)
+        return self._goes_forward or (self._forward_ns is not None and now_ns - self._forward_ns >= seen_ns)
+
+    def _stop(self, now_ns: int) -> None:
         """Go to neutral, or to the brake where it cannot be taken for reverse; the first call alone decides."""
         if not self._stopped:
             brake = max(self._limits.brake, -self._limits.max_reverse)
-            self._applied = (0.0, brake) if self._goes_forward else _NEUTRAL
-            self._stopped, self._goes_forward = True, False
+            self._halt = (0.0, brake) if self._knows_forward(now_ns) else _NEUTRAL
+            self._applied, self._stopped = _NEUTRAL, True
 
     def _refuse(self, why: Refusal) -> None:
         self._refused += 1

@@ -6,107 +6,183 @@ time. It is opened before the fork: an emergency is no time to open files, impor
 
 from __future__ import annotations
 
-import errno
+import argparse
+import fcntl
 import gc
 import json
 import os
 import select
 import signal
 import socket
+import struct
 import sys
 import time
 import traceback
-import zlib
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import NoReturn
 
-from tral_env.errors import HardwareError, TralError
+from tral_env.errors import ConfigError, HardwareError, TralError
 from tral_env.hardware.actuator import rights
 from tral_env.hardware.actuator.drivers import Driver, open_driver
-from tral_env.hardware.actuator.pca9685 import all_off
-from tral_env.hardware.actuator.settings import Settings
-from tral_env.hardware.actuator.wire import MAX_PACKET, NS, Reason, Refusal, Reply, State, pack_reply
+from tral_env.hardware.actuator.pca9685 import all_off, still_on
+from tral_env.hardware.actuator.settings import MAX_ADDRESS, MIN_ADDRESS, Settings
+from tral_env.hardware.actuator.wire import ENDED, MAX_PACKET, NS, Reason, Refusal, Reply, State, pack_reply
 from tral_env.hardware.actuator.worker import ALIVE, Worker
 from tral_env.hardware.i2c import Bus
 
 _TRY_S = 0.01
 """In an emergency the keeper writes this often."""
-_GIVE_UP_S = 30.0
-"""In an emergency the keeper tries for this long to end the pulses."""
+_HURRY_S = 30.0
+"""After this time of an emergency it tries less often, though it never gives up: a plug may touch again."""
+_LATER_S = 0.1
+"""Time between two tries then."""
+_COMPLAIN_S = 1.0
+"""After so long without success it says so, once."""
 _WATCHDOG_S = 0.1
 """The service manager hears this often that all is well."""
 _CLAIM_S = 2.0
 """A process that drives the board and is about to end is given so long."""
+_OFF_TRIES, _OFF_WAIT_S = 50, 0.1
+"""From a shell, the pulses are ended by so many tries, s apart."""
 _DEATH_S = 0.02
 """The keeper waits this long for a killed worker to be gone: one that hangs in a transaction dies at its end."""
+
+
+_STDERR = 2
 
 
 def main(arguments: list[str]) -> int:
     """Run keeper and worker.
 
     Args:
-        arguments: number of the socket's file descriptor, `Settings` as JSON.
+        arguments: number of the socket's file descriptor, `Settings` as JSON, then folders to import from, if any.
 
     Returns:
-        Exit status: 0 if the pulses have ended.
+        Exit status 0: the pulses have ended; 1: it could not begin.
     """
-    for ignored in (signal.SIGINT, signal.SIGHUP, signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU):
-        signal.signal(ignored, signal.SIG_IGN)
+    own_signals()
+    rights.name("tral-keeper")
+    sys.path += arguments[2:]
     settings = Settings.from_json(arguments[1])
     with socket.socket(fileno=int(arguments[0])) as commands:
         commands.setblocking(False)
-        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as claim:
-            try:
-                _claim(claim, settings)
-                driver = open_driver(settings)
+        try:
+            policy = _policy(commands)
+            driver = open_driver(settings)
+            with _claimed(settings):
+                _check_container(settings)
                 driver.start()
-            except (TralError, OSError) as error:
-                told = {"error": str(error), "kind": type(error).__name__}
+                return _fork(settings, driver, commands, policy)
+        except (TralError, OSError) as error:
+            told = {"error": str(error), "kind": type(error).__name__}
+            with suppress(OSError):
                 commands.send(json.dumps(told).encode()[:MAX_PACKET])
-                return 1
-            return _fork(settings, driver, commands)
+            return 1
 
 
-def _claim(claim: socket.socket, settings: Settings) -> None:
-    """Make sure that no other process of this kind drives the board: a name in the kernel, free when both are gone.
+def own_signals() -> None:
+    """Take no signal as whoever started this process left it: an exec keeps what was ignored and what was blocked.
+
+    SIGPIPE stays ignored, so that a reader that is gone is an error and no end.
+    """
+    for default in (signal.SIGCHLD, signal.SIGTERM, signal.SIGQUIT, signal.SIGUSR1, signal.SIGUSR2, signal.SIGALRM):
+        signal.signal(default, signal.SIG_DFL)
+    terminal = (signal.SIGINT, signal.SIGHUP, signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
+    for ignored in (*terminal, signal.SIGPIPE, signal.SIGXFSZ):
+        signal.signal(ignored, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_SETMASK, ())
+
+
+@contextmanager
+def _claimed(settings: Settings) -> Iterator[None]:
+    """Make sure that no other process of this kind drives the board: a lock, free when keeper and worker are gone.
+
+    It is a lock on the byte of the bus's device file whose number is the board's address. So two boards on one bus
+    have an owner each, and neither a link to the file nor a network namespace hides it.
 
     Raises:
         HardwareError: another one drives it, and does not end.
     """
-    bus = f"/dev/i2c-{settings.bus}" if isinstance(settings.bus, int) else os.path.realpath(settings.bus)
-    until_s = time.monotonic() + _CLAIM_S
-    while True:
-        try:
-            return claim.bind(f"\0tral-actuator {zlib.crc32(f'{bus} {settings.address}'.encode()):08x}")
-        except OSError as error:
-            if error.errno != errno.EADDRINUSE or time.monotonic() > until_s:
+    bus = f"/dev/i2c-{settings.bus}" if isinstance(settings.bus, int) else settings.bus
+    lock = struct.pack("hhqqi4x", fcntl.F_WRLCK, os.SEEK_SET, settings.address, 1, 0)
+    file, until_s = os.open(bus, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC), time.monotonic() + _CLAIM_S
+    try:
+        while not _locks(file, lock):
+            if time.monotonic() > until_s:
                 raise HardwareError(
-                    f"another process drives the board at 0x{settings.address:02x} on {bus}: end it first"
-                ) from error
-        time.sleep(_TRY_S)
+                    f"another process drives the board at 0x{settings.address:02x} on {bus}: end it first. Its name is "
+                    "tral-worker; if it only waits for a board that does not answer, cut the power of the motor and "
+                    "run `killall -9 tral-keeper tral-worker`"
+                )
+            time.sleep(_TRY_S)
+        yield
+    finally:
+        os.close(file)
 
 
-def _fork(settings: Settings, driver: Driver, commands: socket.socket) -> int:
+def _locks(file: int, lock: bytes) -> bool:
+    """Whether an open file can be locked; a fork has the lock too."""
+    try:
+        fcntl.fcntl(file, fcntl.F_OFD_SETLK, lock)
+    except (BlockingIOError, PermissionError):
+        return False
+    return True
+
+
+def _check_container(settings: Settings) -> None:
+    """Refuse to drive a board where the end of another process is the end of this one.
+
+    Raises:
+        ConfigError: this is a container, and the settings do not say that this is meant.
+    """
+    if settings.driver == "pca9685" and not settings.in_container and rights.in_container():
+        raise ConfigError(
+            "the car's program runs in a container (a PID namespace): when its first process ends, the kernel kills "
+            "the actuator's process too, and the last pulses stand. Run it outside. If the pin OE of the board ends "
+            "the pulses then, give output=ActuatorProcess(replace(actuator_settings(...), in_container=True))"
+        )
+
+
+def _fork(settings: Settings, driver: Driver, commands: socket.socket, policy: int) -> int:
     """Split into worker and keeper."""
     rights.claim()
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    for each in (ours, theirs):
-        each.setblocking(False)
-    gc.freeze()
-    worker = os.fork()
-    if worker == 0:
-        ours.close()
-        granted = rights.claim()
-        hello = {"worker": os.getpid(), "keeper": os.getppid(), **granted}
-        commands.send(json.dumps(hello).encode())
-        try:
-            os._exit(Worker(settings, driver, commands, theirs).run())
-        except BaseException:
-            _complain(traceback.format_exc())
-        finally:
-            os._exit(1)
-    theirs.close()
-    return Keeper(settings, driver, commands, ours, worker).run()
+    with ours, theirs:
+        for each in (ours, theirs):
+            each.setblocking(False)
+        gc.freeze()
+        worker = os.fork()
+        if worker == 0:
+            ours.close()
+            _work(settings, driver, commands, theirs, policy)
+        theirs.close()
+        os.close(policy)
+        return Keeper(settings, driver, commands, ours, worker).run()
+
+
+def _work(settings: Settings, driver: Driver, commands: socket.socket, keeper: socket.socket, policy: int) -> NoReturn:
+    """Be the worker, to the end of this process."""
+    try:
+        rights.name("tral-worker")
+        hello = {"worker": os.getpid(), "keeper": os.getppid(), **rights.claim()}
+        with suppress(OSError):  # a policy that is gone is noticed soon enough
+            commands.send(json.dumps(hello).encode())
+        os._exit(Worker(settings, driver, commands, keeper, policy=policy).run())
+    except BaseException:
+        _complain(traceback.format_exc())
+    finally:
+        os._exit(1)
+
+
+def _policy(commands: socket.socket) -> int:
+    """File descriptor of the process that made the socket; it becomes readable when that process ends.
+
+    Raises:
+        OSError: it has ended already.
+    """
+    pid, _, _ = struct.unpack("3i", commands.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12))
+    return os.pidfd_open(pid)
 
 
 class Keeper:
@@ -126,45 +202,51 @@ class Keeper:
         self._settings, self._driver, self._commands = settings, driver, commands
         self._worker, self._clock_ns, self._sleep = worker, clock_ns, sleep
         self._pid, self._process = pid, os.pidfd_open(pid)
+        self._told_to_end = False
 
     def run(self) -> int:
         """Watch until the worker ends; if it does not end by itself with status 0, end the pulses.
 
         Returns:
-            Exit status: 0 if the pulses have ended.
+            Exit status 0: the pulses have ended.
         """
-        signal.signal(signal.SIGTERM, self._pass_on)
-        status = self._status() if self._watch() else None
-        if status == 0:
-            notify({"WATCHDOG_USEC": "0"})
-            return 0
-        if status is None:
-            self._signal(signal.SIGKILL)
-            self._status()
-        if self.end_pulses():
-            notify({"WATCHDOG_USEC": "0"})
-            _complain("the worker died or stood still; the keeper has ended the pulses")
-            return 0
-        _complain("the worker died or stood still, and THE PULSES COULD NOT BE ENDED: cut the power of the motor")
-        return 1
+        trouble = "the worker died or stood still"
+        try:
+            signal.signal(signal.SIGTERM, self.end)
+            if self._watch() and self._status() == 0:
+                notify({"WATCHDOG_USEC": "0"})
+                return 0
+        except BaseException:  # whatever it is, the pulses have to end
+            trouble = traceback.format_exc()
+        self._kill()
+        self.end_pulses()
+        with suppress(OSError):
+            self._commands.send(ENDED)
+        notify({"WATCHDOG_USEC": "0"})
+        _complain(f"{trouble}; the keeper has ended the pulses")
+        return 0
 
-    def end_pulses(self) -> bool:
-        """Write neutral until it has stood, then off; again and again while the bus refuses. Whether off was taken."""
+    def end(self, *_: object) -> None:
+        """Let the worker stop the car, at its next sign of life: a signal handler."""
+        self._told_to_end = True
+
+    def end_pulses(self) -> None:
+        """Write neutral until it has stood, then off; again and again while the board refuses, for ever if need be."""
         limits, begun_ns = self._settings.limits, self._clock_ns()
         neutral_us = self._settings.steering.centre_us, self._settings.throttle.centre_us
-        told = False
-        while (past_s := (self._clock_ns() - begun_ns) / NS) < _GIVE_UP_S:
-            is_due = past_s >= limits.off_s - limits.silence_s
-            try:
-                if is_due:
+        told = complained = False
+        while True:
+            past_s = (self._clock_ns() - begun_ns) / NS
+            with suppress(Exception):  # a driver that fails in its own way is a board that refuses
+                if past_s >= limits.off_s - limits.silence_s:
                     self._driver.off()
-                    return True
+                    return
                 self._driver.set_pulses(*neutral_us)
                 told = told or self._tell(neutral_us)
-            except OSError:
-                pass
-            self._sleep(_TRY_S)
-        return False
+            if past_s > _COMPLAIN_S and not complained:
+                complained = True
+                _complain("THE PULSES COULD NOT BE ENDED YET: cut the power of the motor. The keeper goes on trying")
+            self._sleep(_TRY_S if past_s < _HURRY_S else _LATER_S)
 
     def _watch(self) -> bool:
         """Return when the worker has closed its socket (True), or has shown no life for too long (False)."""
@@ -177,6 +259,8 @@ class Keeper:
                 if not self._worker.recv(MAX_PACKET):
                     return True
                 self._worker.send(ALIVE)
+                if self._told_to_end:
+                    self._signal(signal.SIGTERM)
             except BlockingIOError:
                 continue
             except OSError:
@@ -186,19 +270,26 @@ class Keeper:
                 notify({"WATCHDOG": "1"})
         return False
 
-    def _pass_on(self, *_: object) -> None:
-        """Let the worker stop the car; a signal handler."""
-        self._signal(signal.SIGTERM)
+    def _kill(self) -> None:
+        """Make sure that the worker writes no more; nothing that fails here keeps the pulses from being ended."""
+        with suppress(Exception):
+            self._signal(signal.SIGKILL)
+            self._status()
 
     def _signal(self, number: signal.Signals) -> None:
         with suppress(ProcessLookupError):
             signal.pidfd_send_signal(self._process, number)
 
     def _status(self) -> int | None:
-        """Exit status of the worker, or None if it does not die within `_DEATH_S`."""
-        if not select.select([self._process], [], [], _DEATH_S)[0]:
+        """Exit status of the worker, or None if it is not known or the worker does not die within `_DEATH_S`."""
+        poll = select.poll()
+        poll.register(self._process, select.POLLIN)
+        if not poll.poll(_DEATH_S * 1000):
             return None
-        return os.waitstatus_to_exitcode(os.waitpid(self._pid, 0)[1])
+        try:
+            return os.waitstatus_to_exitcode(os.waitpid(self._pid, 0)[1])
+        except ChildProcessError:  # somebody else took it
+            return None
 
     def _tell(self, neutral_us: tuple[float, float]) -> bool:
         """Tell the source of the commands."""
@@ -225,21 +316,55 @@ def notify(states: dict[str, str]) -> None:
 
 
 def _complain(text: str) -> None:
-    """Say what happened, after the pulses ended: a terminal that is gone or blocks must not keep anyone from that."""
+    """Say what happened, unless that would take time: a terminal that is gone or blocks must not keep anyone."""
+    poll = select.poll()
+    poll.register(_STDERR, select.POLLOUT)
     with suppress(OSError):
-        print(f"actuator: {text}", file=sys.stderr, flush=True)
+        if poll.poll(0):
+            os.write(_STDERR, f"actuator: {text}\n".encode()[-select.PIPE_BUF :])
 
 
-def switch_off(arguments: list[str]) -> int:
-    """End all pulses of a PCA9685, whoever left them.
+def switch_off(arguments: list[str], sleep: Callable[[float], None] = time.sleep) -> int:
+    """End all pulses of a PCA9685, whoever left them, and read back that they ended.
 
     Args:
-        arguments: number or path of the I2C bus, by default 1; address of the board, by default 0x40.
+        arguments: "off", then the number or path of the I2C bus, and the address of the board.
+        sleep: waits some seconds.
+
+    Returns:
+        Exit status: 0 if no pulses leave the board.
     """
-    bus, address = [*arguments, *("1", "0x40")[len(arguments) :]]
-    try:
-        all_off(Bus(int(bus) if bus.isdecimal() else bus).device(int(address, 0), "PWM board PCA9685"))
-    except (TralError, OSError) as error:
-        _complain(str(error))
-        return 1
-    return 0
+    parser = argparse.ArgumentParser(
+        "python -m tral_env.hardware.actuator", description="End all pulses of a PWM board PCA9685, whoever left them."
+    )
+    parser.add_argument("off", choices=["off"], help="end the pulses")
+    parser.add_argument("bus", nargs="?", default="1", help="number or path of the I2C bus; 1 is /dev/i2c-1")
+    parser.add_argument(
+        "address", nargs="?", type=_address, default="40", help="address of the board, hexadecimal as i2cdetect has it"
+    )
+    given = parser.parse_args(arguments)
+    bus = int(given.bus) if given.bus.isdecimal() else given.bus
+    for attempt in range(_OFF_TRIES):
+        sleep(_OFF_WAIT_S if attempt else 0.0)
+        try:
+            device = Bus(bus).device(given.address, "PWM board PCA9685")
+            all_off(device)
+            if not (outputs := still_on(device)):
+                return 0
+            trouble = f"the outputs {outputs} do not read back as off: another device?"
+        except (TralError, OSError) as error:
+            trouble = str(error)
+    _complain(f"the pulses could not be ended: cut the power of the motor. {trouble}")
+    return 1
+
+
+def _address(text: str) -> int:
+    """Address of the board, always hexadecimal.
+
+    Raises:
+        ValueError: no address.
+    """
+    address = int(text, 16)
+    if not MIN_ADDRESS <= address <= MAX_ADDRESS:
+        raise ValueError(text)
+    return address

@@ -51,23 +51,35 @@ class Limits:
                 continue
             if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
                 raise ConfigError(f"limits: {each.name} = {value!r}, expected a finite number")
-            low, high = _BOUNDS.get(each.name, (0.001, 60.0))
+            low, high = _BOUNDS[each.name]
             if not low <= value <= high:
                 raise ConfigError(f"limits: {each.name} = {value!r}, expected {low:g} to {high:g}")
         if not self.silence_s < self.off_s:
             raise ConfigError(f"limits: off_s = {self.off_s!r} is not above silence_s = {self.silence_s!r}")
+        if self.max_age_s > self.silence_s:
+            raise ConfigError(f"limits: max_age_s = {self.max_age_s!r} is above silence_s = {self.silence_s!r}")
 
 
 _BOUNDS = {
-    "silence_s": (0.02, 1.0),
-    "off_s": (0.02, 5.0),
+    "silence_s": (0.02, 0.5),
+    "off_s": (0.02, 2.0),
+    "max_age_s": (0.005, 0.5),
+    "evidence_s": (0.05, 5.0),
     "arming_s": (0.0, 10.0),
     "brake": (-1.0, 0.0),
     "max_throttle": (0.0, 1.0),
     "max_reverse": (0.0, 1.0),
-    "hang_s": (0.03, 1.0),
+    "bus_s": (0.005, 0.5),
+    "check_s": (0.02, 1.0),
+    "hang_s": (0.03, 0.5),
 }
-"""Smallest and largest value of each limit, where they are not 0.001 and 60."""
+"""Smallest and largest value of each limit. Beyond the largest, a fault would go on for longer than a car may drive
+blind: at 1 m/s, half a second is half a metre."""
+MIN_ADDRESS, MAX_ADDRESS = 0x08, 0x77
+"""Addresses of devices on an I2C bus; the others are reserved."""
+_MIN_US, _MAX_US = 500.0, 2500.0
+_PERIOD_US, _OSCILLATOR_HZ = (4000.0, 34000.0), (20e6, 30e6)
+"""Bounds of a calibration, see `tral_env.hardware.pulses`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,6 +97,31 @@ class Settings:
     steering: Channel
     throttle: Channel
     limits: Limits = field(default_factory=Limits)
+    in_container: bool = False
+    """Whether the process may drive a board from within a container, whose end kills it without a last word."""
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        problems = [
+            f"{name} = {value!r}, expected {low:g} to {high:g}"
+            for name, value, low, high in (
+                ("address", self.address, MIN_ADDRESS, MAX_ADDRESS),
+                ("period_us", self.period_us, *_PERIOD_US),
+                ("oscillator_hz", self.oscillator_hz, *_OSCILLATOR_HZ),
+            )
+            if not low <= value <= high
+        ]
+        for name, channel in (("steering", self.steering), ("throttle", self.throttle)):
+            problems += [f"{name}: {problem}" for problem in _problems(channel)]
+        if abs(self.steering.output - self.throttle.output) != 1:
+            problems.append(f"outputs {self.steering.output} and {self.throttle.output} are not neighbours")
+        if self.limits.brake < 0.0 and not self.throttle.dead_zone_us > 0.0:
+            problems.append(
+                "limits: brake is below 0, and the calibration has no throttle.dead_zone_us: nobody knows from which "
+                "pulse on the motor controller drives forward, so the brake might be reverse. Measure the dead zone"
+            )
+        if problems:
+            raise ConfigError("settings of the actuator: " + "; ".join(problems))
 
     def to_json(self) -> str:
         """The settings as text."""
@@ -96,3 +133,20 @@ class Settings:
         content: dict[str, Any] = json.loads(text)
         steering, throttle = (Channel(*content.pop(name)) for name in ("steering", "throttle"))
         return cls(steering=steering, throttle=throttle, limits=Limits(**content.pop("limits")), **content)
+
+
+def _problems(channel: Channel) -> list[str]:
+    """What is wrong with a channel; each comparison fails for NaN too."""
+    minus, centre, plus = channel.minus_us, channel.centre_us, channel.plus_us
+    problems = []
+    if channel.output not in range(16):
+        problems.append(f"output {channel.output}, expected 0 to 15")
+    if not _MIN_US <= channel.min_us < channel.max_us <= _MAX_US:
+        problems.append(f"limits {channel.min_us:g} to {channel.max_us:g} us, expected within 500 to 2500")
+    if not channel.min_us <= min(minus, plus) < centre < max(minus, plus) <= channel.max_us:
+        problems.append(f"pulses {minus:g}, {centre:g}, {plus:g} us do not lie one behind the other within the limits")
+    if not (0.0 <= channel.skip_us < _MAX_US and 0.0 <= channel.dead_zone_us < _MAX_US):
+        problems.append(f"skips {channel.skip_us:g} us, rests within {channel.dead_zone_us:g} us")
+    if channel.slew_per_s is not None and not channel.slew_per_s > 0.0:
+        problems.append(f"slew {channel.slew_per_s:g} per s, expected above 0")
+    return problems

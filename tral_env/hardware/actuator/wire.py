@@ -138,6 +138,8 @@ NOTHING_YET = Command(sequence=0, stamp_ns=0, steering=0.0, throttle=0.0, eviden
 _COMMAND = struct.Struct("<4sHHHxxQqddQ")
 _REPLY = struct.Struct("<4sHBBBxxxQqddddIIII")
 _FLAGS = int(Flag.ARM | Flag.DISARM | Flag.STOP)
+ENDED = b"ended"
+"""The last word of worker or keeper: no pulses leave the board. A process that ends without it has not done that."""
 MAX_PACKET = 4096
 """No packet is longer."""
 

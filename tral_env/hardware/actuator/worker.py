@@ -12,7 +12,7 @@ from contextlib import suppress
 from tral_env.hardware.actuator.drivers import ATTEMPTS, BUDGET_S, Driver
 from tral_env.hardware.actuator.guard import OFF, Guard, Pulses
 from tral_env.hardware.actuator.settings import Settings
-from tral_env.hardware.actuator.wire import MAX_PACKET, NS, Reason, State, pack_reply
+from tral_env.hardware.actuator.wire import ENDED, MAX_PACKET, NS, Reason, State, pack_reply
 
 TICK_S = 0.01
 """The worker looks at its clock at least this often."""
@@ -20,8 +20,8 @@ REFRESH_S = 0.1
 """Pulses that do not change are sent again this often."""
 _MAX_AT_ONCE = 64
 """The worker reads at most so many packets before it looks at its clock: a flood cannot keep it from that."""
-_GIVE_UP_S = 10.0
-"""At its end the worker tries for this long to end the pulses."""
+_MAX_UNREAD = 5
+"""Settings that could not be read back so often, one after the other, are a fault."""
 ALIVE = b"."
 
 
@@ -35,42 +35,59 @@ class Worker:
         commands: socket.socket,
         keeper: socket.socket,
         clock_ns: Callable[[], int] = time.monotonic_ns,
+        policy: int | None = None,
     ) -> None:
-        """Take over a board that has been set up; neither socket may block."""
+        """Take over a board that has been set up; neither socket may block.
+
+        Args:
+            settings: what to keep to.
+            driver: the board.
+            commands: where the policy's process sends commands.
+            keeper: where the keeper shows its life.
+            clock_ns: monotonic clock, ns.
+            policy: file descriptor that becomes readable when the policy's process ends (pidfd): a fork of it that
+                holds the socket is no source of commands.
+        """
         self._settings, self._driver, self._clock_ns = settings, driver, clock_ns
-        self._commands, self._keeper = commands, keeper
+        self._commands, self._keeper, self._policy = commands, keeper, policy
         now_ns = clock_ns()
         self.guard = Guard(settings, now_ns)
         self.retries = 0
         self._told = (self.guard.state, self.guard.reason)
         self._wanted: Pulses | None = None
         self._written_ns = self._checked_ns = self._kept_ns = self._shown_ns = now_ns
-        self._ended_ns: int | None = None
+        self._unread = 0
+        self._told_to_end = False
 
     def end(self, *_: object) -> None:
-        """Stop the car and end; a signal handler."""
-        self.guard.fail(Reason.SIGNAL, self._clock_ns())
+        """Stop the car and end, at the next turn: a signal handler, which may come amid any line of the guard."""
+        self._told_to_end = True
 
     def run(self) -> int:
-        """Work until nobody is left that could command, and no pulses leave the board.
+        """Work until nobody is left that could command, and no pulses leave the board, however long that takes.
 
         Returns:
-            Exit status: 0 if the pulses have ended.
+            Exit status 0: the pulses have ended.
         """
         signal.signal(signal.SIGTERM, self.end)
         poll = select.poll()
-        for each in (self._commands, self._keeper):
+        for each in (self._commands, self._keeper, *(() if self._policy is None else (self._policy,))):
             poll.register(each, select.POLLIN)
         while not self.guard.is_over:
             ready = dict(poll.poll(TICK_S * 1000))
-            if self._gave_up():
-                return 1
+            if self._policy in ready:
+                poll.unregister(self._policy)
+                self.guard.fail(Reason.LOST, self._clock_ns())
             for lost in self.turn(self._commands.fileno() in ready, self._keeper.fileno() in ready):
                 poll.unregister(lost)
+        with suppress(OSError):
+            self._commands.send(ENDED)
         return 0
 
     def turn(self, heard: bool, kept: bool) -> list[socket.socket]:
         """Do one turn; which sockets have something to read is given. Gives back those that ended."""
+        if self._told_to_end:
+            self.guard.fail(Reason.SIGNAL, self._clock_ns())
         lost = []
         if heard and not self._listen():
             lost.append(self._commands)
@@ -128,7 +145,10 @@ class Worker:
         elif now_ns - self._checked_ns >= self._settings.limits.check_s * NS:
             self._checked_ns = now_ns
             found: list[str] = []
-            if self._attempt(lambda: found.append(self._driver.check())) and found[-1]:
+            self._unread = 0 if self._attempt(lambda: found.append(self._driver.check())) else self._unread + 1
+            if self._unread >= _MAX_UNREAD:
+                self.guard.fail(Reason.BUS, now_ns)
+            elif found and found[-1]:
                 self.guard.fail(Reason.BOARD, now_ns)
 
     def _attempt(self, transaction: Callable[[], object]) -> bool:
@@ -139,7 +159,7 @@ class Worker:
                 return False
             try:
                 transaction()
-            except OSError:
+            except Exception:  # a driver that fails in its own way is a board that refuses
                 self.retries += 1
                 continue
             return True
@@ -165,8 +185,3 @@ class Worker:
             return False
         self._kept_ns = self._clock_ns()
         return bool(packet)
-
-    def _gave_up(self) -> bool:
-        if self.guard.ending and self._ended_ns is None:
-            self._ended_ns = self._clock_ns()
-        return self._ended_ns is not None and self._clock_ns() - self._ended_ns > _GIVE_UP_S * NS
