@@ -52,7 +52,7 @@ def test_it_writes_a_page_tables_figures_and_records(done: Result, out: Path) ->
     figures = json.loads((out / "compare.json").read_text())
     assert [one["name"] for one in figures["contenders"]] == ["circles", "random"]
     assert "paths" not in figures
-    assert "| circles | 1 | 0.0 |" in (out / "compare.md").read_text()
+    assert "| circles | 1 | 0.0 (0.0 to 79.3) |" in (out / "compare.md").read_text()
     assert "<h1>Comparison on the suite tiny</h1>" in (out / "compare.html").read_text()
 
 
