@@ -52,7 +52,7 @@ def test_it_writes_a_page_tables_figures_and_records(done: Result, out: Path) ->
     figures = json.loads((out / "compare.json").read_text())
     assert [one["name"] for one in figures["contenders"]] == ["circles", "random"]
     assert "paths" not in figures
-    assert "| circles | 1 | 0.0 |" in (out / "compare.md").read_text()
+    assert "| circles | 1 | 0.0 (0.0 to 79.3) |" in (out / "compare.md").read_text()
     assert "<h1>Comparison on the suite tiny</h1>" in (out / "compare.html").read_text()
 
 
@@ -70,8 +70,13 @@ def test_json_alone_is_printed_and_drives_nothing_twice(done: Result, out: Path,
     assert (out / "records.jsonl").read_bytes() == before
 
 
-def test_another_field_in_the_same_folder_is_bad_usage(done: Result, out: Path) -> None:
-    got = tral("--policies", "random", "--suite", "tiny", "--out", out)
+def test_a_changed_contender_in_the_same_folder_is_bad_usage(done: Result, out: Path, machine: Path) -> None:
+    before = machine.read_text()
+    machine.write_text(write(blind(-0.9, 1.0), "json"))
+    try:
+        got = tral("--policies", machine, "--suite", "tiny", "--out", out)
+    finally:
+        machine.write_text(before)
     assert got.exit_code == 2
     assert "choose another --out" in got.output
 
@@ -95,7 +100,7 @@ def test_a_stopped_comparison_says_how_it_goes_on(tmp_path: Path, monkeypatch: p
     def stop(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(comparison, "drive_missing", stop)
+    monkeypatch.setattr(comparison, "drive_field", stop)
     got = tral("--suite", "tiny", "--policies", "random", "--out", tmp_path)
     assert got.exit_code == 1
     assert "the same command goes on" in got.output

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -99,7 +100,8 @@ def test_a_pair_tells_difference_and_probability(shown: dict[str, Any]) -> None:
     assert (first["first"], first["second"]) == ("good", "learner")
     assert first["success"]["value"] == pytest.approx(6 / 16)
     assert first["improvement"]["value"] == 1.0
-    assert first["time_ratio"]["value"] == pytest.approx(10.0 / 15.0)  # on straights without 501
+    # Agent a arrives on 4 straights in 20 s each, agent b on 6 courses in 10 s each.
+    assert first["time_ratio"]["value"] == pytest.approx(0.5**0.4)
     assert len(shown["pairs"]) == 3
 
 
@@ -129,3 +131,67 @@ def test_the_paths_are_those_of_the_first_course(shown: dict[str, Any]) -> None:
 def test_the_same_seed_gives_the_same_intervals(shown: dict[str, Any]) -> None:
     assert analyse(lines(), SUITE, FIELD, seed=1, resamples=300) == shown
     assert analyse(lines(), SUITE, FIELD, seed=2, resamples=300)["profiles"] != shown["profiles"]
+
+
+MANY = Suite(name="many", families=("straight",), levels=("none",), split="validation", courses=100)
+THREE = [
+    {"name": "machine", "agents": [{"source": "m"}]},
+    {"name": "learner", "agents": [{"source": "a"}, {"source": "b"}, {"source": "c"}]},
+]
+
+
+def of_three(**c: Any) -> dict[str, Any]:
+    """A machine that takes 10 s, and agents that take 6 s, 10 s, and what `c` says, on 100 straights."""
+    found: list[dict[str, Any]] = []
+    for seed in MANY.seeds:
+        found += [
+            line("machine", "m", "straight", seed, "success"),
+            line("learner", "a", "straight", seed, "success", time_s=6.0),
+            line("learner", "b", "straight", seed, "success", time_s=10.0),
+            line("learner", "c", "straight", seed, **c),
+        ]
+    return analyse(found, MANY, THREE, resamples=200)
+
+
+def test_the_unit_of_a_cell_of_the_tasks_is_the_agent() -> None:
+    """Over 300 drives Wilson's interval is 61 to 72 %; over agents of 100, 100 and 0 % it is nearly all."""
+    shown = of_three(outcome="collision")
+    cell = shown["tasks"][0]["contenders"]["learner"]
+    assert (cell["successes"], cell["drives"], cell["low"], cell["high"]) == (200, 300, 0.0, 1.0)
+    machine = shown["tasks"][0]["contenders"]["machine"]
+    assert (machine["low"], machine["high"]) == pytest.approx((0.963, 1.0), abs=1e-3)
+
+
+def test_the_unit_of_the_time_is_the_agent() -> None:
+    """Over 300 drives the interval of the mean of 12 s is 11.4 to 12.6 s."""
+    time = figures(of_three(outcome="success", time_s=20.0), "learner")["time_s"]
+    assert time["value"] == pytest.approx(12.0)
+    assert time["low"] < 6.0
+    assert time["high"] > 20.0
+
+
+def test_the_time_ratio_is_the_geometric_mean_over_pairs_of_agents() -> None:
+    (pair,) = of_three(outcome="success", time_s=20.0)["pairs"]
+    ratio = pair["time_ratio"]
+    assert ratio["value"] == pytest.approx((10.0 / 6.0 * 10.0 / 10.0 * 10.0 / 20.0) ** (1 / 3))
+    assert ratio["low"] < 0.5
+    assert ratio["high"] > 10.0 / 6.0
+
+
+def test_the_time_ratio_needs_no_agent_that_never_arrives() -> None:
+    (pair,) = of_three(outcome="collision")["pairs"]
+    assert pair["time_ratio"]["value"] == pytest.approx((10.0 / 6.0) ** 0.5)
+
+
+def test_nothing_that_arrives_has_no_time(shown: dict[str, Any]) -> None:
+    assert figures(shown, "random")["time_s"] == {"value": None, "low": None, "high": None}
+
+
+def test_one_course_has_no_interval_but_that_of_wilson() -> None:
+    one = replace(SUITE, courses=1)
+    shown = analyse(lines(), one, FIELD, resamples=50)
+    good = figures(shown, "good")
+    assert (good["iqm"]["low"], good["score"]["high"], good["time_s"]["low"]) == (None, None, None)
+    assert good["success"]["low"] == pytest.approx(0.342, abs=1e-3)
+    assert shown["pairs"][0]["success"]["low"] is None
+    assert shown["profiles"]["contenders"]["good"]["low"] == shown["profiles"]["contenders"]["good"]["value"]

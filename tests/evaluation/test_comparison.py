@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,9 +13,9 @@ from courses import blind
 from tral_env.errors import ConfigError
 from tral_fsm.evaluation import comparison
 from tral_fsm.evaluation.analysis import LAST_POSES, analyse
-from tral_fsm.evaluation.comparison import RECORDS, drive_again, drive_missing, gate_offset, missing, plans_of
-from tral_fsm.evaluation.contenders import Contender, contenders, single_policy
-from tral_fsm.evaluation.records import Record
+from tral_fsm.evaluation.comparison import RECORDS, drive_again, drive_field, gate_offset, missing, plans_of
+from tral_fsm.evaluation.contenders import Contender, contenders, object_agent, single_policy
+from tral_fsm.evaluation.records import Record, held
 from tral_fsm.evaluation.suites import Suite
 from tral_fsm.formats import write
 
@@ -33,7 +34,7 @@ def field(tmp_path_factory: pytest.TempPathFactory) -> list[Contender]:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, field: list[Contender]) -> Path:
     out = tmp_path_factory.mktemp("compare")
-    drive_missing(TINY, field, out)
+    drive_field(TINY, field, out)
     return out
 
 
@@ -42,7 +43,7 @@ def drives(lines: list[Record]) -> list[Record]:
 
 
 def test_every_agent_drives_every_course_once(folder: Path, field: list[Contender]) -> None:
-    got = drives(drive_missing(TINY, field, folder))
+    got = drives(drive_field(TINY, field, folder))
     assert len(got) == 6
     assert {(line["contender"], line["seed"]) for line in got} == {
         (name, seed) for name in ("circles", "random") for seed in (500, 501)
@@ -52,7 +53,7 @@ def test_every_agent_drives_every_course_once(folder: Path, field: list[Contende
 
 def test_what_stands_is_not_driven_again(folder: Path, field: list[Contender]) -> None:
     before = (folder / RECORDS).read_bytes()
-    drive_missing(TINY, field, folder)
+    drive_field(TINY, field, folder)
     assert (folder / RECORDS).read_bytes() == before
 
 
@@ -71,16 +72,16 @@ def test_a_stopped_comparison_goes_on(tmp_path: Path, folder: Path, field: list[
         def __exit__(self, *_: object) -> None:
             pass
 
-    lines = drive_missing(TINY, field, tmp_path, progress=Bar)
+    lines = drive_field(TINY, field, tmp_path, progress=Bar)
     assert counted == [4, 1, 1, 1, 1]
-    wanted = drives(drive_missing(TINY, field, folder))
+    wanted = drives(drive_field(TINY, field, folder))
     assert sorted(map(comparison.key, drives(lines))) == sorted(map(comparison.key, wanted))
     by_key = {comparison.key(line): line for line in wanted}
     assert all(by_key[comparison.key(line)] == line for line in drives(lines))
 
 
 def test_more_courses_and_more_contenders_are_added(folder: Path, field: list[Contender]) -> None:
-    lines = drive_missing(TINY, field, folder)
+    lines = drive_field(TINY, field, folder)
     more = [*field, *contenders("constant")]
     (job,) = missing(TINY.with_courses(3), more, lines)
     assert [(one.contender, one.seed) for one in job.entries] == [
@@ -89,18 +90,18 @@ def test_more_courses_and_more_contenders_are_added(folder: Path, field: list[Co
 
 
 def test_fewer_courses_look_at_the_first_ones(folder: Path, field: list[Contender]) -> None:
-    assert {line["seed"] for line in drives(drive_missing(TINY.with_courses(1), field, folder))} == {500}
+    assert {line["seed"] for line in drives(drive_field(TINY.with_courses(1), field, folder))} == {500}
 
 
 def test_another_suite_in_the_same_folder_is_refused(folder: Path, field: list[Contender]) -> None:
     with pytest.raises(ConfigError, match="choose another --out"):
-        drive_missing(replace(TINY, levels=("hard",)), field, folder)
+        drive_field(replace(TINY, levels=("hard",)), field, folder)
 
 
 def test_a_contender_that_has_changed_is_refused(folder: Path, field: list[Contender]) -> None:
     changed = [replace(field[0], agents=tuple(replace(one, digest="0") for one in field[0].agents)), field[1]]
     with pytest.raises(ConfigError, match=r"circles: .*left.json.* changed since it was made"):
-        drive_missing(TINY, changed, folder)
+        drive_field(TINY, changed, folder)
 
 
 def test_jobs_are_split_among_processes(field: list[Contender]) -> None:
@@ -114,7 +115,7 @@ def test_agents_with_many_courses_drive_one_after_the_other(field: list[Contende
 
 
 def test_a_failure_is_driven_again_as_it_was(folder: Path, field: list[Contender]) -> None:
-    shown = analyse(drive_missing(TINY, field, folder), TINY, [one.record() for one in field], resamples=20)
+    shown = analyse(drive_field(TINY, field, folder), TINY, [one.record() for one in field], resamples=20)
     failure = shown["failures"][0]
     policy = single_policy(next(one for one in field[0].agents if one.source == failure["agent"]))
     assert policy is not None
@@ -129,15 +130,15 @@ def test_a_built_in_contender_has_no_policy_of_its_own(field: list[Contender]) -
 
 
 def test_other_processes_drive_the_same(tmp_path: Path, folder: Path, field: list[Contender]) -> None:
-    got = drives(drive_missing(TINY, field, tmp_path, processes=2))
-    wanted = {comparison.key(line): line for line in drives(drive_missing(TINY, field, folder))}
+    got = drives(drive_field(TINY, field, tmp_path, processes=2))
+    wanted = {comparison.key(line): line for line in drives(drive_field(TINY, field, folder))}
     assert {comparison.key(line): line for line in got} == wanted
 
 
 def test_the_first_course_has_whole_paths_and_the_others_the_end_of_failures(
     folder: Path, field: list[Contender]
 ) -> None:
-    for line in drives(drive_missing(TINY, field, folder)):
+    for line in drives(drive_field(TINY, field, folder)):
         poses = int(np.ceil(line["time_s"] * 10.0)) + 1
         kept = len(line["path"])
         assert kept == pytest.approx(poses if line["seed"] == 500 else min(poses, LAST_POSES), abs=1)
@@ -150,8 +151,57 @@ def test_a_gate_is_passed_left_of_its_middle_by_a_positive_offset() -> None:
 
 
 def test_the_plans_are_those_of_all_pictures(folder: Path, field: list[Contender]) -> None:
-    shown = analyse(drive_missing(TINY, field, folder), TINY, [one.record() for one in field], resamples=20)
+    shown = analyse(drive_field(TINY, field, folder), TINY, [one.record() for one in field], resamples=20)
     plans = plans_of(shown)
     assert set(plans) == {("straight", "none", 500), ("straight", "none", 501)}
     start = np.array(shown["paths"][0]["contenders"]["circles"]["path"][0][:2])
     assert start == pytest.approx(plans["straight", "none", 500].start[:2], abs=0.05)
+
+
+class Steers:
+    """Drives every car the same way."""
+
+    def __init__(self, steering: float) -> None:
+        self._command = steering, 1.0
+
+    def reset(self, n: int = 1) -> None:
+        pass
+
+    def reset_rows(self, rows: Any) -> None:
+        pass
+
+    def act(self, observation: Any) -> Any:
+        return np.tile(self._command, (len(observation), 1))
+
+
+def test_agents_of_two_contenders_may_have_one_source(tmp_path: Path) -> None:
+    two = [
+        Contender(name=name, agents=(object_agent("seed 0", Steers(steering), name),))
+        for name, steering in (("left", 0.9), ("right", -0.9))
+    ]
+    ends = {line["contender"]: line["path"][-1] for line in drives(drive_field(TINY.with_courses(1), two, tmp_path))}
+    assert ends["left"][1] > 0.1
+    assert ends["right"][1] < -0.1
+
+
+def test_an_object_drives_for_one_agent_in_this_process(tmp_path: Path) -> None:
+    policy = Steers(0.9)
+    twice = [Contender(name=name, agents=(object_agent(name, policy, "1"),)) for name in "ab"]
+    with pytest.raises(ConfigError, match="agents 'a' and 'b' are one object"):
+        drive_field(TINY, twice, tmp_path)
+    with pytest.raises(ConfigError, match="agent 'a' is an object of this program: expected processes=1"):
+        drive_field(TINY, twice[:1], tmp_path, processes=2)
+
+
+def test_contenders_of_one_name_are_refused(field: list[Contender], tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="two are called 'circles'"):
+        drive_field(TINY, [field[0], field[0]], tmp_path)
+
+
+def test_a_folder_that_another_run_holds_is_refused(field: list[Contender], tmp_path: Path) -> None:
+    with held(tmp_path / RECORDS), pytest.raises(ConfigError, match="another run writes into it"):
+        drive_field(TINY, field, tmp_path)
+
+
+def test_fewer_contenders_look_at_their_own_drives(folder: Path, field: list[Contender]) -> None:
+    assert {line["contender"] for line in drives(drive_field(TINY, field[1:], folder))} == {"random"}

@@ -14,7 +14,14 @@ from tral_env.learned import Network
 from tral_env.learner import LearnerConfig, LearnerView
 from tral_env.policy_file import save
 from tral_fsm.evaluation.batch import BatchRunner
-from tral_fsm.evaluation.contenders import contender, contenders, object_agent, row_policies
+from tral_fsm.evaluation.contenders import (
+    Contender,
+    contender,
+    contenders,
+    object_agent,
+    row_policies,
+    single_policy,
+)
 from tral_fsm.evaluation.episode import EpisodeRequest
 from tral_fsm.formats import write
 
@@ -140,3 +147,77 @@ def test_an_object_drives_in_many_rows() -> None:
         lambda world: row_policies(agent, world), [EpisodeRequest(0, "straight", seed) for seed in (1, 2)]
     )
     assert [one.outcome for one in got] == ["collision", "collision"]
+
+
+def test_the_digest_of_python_covers_the_files_beside_it_that_it_imports(tmp_path: Path) -> None:
+    """Also what one of them imports in a function, and no file that none imports."""
+    own = "import near\nclass Still:\n    def act(self, observation):\n        return near.go()\n"
+    (tmp_path / "own.py").write_text(own)
+    (tmp_path / "near.py").write_text("def go():\n    from far import STEER\n    return STEER, 0.0\n")
+    (tmp_path / "far.py").write_text("STEER = 0.1\n")
+    (tmp_path / "other.py").write_text("1\n")
+
+    def found() -> str:
+        return contender(f"{tmp_path / 'own.py'}:Still").agents[0].digest
+
+    first = found()
+    (tmp_path / "other.py").write_text("2\n")
+    assert found() == first
+    (tmp_path / "far.py").write_text("STEER = 0.2\n")
+    assert found() != first
+
+
+@pytest.mark.parametrize("kind", ["machine", "policy file", "python"])
+def test_a_source_that_changes_meanwhile_does_not_drive(kind: str, tmp_path: Path) -> None:
+    def write_source(version: int) -> str:
+        if kind == "policy file":
+            return str(trained(tmp_path / "ppo", version))
+        if kind == "python":
+            text = f"class Own:\n    def act(self, observation):\n        return 0.{version}, 0.0\n"
+            (tmp_path / "own_changes.py").write_text(text)
+            return f"{tmp_path / 'own_changes.py'}:Own"
+        (tmp_path / "m.json").write_text(write(blind(0.1 * version), "json"))
+        return str(tmp_path / "m.json")
+
+    agent = contender(write_source(1)).agents[0]
+    assert agent.kind == kind
+    assert single_policy(agent) is not None
+    write_source(2)
+    with pytest.raises(ConfigError, match="has changed since the comparison began"):
+        single_policy(agent)
+    runner = BatchRunner(["straight"], rows=1, randomization="none")
+    with pytest.raises(ConfigError, match="has changed since the comparison began"):
+        runner.drive_with(lambda world: row_policies(agent, world), [EpisodeRequest(0, "straight", 1)])
+
+
+def test_a_machine_of_a_search_tells_its_effort(tmp_path: Path) -> None:
+    path = tmp_path / "machine.json"
+    path.write_text(write(blind(), "json"))
+    assert set(contender(str(path)).agents[0].provenance) == {"machine"}
+    (tmp_path / "tune.json").write_text('{"drives": 3000, "seconds": 81.5, "trials": 9}')
+    told = contender(str(path)).agents[0].provenance
+    assert (told["drives"], told["seconds"]) == (3000, 81.5)
+    (tmp_path / "tune.json").write_text("{")
+    with pytest.raises(ConfigError, match=r"tune.json: got no figures of a search"):
+        contender(str(path))
+
+
+def test_built_in_agents_are_told_apart_by_their_names() -> None:
+    assert [agent.source for agent in contender("floors=constant+random").agents] == ["constant", "random"]
+    with pytest.raises(ConfigError, match="two agents are the same"):
+        contender("floors=constant+constant")
+
+
+@pytest.mark.parametrize("entry", ["a=", "a=office+", "a=+office", "a= + "])
+def test_an_empty_source_is_refused(entry: str) -> None:
+    with pytest.raises(ConfigError, match="a source is empty: expected NAME=SOURCE"):
+        contender(entry)
+
+
+def test_a_contender_that_records_or_tables_cannot_hold_is_refused() -> None:
+    with pytest.raises(ConfigError, match="two agents are called 'seed 0'"):
+        Contender(name="ppo", agents=(object_agent("seed 0", Steady(), "1"), object_agent("seed 0", Steady(), "2")))
+    with pytest.raises(ConfigError, match=r"without \|"):
+        contender("a|b=office")
+    with pytest.raises(ConfigError, match="got no agent"):
+        Contender(name="none", agents=())

@@ -226,3 +226,19 @@ def test_what_cannot_drive_is_refused() -> None:
         drive(Lane(), Predicts, seed=1)
     with pytest.raises(ConfigError, match="drives one car, got 2"):
         OwnPolicy(Predicts()).reset(2)
+
+
+POLICY = "from {name} import STEER\nclass P:\n    def act(self, observation):\n        return STEER, 0.0\n"
+
+
+@pytest.mark.parametrize("folders", [("a", "b"), ("a", "a/b"), ("a/b", "a")])
+def test_files_of_two_folders_have_their_own_neighbours(own: Path, folders: tuple[str, str]) -> None:
+    for k, folder in enumerate(folders, 1):
+        place = own.parent / folder
+        place.mkdir(parents=True, exist_ok=True)
+        (place / "agent.py").write_text(POLICY.format(name="helpers.of"))
+        (place / "helpers").mkdir()
+        (place / "helpers" / "__init__.py").write_text("")
+        (place / "helpers" / "of.py").write_text(f"STEER = 0.{k}\n")
+    steers = [find_policy(f"{own.parent / folder / 'agent.py'}:P").act(np.zeros(3))[0] for folder in folders * 2]
+    assert steers == pytest.approx([0.1, 0.2, 0.1, 0.2])

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from tral_env.errors import LostWorkerError
-from tral_fsm.evaluation.pool import ProcessPool, StoppedError, spawned, stop_check, worker_losses
+from tral_fsm.evaluation.pool import ProcessPool, StoppedError, call_all, spawned, stop_check, tell, worker_losses
 
 _began: Any = None
 """Event that tells the pool's owner that the work has begun."""
@@ -80,3 +80,29 @@ def kill_itself() -> None:
 def test_a_worker_that_the_system_kills_is_told_with_the_remedy() -> None:
     with pytest.raises(LostWorkerError, match="fewer processes"), ProcessPool(1) as pool, worker_losses():
         pool.submit(kill_itself).result()
+
+
+def _tells(value: int) -> None:
+    tell(value)
+    tell("x" * 300_000)  # more than a pipe holds
+    if value < 0:
+        raise ValueError(value)
+
+
+def test_what_workers_tell_arrives_also_before_an_error() -> None:
+    heard: list[object] = []
+    call_all(_tells, [1, 2], 2, heard.append)
+    assert sorted(one for one in heard if isinstance(one, int)) == [1, 2]
+    assert len(heard) == 4
+    heard.clear()
+    with pytest.raises(ValueError, match="-3"):
+        call_all(_tells, [-3], 1, heard.append)
+    assert heard == [-3, "x" * 300_000]
+
+
+def test_an_error_of_the_hearer_ends_the_calls() -> None:
+    def fails(value: object) -> None:
+        raise OSError("the disk is full")
+
+    with pytest.raises(OSError, match="the disk is full"):
+        call_all(_tells, [1, 2], 1, fails)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from tral_env.errors import ConfigError
-from tral_fsm.evaluation.records import Record, append, begin_run, collect, drive_missing, made_with, read_lines
+from tral_fsm.evaluation.records import Record, append, begin_run, collect, drive_missing, held, made_with, read_lines
 
 
 @dataclass(frozen=True)
@@ -125,3 +125,35 @@ def test_a_line_that_is_json_but_no_record_is_damaged(line: str, tmp_path: Path)
 def test_a_folder_is_no_file_of_records(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot be read: Is a directory"):
         read_lines(tmp_path)
+
+
+@pytest.mark.parametrize("last", [b"\n", b'{"kind": "drive", "x\n', b"\xff\n", b'{"b": ' + b"1" * 200_000 + b"\n"])
+def test_a_damaged_last_line_that_ends_is_replaced_too(tmp_path: Path, last: bytes) -> None:
+    path = tmp_path / "a.jsonl"
+    path.write_bytes(b'{"a": 1}\n' + last)
+    assert read_lines(path) == [{"a": 1}]
+    append(path, {"c": 3})
+    assert read_lines(path) == [{"a": 1}, {"c": 3}]
+
+
+def test_a_file_may_hold_more_machines_than_go_on_with_it(tmp_path: Path) -> None:
+    path = tmp_path / "a.jsonl"
+    begin_run(path, Run(), {"wall": "1f", "office": "2e"})
+    assert len(made_with(path, Run(), {"wall": "1f", "gate": "3d"})) == 1
+    begin_run(path, Run(), {"gate": "3d"})
+    for name in ("office", "gate"):
+        with pytest.raises(ConfigError, match=f"{name} changed since it was made"):
+            made_with(path, Run(), {"wall": "1f", name: "0"})
+
+
+def test_two_runs_do_not_write_into_one_file(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "a.jsonl"
+    with held(path):
+        append(path, {"a": 1})
+        with pytest.raises(ConfigError, match=r"a.jsonl: another run writes into it"):
+            drive_missing(
+                {"loop": range(3)}, _driven, lambda line: (line["family"], line["seed"]),
+                out=path, settings=Run(), chunk=2, processes=1, bar=lambda _: nullcontext(lambda: None),
+            )  # fmt: skip
+    with held(path):
+        assert read_lines(path) == [{"a": 1}]

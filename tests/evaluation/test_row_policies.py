@@ -12,7 +12,7 @@ import pytest
 from courses import FOLLOW_THEN_CRASH, blind
 
 from tral_env.course.layout import Course, Segment
-from tral_env.errors import ConfigError
+from tral_env.errors import ConfigError, PolicyError
 from tral_env.world import Step, World
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
@@ -130,3 +130,19 @@ def test_a_spectator_sees_every_tick_and_then_the_result(runner: BatchRunner) ->
     seen = Watch()
     runner.drive_with(lambda world: DriverPool([blind(0.9)], world.n), requests(0, 0, 0), spectator=seen)
     assert sorted(seen.finished) == [(0, "collision"), (1, "collision"), (2, "collision")]
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [
+        ([[np.nan, 1.0], [0.0, 1.0]], r"policy mine answered \[nan  1.\]: not finite"),
+        ([0.0, 1.0], r"policy mine answered commands of shape \(2,\): expected \(2, 2\)"),
+    ],
+)
+def test_an_answer_for_many_cars_that_is_no_command_is_refused(runner: BatchRunner, answer: Any, told: str) -> None:
+    class Answers(SwerveRows):
+        def act(self, observation: Any) -> Any:
+            return np.array(answer)
+
+    with pytest.raises(PolicyError, match=told):
+        runner.drive_with(lambda world: BatchedPolicy(Answers(), world.n, "mine"), requests(0, 0))

@@ -10,17 +10,13 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from tral_fsm.evaluation.statistics import (
-    agent_choices,
     bootstrap,
     course_counts,
     iqm,
-    mean_of,
     optimality_gap,
-    percentile_interval,
     performance_profile,
     pooled_rmse,
     probability_of_improvement,
-    resampled_scores,
     sign_test,
     wilson,
 )
@@ -58,7 +54,7 @@ def test_the_sign_test_is_exact() -> None:
 
 def test_the_bootstrap_interval_of_a_mean_is_near_the_normal_one() -> None:
     values = np.random.default_rng(1).normal(5.0, 1.0, 100)
-    got = mean_of(values.tolist())
+    got = bootstrap(lambda index: values[index].mean(axis=1), 100)
     half = 1.96 * values.std() / 10
     assert got.low == pytest.approx(values.mean() - half, abs=0.03)
     assert got.high == pytest.approx(values.mean() + half, abs=0.03)
@@ -66,7 +62,7 @@ def test_the_bootstrap_interval_of_a_mean_is_near_the_normal_one() -> None:
 
 def test_one_drive_or_none_has_no_interval() -> None:
     assert bootstrap(lambda index: np.zeros(len(index)), 0).value is None
-    assert mean_of([3.0]).low is None
+    assert bootstrap(lambda index: np.full(len(index), 3.0), 1).low is None
 
 
 def test_an_rmse_of_many_drives_counts_samples() -> None:
@@ -153,48 +149,6 @@ def test_a_resample_draws_as_many_courses_of_each_task_as_there_are() -> None:
     assert (counts >= 0).all()
 
 
-def test_resampled_scores_are_those_of_the_drawn_agents_and_courses() -> None:
-    scores = np.array([[[0.0, 1.0], [2.0, 4.0]], [[10.0, 20.0], [30.0, 50.0]]])  # agents x tasks x courses
-    counts = np.array([[[2.0, 0.0], [1.0, 1.0]], [[0.0, 2.0], [0.0, 2.0]]])
-    got = resampled_scores(scores, counts, np.array([[1, 1], [1, 0]]))
-    assert got.tolist() == [[[10.0, 40.0], [10.0, 40.0]], [[20.0, 50.0], [1.0, 4.0]]]
-
-
-@given(ANY_MATRIX, st.integers(0, 2**32 - 1))
-def test_no_resample_leaves_the_range_of_the_scores(scores: Array, seed: int) -> None:
-    rng, agents = np.random.default_rng(seed), len(scores)
-    courses = np.stack([scores, 1.0 - scores], axis=2)
-    counts = course_counts(scores.shape[1], 2, rng, resamples=20)
-    got = resampled_scores(courses, counts, agent_choices(agents, rng, resamples=20))
-    assert courses.min() <= got.min()
-    assert got.max() <= courses.max()
-
-
 def test_the_same_generator_draws_the_same_resamples() -> None:
     first, second = (course_counts(2, 5, np.random.default_rng(3), resamples=9) for _ in range(2))
     assert (first == second).all()
-
-
-def test_shared_courses_make_a_difference_certain_that_is_the_same_on_each() -> None:
-    rng = np.random.default_rng(0)
-    hard = rng.uniform(size=(1, 2, 30))  # how hard each course is hides the difference of 0.1 if it is not paired
-    counts = course_counts(2, 30, rng, resamples=200)
-    one = np.zeros((200, 1), np.int64)
-    better, worse = resampled_scores(hard + 0.1, counts, one), resampled_scores(hard, counts, one)
-    got = percentile_interval(0.1, (better - worse).mean(axis=(1, 2)))
-    assert (got.low, got.high) == pytest.approx((0.1, 0.1))
-    assert np.ptp(better.mean(axis=(1, 2))) > 0.1
-
-
-def test_the_interval_over_agents_and_courses_covers_the_true_mean() -> None:
-    """Of 300 experiments with 12 agents and 40 courses, 95 % hold the truth, or nearly: 12 agents are few."""
-    rng, held, runs = np.random.default_rng(7), 0, 300
-    for _ in range(runs):
-        agents, courses = rng.normal(0.0, 0.1, (12, 1, 1)), rng.normal(0.0, 0.2, (1, 2, 40))
-        scores = 0.5 + agents + courses + rng.normal(0.0, 0.2, (12, 2, 40))
-        drawn = resampled_scores(scores, course_counts(2, 40, rng, 400), agent_choices(12, rng, 400))
-        got = percentile_interval(scores.mean(), drawn.mean(axis=(1, 2)))
-        assert got.low is not None
-        assert got.high is not None
-        held += got.low <= 0.5 <= got.high
-    assert 0.88 <= held / runs <= 0.99

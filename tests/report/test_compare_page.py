@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import io
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -12,19 +13,28 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 from lane import Cruiser, Lane
+from rich.console import Console
 
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Segment
+from tral_fsm.evaluation import composite
 from tral_fsm.evaluation.rollout import drive
 from tral_fsm.report.compare import plots
 from tral_fsm.report.compare.cells import OVERVIEW, OVERVIEW_UNITS, overview_rows
 from tral_fsm.report.compare.clip import FPS, LAST_S, Clip
 from tral_fsm.report.compare.markdown import markdown
 from tral_fsm.report.compare.page import heat, page_html
+from tral_fsm.report.compare.table import table
 
 PLAN = build_plan(Course(name="short", segments=(Segment(length=5.0, width=2.0),)))
 PLANS = {("straight", "none", 500): PLAN}
-MADE = {"training_seed": 7, "validation": {"episodes": 50, "time_s": None}, "curve": list(range(99))}
+MADE: dict[str, Any] = {
+    "training_seed": 7,
+    "validation": {"episodes": 50, "time_s": None},
+    "drives": 3000,
+    "seconds": 90.0,
+}
+MADE |= {"curve": list(range(99))}
 PATH = [[1.0 + 0.1 * k, 0.0, 0.0] for k in range(30)]
 
 
@@ -138,15 +148,16 @@ def test_names_are_text_and_no_markup(html: str) -> None:
     "told",
     [
         "seeds 500 to 539, which are\nvalidation courses",
-        "Drives of each contender: 40.",
+        "Each agent drives 40 courses.",
         "* pursuit: knows its true pose",
-        "One agent alone stands for wall, pursuit.",
+        "<b>ppo</b>: few agents. Percentiles of a bootstrap alone would be too narrow",
+        "wallwall3000 drives1.5",
         "2000 resamples, seed 3",
         "90.077.0 to 96.0",
         "-25.0-30.0 to -20.0",
         "wall: crashstraight, none, seed 500: 3.0 s, 50.0 % of the route",
         "tral compare --policies wall",
-        "digest 0123; training seed: 7; validation: episodes 50\n",
+        "digest 0123; training seed: 7; validation: episodes 50; drives: 3000; seconds: 90.0\n",
         "; mean score 0.8",
     ],
 )
@@ -188,6 +199,60 @@ def test_a_computer_is_told_once(html: str) -> None:
     assert Page(html).text.count("a CPU") == 1
 
 
+def test_a_network_that_stands_alone_for_its_training_is_told() -> None:
+    alone = shown()
+    assert "One agent alone" not in Page(page_html(alone, PLANS)).text
+    alone["contenders"][0]["agents"][0]["kind"] = "policy file"
+    assert "One agent alone stands for wall. Its interval is that of this agent" in Page(page_html(alone, PLANS)).text
+
+
+def test_drives_of_two_programs_are_told_on_the_page_in_markdown_and_on_the_terminal() -> None:
+    told = "These drives were made with 2 versions of the program"
+    runs = shown()["runs"]
+    both = shown(runs=[runs[0], runs[0] | {"commit": "8e64469"}])
+    assert told in Page(page_html(both, PLANS)).text
+    assert told in markdown(both)
+    assert told in str(table(both).caption)
+    assert told not in page_html(shown(), PLANS) + markdown(shown()) + str(table(shown()).caption)
+
+
+def test_the_numbers_of_the_score_are_those_of_its_code(html: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = " ".join(Page(html).text.split())
+    assert "Outcome is 1 for a success, 0.7 for a timeout, 0.7 for a missed gate, 0.65 for a touch, 0.5 for" in text
+    assert "Pace is 1 from 0.6 m/s along the route on and falls to 0.8 at 0.3 m/s." in text
+    monkeypatch.setattr(composite, "SLOW_FACTOR", 0.77)
+    assert "falls to 0.77 at" in Page(page_html(shown(), PLANS)).text.replace("\n", " ")
+
+
+def test_a_name_with_dollars_is_no_mathematics() -> None:
+    name = r"$\foo$"
+    one = [contender(name, 0.5)]
+    figures = [
+        plots.intervals(one),
+        plots.outcomes(one),
+        plots.profiles({"levels": [0.0, 1.0], "contenders": {name: {"value": [1, 0], "low": [1, 0], "high": [1, 0]}}}),
+        plots.paths(PLAN, {name: {"outcome": "success", "path": PATH}}),
+    ]
+    for figure in figures:
+        figure.savefig(io.BytesIO(), format="svg")
+
+
+def test_a_figure_without_an_interval_is_shown_alone() -> None:
+    none = {"value": 0.5, "low": None, "high": None}
+    one = contender("wall", 0.9)
+    one["figures"] |= {"score": none, "iqm": none, "progress": none, "time_s": none}
+    page = Page(page_html(shown(contenders=[one, *shown()["contenders"][1:]]), PLANS))
+    assert "wall190.085.0 to 95.00.5000.50050.010.0" in page.text
+
+
+def test_the_table_of_the_terminal_holds_in_80_characters() -> None:
+    many = [contender("machine of 2016", 1.0), contender("ppo", 0.5)]
+    for one in many:
+        one["figures"] |= {"success": {"value": 1.0, "low": 0.51, "high": 1.0}, "drives": 3600}
+    console = Console(width=200, file=io.StringIO())
+    assert console.measure(table(shown(contenders=many))).maximum <= 80
+
+
 def test_a_page_without_failures_says_so() -> None:
     assert "No drive failed." in Page(page_html(shown(failures=[]), PLANS)).text
 
@@ -196,17 +261,24 @@ def test_each_cell_of_the_overview_has_a_heading() -> None:
     rows = overview_rows(shown()["contenders"])
     assert {len(row) for row in rows} == {len(OVERVIEW)} == {len(OVERVIEW_UNITS)}
     cells = dict(zip(OVERVIEW[-6:], rows[0][-6:], strict=True))
+    assert cells.pop("time") == ("21.5", "21.4 to 21.6")
     assert cells == {
-        "gates": "3/4", "gate offset": "4.3", "settled RMSE": "-", "time": "21.5", "pace": "0.70", "steering": "4.2"
+        name: (text, "")
+        for name, text in {
+            "gates": "3/4", "gate offset": "4.3", "settled RMSE": "-", "pace": "0.70", "steering": "4.2"
+        }.items()
     }  # fmt: skip
 
 
 def test_markdown_has_a_row_a_contender_a_task_and_a_pair() -> None:
     text = markdown(shown())
-    assert "| wall | 1 | 90.0 | 85.0 to 95.0 | 0.800 |" in text
+    assert "| wall | 1 | 90.0 (85.0 to 95.0) | 0.800 (0.750 to 0.850) |" in text
     assert "| pursuit * | 1 |" in text
     assert "| straight | none | 90.0 | 90.0 | 90.0 |" in text
-    assert "| wall | pursuit | -25.0 | -30.0 to -20.0 | -0.100 |" in text
+    assert (
+        "| wall | pursuit | -25.0 (-30.0 to -20.0) | -0.100 (-0.150 to -0.050) | 0.500 (0.450 to 0.550) | 1.200 |"
+        in text
+    )
 
 
 def test_cells_go_from_red_to_green() -> None:

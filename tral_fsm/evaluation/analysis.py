@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from itertools import combinations
 from typing import Any
@@ -11,18 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_fsm.evaluation.composite import pace_mps, score, steering_per_m
+from tral_fsm.evaluation.intervals import Choice, Means, interval
 from tral_fsm.evaluation.records import Record
 from tral_fsm.evaluation.statistics import (
     Estimate,
     agent_choices,
     course_counts,
     iqm,
-    mean_of,
     optimality_gap,
-    percentile_interval,
     performance_profile,
     probability_of_improvement,
-    resampled_scores,
     wilson,
 )
 from tral_fsm.evaluation.suites import Suite
@@ -65,29 +64,65 @@ class Scores:
             for seed in suite.seeds
         ]
         self.rows = rows
+        self.shape = shape
         self.score = np.array([score(row) for row in rows]).reshape(shape)
         self.success = np.array([row["success"] for row in rows], float).reshape(shape)
-        self._counts, self._choice = counts, agent_choices(len(agents), rng, len(counts))
+        self.time = self.values("time_s")
+        self.counts, self.draws = counts, agent_choices(len(agents), rng, len(counts))
         self.tasks = self.score.mean(axis=2)
         """(a, t) score matrix."""
-        self.resampled = self.resample(self.score)
-        """(b, a, t) score matrices of the resamples."""
+        self.score_means, self.success_means = Means(self.score, counts), Means(self.success, counts)
 
-    def resample(self, values: Array) -> Array:
-        """Means of values (a, t, c) in each resample, (b, a, t)."""
-        return resampled_scores(values, self._counts, self._choice)
+    def values(self, name: str) -> Array:
+        """Values of the records as (a, t, c)."""
+        return np.array([row[name] for row in self.rows], float).reshape(self.shape)
 
-    def estimate(self, values: Array) -> Estimate:
-        """Mean of values (a, t, c) with its interval."""
-        return percentile_interval(values.mean(), self.resample(values).mean(axis=(1, 2)))
+    def estimate(self, figure: Callable[[Array], Array], means: Means) -> Estimate:
+        """A figure in [0, 1] of matrices (b, a, t) with its interval."""
+        return within(self.shape, lambda resampled, agents: figure(means.of(resampled, agents[0])), self)
 
-    def success_rate(self) -> Estimate:
-        """Success rate; its interval is the wider one of Wilson's over the drives and the bootstrap's."""
-        got = self.estimate(self.success)
-        assert got.low is not None
-        assert got.high is not None
-        low, high = wilson(int(self.success.sum()), self.success.size)
-        return Estimate(value=got.value, low=min(low, got.low), high=max(high, got.high))
+    def success_rate(self, task: int | None = None) -> Estimate:
+        """Success rate, on one task or on all; its interval is also as wide as Wilson's over the courses."""
+        part = slice(None) if task is None else slice(task, task + 1)
+        shape = self.success[:, part].shape
+        got = within(
+            shape, lambda resampled, agents: _mean(self.success_means.of(resampled, agents[0])[:, :, part]), self
+        )
+        low, high = wilson(float(self.success[:, part].sum()) / shape[0], shape[1] * shape[2])
+        if got.low is not None and got.high is not None:
+            low, high = min(low, got.low), max(high, got.high)
+        return Estimate(value=got.value, low=low, high=high)
+
+    def time_s(self) -> Estimate:
+        """Mean time of the drives that arrived, with its interval."""
+        arrived = Means(self.success * self.time, self.counts)
+
+        def mean(resampled: bool, agents: Sequence[Choice]) -> Array:
+            times = arrived.of(resampled, agents[0]).sum(axis=(1, 2))
+            return _ratio(times, self.success_means.of(resampled, agents[0]).sum(axis=(1, 2)))
+
+        return within(self.shape, mean, self, bounds=(0.0, math.inf))
+
+
+def within(
+    shape: Sequence[int],
+    figure: Callable[[bool, Sequence[Choice]], Array],
+    *of: Scores,
+    bounds: tuple[float, float] = (0.0, 1.0),
+) -> Estimate:
+    """Interval of a figure of some contenders over drives of a shape (a, t, c)."""
+    return interval(figure, [one.draws for one in of], tasks=shape[1], courses=shape[2], bounds=bounds)
+
+
+def _mean(matrices: Array) -> Array:
+    """Mean of each of some matrices (b, a, t)."""
+    mean: Array = matrices.mean(axis=(1, 2))
+    return mean
+
+
+def _ratio(of: Array, to: Array) -> Array:
+    """Quotients; NaN where both are 0, because nothing arrived."""
+    return np.divide(of, to, out=np.full(np.broadcast_shapes(of.shape, to.shape), np.nan), where=to > 0)
 
 
 def analyse(
@@ -134,10 +169,10 @@ def figures(one: Scores) -> dict[str, Any]:
     return {
         "drives": drives,
         "success": asdict(one.success_rate()),
-        "score": asdict(one.estimate(one.score)),
-        "iqm": asdict(percentile_interval(float(iqm(one.tasks)), iqm(one.resampled))),
-        "gap": asdict(percentile_interval(float(optimality_gap(one.tasks)), optimality_gap(one.resampled))),
-        "progress": asdict(one.estimate(_shaped(one, "progress"))),
+        "score": asdict(one.estimate(_mean, one.score_means)),
+        "iqm": asdict(one.estimate(iqm, one.score_means)),
+        "gap": asdict(one.estimate(optimality_gap, one.score_means)),
+        "progress": asdict(one.estimate(_mean, Means(one.values("progress"), one.counts))),
         "collision_rate": summary.collisions / drives,
         "crash_rate": summary.crashes / drives,
         "missed_gate_rate": summary.missed_gates / drives,
@@ -146,7 +181,7 @@ def figures(one: Scores) -> dict[str, Any]:
         "gates_total": summary.gates_total,
         "gate_offset_rms_m": float(np.sqrt((offsets**2).mean())) if offsets.size else None,
         "settled_rmse_m": rmse_of(one.rows, "settled"),
-        "time_s": asdict(mean_of([row["time_s"] for row in one.rows if row["success"]])),
+        "time_s": asdict(one.time_s()),
         "pace_mps": sum(map(pace_mps, one.rows)) / drives,
         "mean_speed_mps": summary.mean_speed_mps,
         "steering_per_m": float(np.mean(travel)) if travel else None,
@@ -154,22 +189,20 @@ def figures(one: Scores) -> dict[str, Any]:
     }
 
 
-def _shaped(one: Scores, name: str) -> Array:
-    """Values of the records as (a, t, c)."""
-    return np.array([row[name] for row in one.rows], float).reshape(one.score.shape)
-
-
 def tasks(scores: Mapping[str, Scores], suite: Suite) -> list[dict[str, Any]]:
-    """Success and score of each contender on each task; the interval of the success is Wilson's over its drives."""
+    """Success and score of each contender on each task."""
     found = []
     for k, (family, level) in enumerate(suite.tasks):
         cells = {}
         for name, one in scores.items():
-            won, trials = int(one.success[:, k].sum()), one.success[:, k].size
-            low, high = wilson(won, trials)
+            got = one.success_rate(k)
             cells[name] = {
-                "successes": won, "drives": trials, "low": low, "high": high, "score": float(one.tasks[:, k].mean())
-            }  # fmt: skip
+                "successes": int(one.success[:, k].sum()),
+                "drives": one.success[:, k].size,
+                "low": got.low,
+                "high": got.high,
+                "score": float(one.tasks[:, k].mean()),
+            }
         found.append({"family": family, "level": level, "contenders": cells})
     return found
 
@@ -178,13 +211,20 @@ def profiles(scores: Mapping[str, Scores]) -> dict[str, Any]:
     """Share of each contender's drives whose score is above each level, with 95 % bands."""
     shown: dict[str, Any] = {"levels": LEVELS.tolist(), "contenders": {}}
     for name, one in scores.items():
-        above = [one.resample((one.score > level).astype(float)).mean(axis=(1, 2)) for level in LEVELS]
-        low, high = np.percentile(np.array(above), (2.5, 97.5), axis=1)
-        value = performance_profile(one.score, LEVELS)
+        above = [one.estimate(_mean, Means((one.score > level).astype(float), one.counts)) for level in LEVELS]
         shown["contenders"][name] = {
-            "value": value.round(5).tolist(), "low": low.round(5).tolist(), "high": high.round(5).tolist()
-        }  # fmt: skip
+            "value": performance_profile(one.score, LEVELS).round(5).tolist(),
+            "low": [_rounded(each.low, each.value) for each in above],
+            "high": [_rounded(each.high, each.value) for each in above],
+        }
     return shown
+
+
+def _rounded(value: float | None, default: float | None) -> float:
+    """An end of a band with five digits; where there is none, the band has no width."""
+    known = default if value is None else value
+    assert known is not None, "a share of drives is a number"
+    return round(known, 5)
 
 
 def pairs(scores: Mapping[str, Scores]) -> list[dict[str, Any]]:
@@ -196,32 +236,67 @@ def pairs(scores: Mapping[str, Scores]) -> list[dict[str, Any]]:
             {
                 "first": first,
                 "second": second,
-                "success": asdict(_difference(x, y, x.success, y.success)),
-                "score": asdict(_difference(x, y, x.score, y.score)),
-                "improvement": asdict(
-                    percentile_interval(
-                        float(probability_of_improvement(x.tasks, y.tasks)),
-                        probability_of_improvement(x.resampled, y.resampled),
-                    )
-                ),
+                "success": asdict(_difference(x, y, x.success_means, y.success_means)),
+                "score": asdict(_difference(x, y, x.score_means, y.score_means)),
+                "improvement": asdict(improvement(x, y)),
                 "time_ratio": asdict(time_ratio(x, y)),
             }
         )
     return found
 
 
-def _difference(x: Scores, y: Scores, of_x: Array, of_y: Array) -> Estimate:
+def _difference(x: Scores, y: Scores, of_x: Means, of_y: Means) -> Estimate:
     """Mean of x minus mean of y; both drive the same courses in each resample."""
-    resampled = x.resample(of_x).mean(axis=(1, 2)) - y.resample(of_y).mean(axis=(1, 2))
-    return percentile_interval(of_x.mean() - of_y.mean(), resampled)
+    return within(
+        x.shape,
+        lambda resampled, agents: _mean(of_x.of(resampled, agents[0])) - _mean(of_y.of(resampled, agents[1])),
+        x,
+        y,
+        bounds=(-1.0, 1.0),
+    )
+
+
+def improvement(x: Scores, y: Scores) -> Estimate:
+    """Probability that an agent of x scores more than one of y on a task."""
+    return within(
+        x.shape,
+        lambda resampled, agents: probability_of_improvement(
+            x.score_means.of(resampled, agents[0]), y.score_means.of(resampled, agents[1])
+        ),
+        x,
+        y,
+    )
 
 
 def time_ratio(x: Scores, y: Scores) -> Estimate:
-    """Time of x over that of y where all agents of both arrive: geometric mean over those courses."""
-    both = x.success.all(axis=0) & y.success.all(axis=0)
-    logs = np.log(_shaped(x, "time_s").mean(axis=0)[both] / _shaped(y, "time_s").mean(axis=0)[both])
-    got = mean_of(logs.tolist())
-    return Estimate(**{name: None if value is None else float(np.exp(value)) for name, value in asdict(got).items()})
+    """Time of x over that of y: geometric mean over pairs of an agent of each, and the courses on which both arrive."""
+    both = x.success[:, None] * y.success[None]
+    logs = both * (np.log(x.time)[:, None] - np.log(y.time)[None])
+    sums = {False: (_course_sums(logs), _course_sums(both))}
+    sums[True] = (_course_sums(logs, x.counts), _course_sums(both, x.counts))
+
+    def ratio(resampled: bool, agents: Sequence[Choice]) -> Array:
+        pairs = _times(agents[0], x.shape[0])[:, :, None] * _times(agents[1], y.shape[0])[:, None, :]
+        log, number = ((one * pairs).sum(axis=(1, 2)) for one in sums[resampled])
+        return _ratio(log, number)
+
+    got = within(x.shape, ratio, x, y, bounds=(-math.inf, math.inf))
+    return Estimate(**{name: None if value is None else math.exp(value) for name, value in asdict(got).items()})
+
+
+def _course_sums(values: Array, counts: Array | None = None) -> Array:
+    """Sums over courses of values (a, a', t, c) of pairs of agents: (1, a, a'), or (b, a, a') with counts (b, t, c)."""
+    flat = values.reshape(*values.shape[:2], -1)
+    if counts is None:
+        return flat.sum(axis=2)[None]
+    sums: Array = np.tensordot(counts.reshape(len(counts), -1), flat, axes=(1, 2))
+    return sums
+
+
+def _times(agents: Choice, n: int) -> Array:
+    """How often each of n agents is chosen, (b, n)."""
+    times: Array = (agents[:, :, None] == np.arange(n)).sum(axis=1).astype(float)
+    return times
 
 
 def paths(scores: Mapping[str, Scores], suite: Suite) -> list[dict[str, Any]]:

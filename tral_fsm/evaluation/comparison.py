@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tral_env.course.generate import generate_plan
 from tral_env.course.plan import Plan
+from tral_env.errors import ConfigError
 from tral_env.interface import Policy
 from tral_env.randomization import level as level_of
 from tral_env.se2 import rotate_back
@@ -22,18 +23,18 @@ from tral_env.world import Step, World
 from tral_fsm.evaluation import rollout
 from tral_fsm.evaluation.analysis import LAST_POSES
 from tral_fsm.evaluation.batch import MAX_ROWS, BatchRunner
-from tral_fsm.evaluation.contenders import Agent, Contender, row_policies
+from tral_fsm.evaluation.contenders import Agent, Contender, require_different_names, row_policies
 from tral_fsm.evaluation.episode import Episode, EpisodeRequest, EpisodeResult
 from tral_fsm.evaluation.loop import Index, Observer
-from tral_fsm.evaluation.pool import stop_check
-from tral_fsm.evaluation.records import Bar, Record, append, begin_run, collect, made_with
+from tral_fsm.evaluation.pool import call_all, stop_check, tell
+from tral_fsm.evaluation.records import Bar, Record, append, begin_run, held, made_with
 from tral_fsm.evaluation.row_policies import MixedPolicies, RowPolicies
 from tral_fsm.evaluation.suites import Suite
 
 RECORDS = "records.jsonl"
 """The drives of a comparison lie in this file of its folder."""
 JOB_DRIVES = 4 * MAX_ROWS
-"""Largest number of drives of a job. Source: choice; a process tells its drives when its job ends."""
+"""Largest number of drives of a job. Source: choice; at its end some rows of the batch stand still."""
 PATH_TICKS = 8
 """A path has a pose each so many ticks: ten a second."""
 
@@ -79,7 +80,7 @@ class Job:
     entries: tuple[Entry, ...]
 
 
-def drive_missing(
+def drive_field(
     suite: Suite,
     field: Sequence[Contender],
     out: Path,
@@ -99,21 +100,53 @@ def drive_missing(
         The records of all drives of the suite and the field, and the lines of the runs that made them.
 
     Raises:
-        ConfigError: the records were made with another suite, or a contender has changed since.
+        ConfigError: the records were made with another suite, a contender has changed since, another run writes into
+            the folder, or the field cannot be driven so.
         TralError: a contender fails.
     """
+    _check(field, processes)
     path, settings = out / RECORDS, ComparisonSettings.of(suite)
     digests = {f"{one.name}: {agent.source}": agent.digest for one in field for agent in one.agents}
-    jobs = list(missing(suite, field, made_with(path, settings, digests), processes))
-    if jobs:
-        begin_run(path, settings, digests)
-        bar = progress or (lambda _: contextlib.nullcontext(lambda: None))
-        with bar(sum(len(job.entries) for job in jobs)) as count:
-            if processes == 1:
-                _drive_here(jobs, path, count)
-            else:
-                collect(drive, [(job,) for job in jobs], processes, path, count)
-    return wanted(suite, field, made_with(path, settings, digests))
+    with held(path):
+        jobs = list(missing(suite, field, made_with(path, settings, digests), processes))
+        if jobs:
+            begin_run(path, settings, digests)
+            _drive(jobs, path, processes, progress or (lambda _: contextlib.nullcontext(lambda: None)))
+        return wanted(suite, field, made_with(path, settings, digests))
+
+
+def _check(field: Sequence[Contender], processes: int) -> None:
+    """Refuse a field whose drives would be mixed up.
+
+    Raises:
+        ConfigError: two contenders have one name, two agents share one object, or an object shall drive in other
+            processes.
+    """
+    require_different_names(field)
+    objects = [agent for one in field for agent in one.agents if agent.kind == "object"]
+    if objects and processes > 1:
+        raise ConfigError(f"agent '{objects[0].source}' is an object of this program: expected processes=1")
+    for k, agent in enumerate(objects):
+        for other in objects[:k]:
+            if agent.policy is other.policy:
+                raise ConfigError(
+                    f"agents '{other.source}' and '{agent.source}' are one object: expected an object for each, "
+                    "because both drive at once"
+                )
+
+
+def _drive(jobs: Sequence[Job], path: Path, processes: int, bar: Bar) -> None:
+    """Drive, here or in other processes; each drive is kept as it ends."""
+    with bar(sum(len(job.entries) for job in jobs)) as count:
+
+        def keep(line: Record) -> None:
+            append(path, line)
+            count()
+
+        if processes == 1:
+            _drive_here(jobs, keep)
+        else:
+            call_all(drive, jobs, processes, keep)
 
 
 def key(line: Record) -> tuple[str, str, str, str, int]:
@@ -148,19 +181,15 @@ def missing(suite: Suite, field: Sequence[Contender], lines: Sequence[Record], p
             if (name, agent.source, level, family, seed) not in done
         ]
         if len(suite.seeds) * len(suite.families) >= MAX_ROWS:
-            entries.sort(key=lambda entry: agents.index((entry.contender, entry.agent)))
+            order = {(name, agent.source): k for k, (name, agent) in enumerate(agents)}
+            entries.sort(key=lambda entry: order[entry.contender, entry.agent.source])
         size = min(JOB_DRIVES, max(-(-len(entries) * len(suite.levels) // processes), 1))
         for k in range(0, len(entries), size):
             yield Job(suite=suite, level=level, entries=tuple(entries[k : k + size]))
 
 
-def _drive_here(jobs: Sequence[Job], path: Path, count: Callable[[], None]) -> None:
-    """Drive in this process; jobs of one level share a simulation, and each drive is kept as it ends."""
-
-    def keep(line: Record) -> None:
-        append(path, line)
-        count()
-
+def _drive_here(jobs: Sequence[Job], keep: Callable[[Record], None]) -> None:
+    """Drive in this process; jobs of one level share a simulation."""
     with contextlib.ExitStack() as stack:
         runners: dict[str, BatchRunner] = {}
         for job in jobs:
@@ -174,22 +203,20 @@ def runner_of(job: Job) -> BatchRunner:
     return BatchRunner(job.suite.families, randomization=job.level, camera=job.suite.camera)
 
 
-def drive(job: Job) -> list[Record]:
-    """Lines of a job's drives, in a process of their own."""
-    lines: list[Record] = []
+def drive(job: Job) -> None:
+    """Drive a job in a process of its own, which tells the line of each drive as it ends."""
     with contextlib.closing(runner_of(job)) as runner:
-        run(job, runner, lines.append)
-    return lines
+        run(job, runner, tell)
 
 
 def run(job: Job, runner: BatchRunner, keep: Callable[[Record], None]) -> None:
     """Drive a job; `keep` gets the line of each drive as it ends."""
-    agents = list(dict.fromkeys(entry.agent.source for entry in job.entries))
-    by_source = {entry.agent.source: entry.agent for entry in job.entries}
-    requests = [EpisodeRequest(agents.index(one.agent.source), one.family, one.seed) for one in job.entries]
+    agents = {(one.contender, one.agent.source): one.agent for one in job.entries}
+    number = {which: k for k, which in enumerate(agents)}
+    requests = [EpisodeRequest(number[one.contender, one.agent.source], one.family, one.seed) for one in job.entries]
 
     def make(world: World) -> RowPolicies:
-        return MixedPolicies([row_policies(by_source[source], world) for source in agents], world.n)
+        return MixedPolicies([row_policies(agent, world) for agent in agents.values()], world.n)
 
     runner.drive_with(make, requests, stop_check(), spectator=_Watcher(job, keep))
 

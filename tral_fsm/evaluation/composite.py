@@ -26,7 +26,7 @@ EASY_MPS = 0.6
 SLOW_MPS = 0.3
 """A car with this pace or less has the lowest factor of pace. Source: `TaskConfig.nominal_speed`."""
 SLOW_FACTOR = 0.8
-"""Factor of a slow car. Source: choice; it weighs less than half of any failure."""
+"""Factor of a slow car. Source: choice; it costs less than the mildest failure."""
 RESTLESS_PER_M = 20.0
 """Steering travel for each metre at which the factor of steering is lowest. Source: choice; twice that of `wall`, which
 answers every step of its sonar."""

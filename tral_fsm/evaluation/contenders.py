@@ -6,7 +6,9 @@ A contender is one or more trained agents: those of the same training with other
 from __future__ import annotations
 
 import hashlib
+import json
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -18,7 +20,7 @@ from tral_env.world import World
 from tral_fsm.definition import packaged
 from tral_fsm.evaluation.baselines import BASELINES
 from tral_fsm.evaluation.choices import listed
-from tral_fsm.evaluation.own_policy import find_policy
+from tral_fsm.evaluation.own_policy import files_of, find_policy
 from tral_fsm.evaluation.records import digest
 from tral_fsm.evaluation.row_policies import BatchedPolicy, DriverPool, RowPolicies, SinglePolicies
 from tral_fsm.policies import load_policy
@@ -26,7 +28,9 @@ from tral_fsm.runtime.policy import MachinePolicy
 
 ALIASES = {"ramp": "gate"}
 """Other names of packaged machines: `gate` is the manoeuvre of 2016, a ramp before each gate."""
-_NAMED = re.compile(r"(?P<name>[^=/\\]+)=(?P<sources>.+)")
+_NAMED = re.compile(r"(?P<name>[^=/\\]+)=(?P<sources>.*)")
+TUNED, TUNING = "machine.json", "tune.json"
+"""Files that a search writes into its folder: the machine, and the figures of the search."""
 _PYTHON = re.compile(r".+\.py(:.*)?")
 
 
@@ -59,6 +63,23 @@ class Contender:
     name: str
     agents: tuple[Agent, ...]
 
+    def __post_init__(self) -> None:
+        """Check that the records can tell the agents from one another.
+
+        Raises:
+            ConfigError: there is no agent, two have the same source, or the name has a sign that tables need.
+        """
+        if set(self.name) & set("|\n") or not self.name.strip():
+            raise ConfigError(f"contender {self.name!r}: expected a name in one line, without |")
+        sources = [one.source for one in self.agents]
+        if not sources:
+            raise ConfigError(f"contender {self.name}: got no agent: expected at least one")
+        for source in sources:
+            if sources.count(source) > 1:
+                raise ConfigError(
+                    f"contender {self.name}: two agents are called '{source}': expected a source of its own for each"
+                )
+
     def record(self) -> dict[str, Any]:
         """The contender for JSON."""
         return {"name": self.name, "agents": [agent.record() for agent in self.agents]}
@@ -78,19 +99,30 @@ def contenders(text: str) -> list[Contender]:
     found = [contender(entry) for entry in listed(text)]
     if not found:
         raise ConfigError("--policies: got no policy: expected names or files, such as office,pursuit,constant")
-    names = [one.name for one in found]
+    require_different_names(found)
+    return found
+
+
+def require_different_names(field: Sequence[Contender]) -> None:
+    """Refuse contenders that their records could not tell apart.
+
+    Raises:
+        ConfigError: two have the same name.
+    """
+    names = [one.name for one in field]
     for name in names:
         if names.count(name) > 1:
             raise ConfigError(f"--policies: two are called '{name}': name one of them, such as other={name}")
-    return found
 
 
 def contender(entry: str) -> Contender:
     """The contender of one entry, see `contenders`."""
     named = _NAMED.fullmatch(entry)
-    sources = named["sources"].split("+") if named else [entry]
-    agents = tuple(agent(source.strip()) for source in sources)
-    seen = {(one.kind, one.digest) for one in agents}
+    sources = [source.strip() for source in named["sources"].split("+")] if named else [entry]
+    if not all(sources):
+        raise ConfigError(f"--policies {entry}: a source is empty: expected NAME=SOURCE or NAME=SOURCE+SOURCE")
+    agents = tuple(agent(source) for source in sources)
+    seen = {(one.kind, one.digest or one.source) for one in agents}
     if len(seen) < len(agents):
         raise ConfigError(f"--policies {entry}: two agents are the same: expected one for each training seed")
     return Contender(name=named["name"].strip() if named else _name_of(entry), agents=agents)
@@ -118,16 +150,35 @@ def agent(source: str) -> Agent:
         told = {"meaning": baseline.meaning}
         return Agent(source=source, kind="built-in", digest="", sees_truth=baseline.sees_truth, provenance=told)
     if _PYTHON.fullmatch(source):
-        find_policy(source)
-        return Agent(source=source, kind="python", digest=file_digest(Path(source.partition(".py:")[0] + ".py")))
+        return Agent(source=source, kind="python", digest=_digest(source, find_policy(source)))
     policy = load_policy(ALIASES.get(source, source))
     if isinstance(policy, MachinePolicy):
-        told = {"machine": policy.definition.name or source}
-        return Agent(source=source, kind="machine", digest=digest(policy.definition), provenance=told)
-    path = Path(source)
-    about = path / JSON_NAME if path.is_dir() else path  # it tells the digest of the weights
+        told = {"machine": policy.definition.name or source, **tuning_of(Path(source))}
+        return Agent(source=source, kind="machine", digest=_digest(source, policy), provenance=told)
     told = dict(load_network(source).provenance)
-    return Agent(source=source, kind="policy file", digest=file_digest(about), provenance=told)
+    return Agent(source=source, kind="policy file", digest=_digest(source, policy), provenance=told)
+
+
+def _digest(source: str, policy: Any) -> str:
+    """Digest of the content of a source that gave a policy: of a machine, a policy file, or Python code."""
+    if _PYTHON.fullmatch(source):
+        return file_digest(*files_of(Path(source.partition(".py:")[0] + ".py")))
+    if isinstance(policy, MachinePolicy):
+        return digest(policy.definition)
+    path = Path(source)
+    return file_digest(path / JSON_NAME if path.is_dir() else path)  # it tells the digest of the weights
+
+
+def tuning_of(machine: Path) -> dict[str, Any]:
+    """What the search that made a machine file tells of its effort; empty if no tune.json lies beside the file."""
+    path = machine.parent / TUNING
+    if machine.name != TUNED or not path.exists():
+        return {}
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path}: got no figures of a search ({error}): mend it, or remove it") from None
+    return {name: told[name] for name in ("drives", "seconds") if name in told}
 
 
 def object_agent(source: str, policy: Any, digest: str, **provenance: Any) -> Agent:
@@ -142,27 +193,51 @@ def object_agent(source: str, policy: Any, digest: str, **provenance: Any) -> Ag
     return Agent(source=source, kind="object", digest=digest, provenance=provenance, policy=policy)
 
 
-def file_digest(path: Path) -> str:
-    """Digest of the content of a file, 16 hexadecimal digits."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+def file_digest(*paths: Path) -> str:
+    """Digest of the content of files, 16 hexadecimal digits."""
+    content = hashlib.sha256()
+    for path in paths:
+        content.update(path.read_bytes())
+    return content.hexdigest()[:16]
 
 
 def single_policy(who: Agent) -> Policy | None:
-    """The policy of an agent for one car in an environment; None: it has none."""
+    """The policy of an agent for one car in an environment; None: it has none.
+
+    Raises:
+        ConfigError: the content of its source is no longer what the agent's digest tells.
+    """
     if who.kind in ("built-in", "object"):
         return None
-    return find_policy(ALIASES.get(who.source, who.source))
+    policy = find_policy(ALIASES.get(who.source, who.source))
+    if _digest(who.source, policy) != who.digest:
+        raise ConfigError(
+            f"{who.source} has changed since the comparison began: choose another --out, and compare a file that no "
+            "training and no search writes"
+        )
+    return policy
 
 
 def row_policies(who: Agent, world: World) -> RowPolicies:
-    """The policies of the rows of a world, for an agent."""
+    """The policies of the rows of a world, for an agent.
+
+    Raises:
+        ConfigError: as `single_policy`.
+    """
     if who.kind == "built-in":
         return BASELINES[who.source].make(world)
-    if who.kind == "python":
-        return SinglePolicies(lambda: find_policy(who.source), world.n)
     if who.kind == "object":
-        return BatchedPolicy(who.policy, world.n)
-    policy = load_policy(ALIASES.get(who.source, who.source))
+        return BatchedPolicy(who.policy, world.n, who.source)
+    if who.kind == "python":
+        return SinglePolicies(lambda: _policy(who), world.n)
+    policy = _policy(who)
     if isinstance(policy, MachinePolicy):
         return DriverPool([policy.definition], world.n)
-    return BatchedPolicy(policy, world.n)
+    return BatchedPolicy(policy, world.n, who.source)
+
+
+def _policy(who: Agent) -> Policy:
+    """The policy of an agent that has one."""
+    policy = single_policy(who)
+    assert policy is not None, "built-in ones and objects make none"
+    return policy

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
+
+try:
+    import fcntl
+except ImportError:  # Windows has no such locks
+    fcntl = None  # type: ignore[assignment]
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,6 +39,26 @@ def prepare_folder(folder: Path, got: str | None = None) -> None:
     except OSError as error:
         shown = got or f"--out {folder}"
         raise ConfigError(f"{shown}: cannot be written: {error.strerror}: choose another folder") from error
+
+
+@contextlib.contextmanager
+def locked(path: Path, refused: str) -> Iterator[None]:
+    """Hold a file, which is made if it is missing; the end of the process frees it, however it comes.
+
+    Args:
+        path: the file.
+        refused: what the error says.
+
+    Raises:
+        ConfigError: another process holds it.
+    """
+    with path.open("ab") as file:
+        if fcntl is not None:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise ConfigError(refused) from None
+        yield
 
 
 def write_json(path: Path, content: Any) -> None:

@@ -8,9 +8,10 @@ import re
 import reprlib
 import sys
 from collections.abc import Callable, Iterable
+from modulefinder import ModuleFinder
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -199,6 +200,44 @@ def find_policy(source: str) -> Policy:
     return own if isinstance(own, MachinePolicy) else OwnPolicy(own, source, file)
 
 
+def files_of(path: Path) -> list[Path]:
+    """A file of Python, and all files of its folder that it imports, itself or through others.
+
+    What it imports from elsewhere, and what it reads, are not among them.
+    """
+    folder = str(path.resolve().parent)
+    finder = ModuleFinder(path=[folder])
+    finder.run_script(str(path.resolve()))
+    return sorted({Path(one.__file__) for one in finder.modules.values() if one.__file__})
+
+
+class _Neighbours:
+    """Folders of the files that were run; modules of one folder are not those of another one."""
+
+    folders: ClassVar[set[str]] = set()
+
+    @classmethod
+    def enter(cls, folder: str) -> None:
+        """Let a file import from its folder first, and forget modules of other folders that have the same names."""
+        mine = {path.stem for path in Path(folder).iterdir() if path.suffix == ".py" or path.is_dir()}
+        for name, module in list(sys.modules.items()):
+            file = getattr(module, "__file__", None)
+            top = name.partition(".")[0]
+            if top in mine and file and cls._is_foreign(top, Path(file), folder):
+                del sys.modules[name]
+        cls.folders.add(folder)
+        if folder in sys.path:
+            sys.path.remove(folder)
+        sys.path.insert(0, folder)
+
+    @classmethod
+    def _is_foreign(cls, name: str, file: Path, folder: str) -> bool:
+        """Whether a module of a name comes from the folder of another policy."""
+        if file == Path(folder, f"{name}.py") or Path(folder, name) in file.parents:
+            return False
+        return not cls.folders.isdisjoint(map(str, file.parents))
+
+
 def _module(path: Path) -> ModuleType:
     """Run a file as a module; it may import its neighbours, as a script may."""
     if not path.is_file():
@@ -208,9 +247,7 @@ def _module(path: Path) -> ModuleType:
     assert spec is not None, "a name that ends in .py has a loader"
     assert spec.loader is not None
     module = sys.modules[name] = importlib.util.module_from_spec(spec)
-    folder = str(path.resolve().parent)
-    if folder not in sys.path:
-        sys.path.insert(0, folder)
+    _Neighbours.enter(str(path.resolve().parent))
     try:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:

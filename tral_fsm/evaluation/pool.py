@@ -10,8 +10,9 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor
+from concurrent.futures import wait as wait_for
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait
 from types import TracebackType
@@ -99,6 +100,8 @@ class _Worker:
     """State that a worker keeps from call to call."""
 
     stop: Any = None
+    sender: Any = None
+    turn: Any = None
 
 
 def _begin(stop: Any, begin: Callable[..., None] | None, shared: tuple[Any, ...]) -> None:
@@ -108,6 +111,73 @@ def _begin(stop: Any, begin: Callable[..., None] | None, shared: tuple[Any, ...]
     _Worker.stop = stop
     if begin is not None:
         begin(*shared)
+
+
+def call_all(work: Callable[[T], None], calls: Sequence[T], processes: int, on_told: Callable[[Any], None]) -> None:
+    """Let workers do all calls; what they tell meanwhile arrives at once, also what they tell until an error.
+
+    Args:
+        work: function that workers call; it may use `tell`.
+        calls: its arguments.
+        processes: number of workers.
+        on_told: gets what the workers tell, in a thread of its own.
+
+    Raises:
+        LostWorkerError: the system ended a worker.
+    """
+    receiver, sender = spawned.Pipe(duplex=False)
+    with (
+        _heard(receiver, on_told) as errors,
+        contextlib.closing(sender),
+        ProcessPool(processes, _take_sender, sender, spawned.Lock()) as pool,
+        worker_losses(),
+    ):
+        waiting = {pool.submit(work, call) for call in calls}
+        while waiting and not errors:
+            done, waiting = wait_for(waiting, timeout=0.5, return_when=FIRST_COMPLETED)
+            for future in done:
+                future.result()
+        if errors:
+            raise errors[0]
+
+
+def tell(value: object) -> None:
+    """Send a value from a worker of `call_all` to the process that started it."""
+    with _Worker.turn:
+        _Worker.sender.send(value)
+
+
+def _take_sender(sender: Any, turn: Any) -> None:
+    """Begin a worker that tells."""
+    _Worker.sender, _Worker.turn = sender, turn
+
+
+@contextlib.contextmanager
+def _heard(receiver: Any, on_told: Callable[[Any], None]) -> Iterator[list[Exception]]:
+    """Hear in a thread until all senders are closed; give the list of the errors of `on_told`, which ends with one."""
+    errors: list[Exception] = []
+
+    def hear() -> None:
+        while True:
+            try:
+                value = receiver.recv()
+            except (EOFError, OSError):  # OSError: a worker was killed while it sent
+                return
+            try:
+                if not errors:
+                    on_told(value)
+            except Exception as error:  # the thread goes on, or the workers would wait for it
+                errors.append(error)
+
+    thread = threading.Thread(target=hear, name="hear workers", daemon=True)
+    thread.start()
+    try:
+        yield errors
+    finally:
+        thread.join()
+        receiver.close()
+    if errors:
+        raise errors[0]
 
 
 def end_with_parent() -> None:

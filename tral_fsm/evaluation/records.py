@@ -6,10 +6,11 @@ a line before the last one is damaged only by other means, and is refused.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, as_completed
 from contextlib import AbstractContextManager
 from dataclasses import asdict
@@ -18,6 +19,7 @@ from typing import Any, BinaryIO
 
 from tral_env.errors import BadFileError, ConfigError
 from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.evaluation.files import locked
 from tral_fsm.evaluation.host import host
 from tral_fsm.evaluation.pool import ProcessPool, worker_losses
 from tral_fsm.formats import write
@@ -25,6 +27,10 @@ from tral_fsm.formats import write
 Record = dict[str, Any]
 Bar = Callable[[int], AbstractContextManager[Callable[[], None]]]
 """Shows so many drives while they run; within it, a call counts one drive."""
+
+
+_BLOCK = 1 << 16
+"""The end of a file is read in blocks of so many bytes."""
 
 
 def digest(machine: MachineDefinition) -> str:
@@ -76,17 +82,38 @@ def append(path: Path, line: Record) -> None:
 
 
 def _end_line(file: BinaryIO) -> None:
-    """End the last line of a file, or remove it if it was cut off."""
-    size = file.seek(0, os.SEEK_END)
-    file.seek(max(size - 1, 0))
-    if file.read(1) in (b"", b"\n"):
+    """End the last line of a file, or remove it if it does not count (`read_lines`)."""
+    start, last = _last_line(file)
+    if not last:
         return
-    file.seek(0)
-    before, end, last = file.read().rpartition(b"\n")
     if _parsed(last) is None:
-        file.truncate(len(before + end))
-    else:
+        file.truncate(start)
+    elif not last.endswith(b"\n"):
         file.write(b"\n")
+
+
+def _last_line(file: BinaryIO) -> tuple[int, bytes]:
+    """Where the last line of a file begins, and the line with its end."""
+    start = file.seek(0, os.SEEK_END)
+    last = b""
+    while start and b"\n" not in last[:-1]:
+        size = min(start, _BLOCK)
+        start = file.seek(start - size)
+        last = file.read(size) + last
+    before = last[:-1].rfind(b"\n") + 1
+    return start + before, last[before:]
+
+
+@contextlib.contextmanager
+def held(path: Path) -> Iterator[None]:
+    """Hold a file of records, so that no other run writes into it; its end frees it, however it comes.
+
+    Raises:
+        ConfigError: another run holds it.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with locked(path, f"{path}: another run writes into it: wait for its end, or choose another --out"):
+        yield
 
 
 def begin_run(path: Path, settings: Any, machines: Mapping[str, str] | None = None) -> None:
@@ -101,11 +128,11 @@ def made_with(path: Path, settings: Any, machines: Mapping[str, str] | None = No
     Args:
         path: the file.
         settings: settings of the run that goes on with it.
-        machines: digests of the machines, by name.
+        machines: digests of the machines, by name; the file may hold drives of more machines.
 
     Raises:
-        ConfigError: the file was made with other settings or other machines, it is no file of records, or it is
-            damaged.
+        ConfigError: the file was made with other settings, a machine has changed since, it is no file of records, or
+            it is damaged.
     """
     found = read_lines(path)
     if found and found[0].get("kind") != "run":
@@ -118,7 +145,8 @@ def made_with(path: Path, settings: Any, machines: Mapping[str, str] | None = No
             raise damaged(path, number)
         if is_run and line["settings"] != asdict(settings):
             raise ConfigError(f"{path} was made with {line['settings']}, not {asdict(settings)}: choose another --out")
-        changed = [name for name, was in line.get("machines", {}).items() if was != (machines or {}).get(name)]
+        now = machines or {}
+        changed = [name for name, was in line.get("machines", {}).items() if now.get(name, was) != was]
         if changed:
             raise ConfigError(f"{path}: {', '.join(changed)} changed since it was made: choose another --out")
     return found
@@ -174,14 +202,15 @@ def drive_missing(
         bar: shows how many drives have ended.
 
     Raises:
-        ConfigError: see `made_with`.
+        ConfigError: see `made_with` and `held`.
     """
-    done = {job_of(line) for line in made_with(out, settings, machines) if line["kind"] != "run"}
-    calls: list[tuple[str, Sequence[Any], Any]] = []
-    for family, jobs in wanted.items():
-        missing = [job for job in jobs if (family, job) not in done]
-        calls += [(family, missing[k : k + chunk], settings) for k in range(0, len(missing), chunk)]
-    if calls:
-        begin_run(out, settings, machines)
-        with bar(sum(len(jobs) for _, jobs, _ in calls)) as count:
-            collect(drive, calls, processes, out, count)
+    with held(out):
+        done = {job_of(line) for line in made_with(out, settings, machines) if line["kind"] != "run"}
+        calls: list[tuple[str, Sequence[Any], Any]] = []
+        for family, jobs in wanted.items():
+            missing = [job for job in jobs if (family, job) not in done]
+            calls += [(family, missing[k : k + chunk], settings) for k in range(0, len(missing), chunk)]
+        if calls:
+            begin_run(out, settings, machines)
+            with bar(sum(len(jobs) for _, jobs, _ in calls)) as count:
+                collect(drive, calls, processes, out, count)

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.errors import ConfigError
+from tral_env.errors import ConfigError, PolicyError
 from tral_env.interface import Policy
 from tral_env.world import Step, World
 from tral_fsm.definition.machine import MachineDefinition
@@ -109,14 +109,15 @@ class Unwatched:
 class BatchedPolicy(Unwatched):
     """One policy that drives all n rows with each call."""
 
-    def __init__(self, policy: Policy, n: int) -> None:
+    def __init__(self, policy: Policy, n: int, name: str = "") -> None:
         """Take the policy over.
 
         Args:
             policy: acts on (n, d). One with `reset_rows(rows)` can start single rows again.
             n: number of rows.
+            name: its name in errors; empty: that of its class.
         """
-        self._policy, self._n = policy, n
+        self._policy, self._n, self._name = policy, n, name or type(policy).__name__
         self._drives = False
         policy.reset(n)
 
@@ -130,17 +131,29 @@ class BatchedPolicy(Unwatched):
             return
         reset: Callable[[NDArray[np.bool_]], object] | None = getattr(self._policy, "reset_rows", None)
         if reset is None:
-            raise ConfigError(f"policy {type(self._policy).__name__} cannot start one car while others drive")
+            raise ConfigError(f"policy {self._name} cannot start one car while others drive")
         reset(np.arange(self._n) == row)
 
     def release(self, row: int) -> None:
         """Do nothing: a row that does not drive is not asked."""
 
     def act(self, rows: Index, observation: NDArray[np.floating]) -> tuple[Sequence[Any], Sequence[Pair]]:
-        """Commands of the rows; the policy keeps no clearance."""
+        """Commands of the rows; the policy keeps no clearance.
+
+        Raises:
+            PolicyError: the policy did not answer two finite numbers for each row.
+        """
         self._drives = True
         commands = np.asarray(self._policy.act(observation), np.float32)
-        return list(commands[rows]), [NO_WISH] * len(rows)
+        if commands.shape != (self._n, 2):
+            raise PolicyError(
+                f"policy {self._name} answered commands of shape {commands.shape}: expected {(self._n, 2)}: steering, "
+                "throttle of each car"
+            )
+        driven = commands[rows]
+        if not np.isfinite(driven).all():
+            raise PolicyError(f"policy {self._name} answered {driven[~np.isfinite(driven).all(axis=1)][0]}: not finite")
+        return list(driven), [NO_WISH] * len(rows)
 
 
 class SinglePolicies(Unwatched):

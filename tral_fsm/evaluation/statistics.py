@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,11 +23,11 @@ class Estimate:
     high: float | None
 
 
-def wilson(successes: int, trials: int, z: float = 1.959964) -> tuple[float, float]:
+def wilson(successes: float, trials: int, z: float = 1.959964) -> tuple[float, float]:
     """Wilson's score interval of a success rate.
 
     Args:
-        successes: number of successes.
+        successes: number of successes; the mean over several agents need not be whole.
         trials: number of trials.
         z: quantile of the normal distribution; the default gives 95 %.
 
@@ -78,12 +78,6 @@ def pooled_rmse(rmse: Array, samples: Array) -> Array:
     """
     pooled: Array = np.sqrt((samples * rmse**2).sum(axis=-1) / samples.sum(axis=-1))
     return pooled
-
-
-def mean_of(values: Sequence[float]) -> Estimate:
-    """Mean with its bootstrap interval."""
-    array = np.array(values, float)
-    return bootstrap(lambda index: array[index].mean(axis=1), len(array))
 
 
 def sign_test(a: int, b: int) -> float:
@@ -168,27 +162,3 @@ def course_counts(tasks: int, courses: int, rng: np.random.Generator, resamples:
 def agent_choices(agents: int, rng: np.random.Generator, resamples: int = RESAMPLES) -> NDArray[np.int64]:
     """Agents drawn with replacement, (resamples, agents): whole agents, since one agent drives all tasks."""
     return rng.integers(agents, size=(resamples, agents))
-
-
-def resampled_scores(scores: Array, counts: Array, agents: NDArray[np.int64]) -> Array:
-    """Score matrices of a stratified bootstrap over agents and courses.
-
-    Args:
-        scores: (a, t, c) score of each agent on each course of each task.
-        counts: (b, t, c) of `course_counts`.
-        agents: (b, a) of `agent_choices`.
-
-    Returns:
-        (b, a, t).
-
-    Source: as `iqm`; Patterson et al. 2024, Empirical design in reinforcement learning: the unit is the agent.
-    """
-    means = np.matmul(counts.transpose(1, 0, 2), scores.transpose(1, 2, 0)) / scores.shape[2]
-    drawn: Array = np.take_along_axis(means.transpose(1, 2, 0), agents[:, :, None], axis=1)
-    return drawn
-
-
-def percentile_interval(value: Array | float, resampled: Array) -> Estimate:
-    """A figure with its 95 % percentile interval over resamples (b,)."""
-    low, high = np.percentile(resampled, (2.5, 97.5))
-    return Estimate(value=float(value), low=float(low), high=float(high))

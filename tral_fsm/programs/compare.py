@@ -65,13 +65,13 @@ def compare(
         videos: number of failures of which the page has a video.
     """
     from tral_fsm.evaluation.analysis import analyse
-    from tral_fsm.evaluation.comparison import drive_missing, plans_of
+    from tral_fsm.evaluation.comparison import drive_field, plans_of
     from tral_fsm.report.compare.markdown import markdown
     from tral_fsm.report.compare.page import page_html
 
     began = time.perf_counter()
     prepare_folder(out)
-    lines = drive_missing(suite, field, out, processes, drives_bar)
+    lines = drive_field(suite, field, out, processes, drives_bar)
     shown = analyse(lines, suite, [one.record() for one in field], seed)
     program = Path(sys.argv[0]).name
     shown |= {"command": shlex.join([program, *sys.argv[1:]]), "seconds": round(time.perf_counter() - began, 1)}
@@ -105,7 +105,8 @@ def clips(shown: dict[str, Any], suite: Suite, field: Sequence[Contender], video
             return taken[0]
 
         episode = drive_again(failure, suite, policy, watch)
-        if episode.outcome == failure["outcome"]:  # a network's answers differ in the last bit from batch to batch
+        # A network's answers differ in the last bit from batch to batch, so its drive may end otherwise or earlier.
+        if episode.outcome == failure["outcome"] and taken[0].has_pictures:
             with tempfile.TemporaryDirectory() as folder:
                 taken[0].write(Path(folder) / "clip.mp4")
                 made[number] = (Path(folder) / "clip.mp4").read_bytes()

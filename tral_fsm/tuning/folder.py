@@ -8,13 +8,7 @@ import shutil
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
-from tral_env.errors import ConfigError
-from tral_fsm.evaluation.files import prepare_folder
-
-try:
-    import fcntl
-except ImportError:  # Windows has no such locks
-    fcntl = None  # type: ignore[assignment]
+from tral_fsm.evaluation.files import locked, prepare_folder
 
 STUDY = "study.jsonl"
 LOCK = ".lock"
@@ -58,14 +52,7 @@ def held(folder: Path | None) -> Iterator[None]:
         yield
         return
     prepare_folder(folder)
-    with (folder / LOCK).open("ab") as file:
-        if fcntl is not None:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise ConfigError(
-                    f"--out {folder}: another search writes into this folder: give each its own"
-                ) from None
+    with locked(folder / LOCK, f"--out {folder}: another search writes into this folder: give each its own"):
         yield
 
 

@@ -41,6 +41,11 @@ class Clip:
         if tick.index % _EVERY == 0 and tick.info["time_s"] >= self._from_s:
             self._frames.append(self._views.render_view("chase", WIDTH, HEIGHT))
 
+    @property
+    def has_pictures(self) -> bool:
+        """Whether the drive lasted until its last seconds were expected."""
+        return bool(self._frames)
+
     def write(self, path: Path) -> None:
         """Write an mp4 file; the last picture stays for a second.
 

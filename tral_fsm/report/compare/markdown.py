@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tral_fsm.report.compare.cells import OVERVIEW, OVERVIEW_UNITS, PAIRS, overview_rows, pair_rows, percent
+from tral_fsm.report.compare.cells import (
+    OVERVIEW,
+    OVERVIEW_UNITS,
+    PAIRS,
+    Cell,
+    overview_rows,
+    pair_rows,
+    percent,
+    programs_note,
+)
 
 
 def markdown(shown: Mapping[str, Any]) -> str:
@@ -17,16 +26,24 @@ def markdown(shown: Mapping[str, Any]) -> str:
             f"Suite {suite['name']}: {', '.join(suite['families'])}; {', '.join(suite['levels'])}; "
             f"seeds {suite['seeds'][0]} to {suite['seeds'][1] - 1} ({suite['split']}); camera {suite['camera']}.",
             "",
-            *_table(heads, overview_rows(shown["contenders"])),
+            *_table(heads, _texts(overview_rows(shown["contenders"]))),
             "",
             "\\* knows what no policy may know.",
             "",
             *_table(["success [%]", "level", *names], [_task_row(task, names) for task in shown["tasks"]], texts=2),
             "",
-            *_table(PAIRS, pair_rows(shown["pairs"]), texts=2),
+            *_table(PAIRS, _texts(pair_rows(shown["pairs"])), texts=2),
+            "",
+            "In brackets: 95 % intervals.",
+            *(["", note] if (note := programs_note(shown["runs"])) else []),
             "",
         ]
     )
+
+
+def _texts(rows: Sequence[Sequence[Cell]]) -> list[list[str]]:
+    """Cells with their intervals in brackets."""
+    return [[f"{value} ({between})" if between else value for value, between in row] for row in rows]
 
 
 def _task_row(task: Mapping[str, Any], names: Sequence[str]) -> list[str]:

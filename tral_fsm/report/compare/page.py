@@ -11,18 +11,25 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from tral_env.course.plan import Plan
+from tral_fsm.evaluation import composite
 from tral_fsm.report.compare import plots
 from tral_fsm.report.compare.cells import (
+    NOTHING,
     OVERVIEW,
     OVERVIEW_UNITS,
     PAIRS,
     overview_rows,
     pair_rows,
     percent,
+    programs_note,
+    scaled,
 )
 
 MAX_TOLD = 120
 """The page leaves out what an agent tells of its making with more letters than these, such as its curve."""
+MANY_AGENTS = 5
+"""With this number of agents or fewer, the page says that they are few."""
+_PARTS_OF_SCORE = ("EASY_MPS", "SLOW_MPS", "SLOW_FACTOR", "RESTLESS_PER_M", "RESTLESS_FACTOR")
 Plans = Mapping[tuple[str, str, int], Plan]
 """Family, level and seed -> the plan of the course."""
 
@@ -51,11 +58,15 @@ def context(shown: Mapping[str, Any], plans: Plans, clips: Mapping[int, bytes]) 
     names = [one["name"] for one in contenders]
     return {
         "suite": suite,
-        "drives": contenders[0]["figures"]["drives"] if contenders else 0,
+        "courses": (suite["seeds"][1] - suite["seeds"][0]) * len(suite["families"]) * len(suite["levels"]),
         "contenders": contenders,
         "overview": {"header": OVERVIEW, "units": OVERVIEW_UNITS, "rows": overview_rows(contenders)},
         "truth": [one["name"] for one in contenders if any(agent["sees_truth"] for agent in one["agents"])],
-        "alone": [one["name"] for one in contenders if len(one["agents"]) == 1],
+        "alone": [one["name"] for one in contenders if len(one["agents"]) == 1 and _is_trained(one["agents"][0])],
+        "few": [one["name"] for one in contenders if 2 <= len(one["agents"]) <= MANY_AGENTS],
+        "composite": _composite(),
+        "programs": programs_note(shown["runs"]),
+        "effort": [[(text, "") for text in row] for one in contenders for row in _efforts(one)],
         "names": names,
         "tasks": [_task(task, names) for task in shown["tasks"]],
         "pairs": {"header": PAIRS, "rows": pair_rows(shown["pairs"])},
@@ -70,6 +81,32 @@ def context(shown: Mapping[str, Any], plans: Plans, clips: Mapping[int, bytes]) 
         "command": shown["command"],
         "seconds": shown["seconds"],
     }
+
+
+def _is_trained(agent: Mapping[str, Any]) -> bool:
+    """Whether another training could have given another agent."""
+    return agent["kind"] not in ("machine", "built-in")
+
+
+def _composite() -> dict[str, str]:
+    """The numbers of the score as texts."""
+    numbers = {**composite.OUTCOME_FACTORS, **{name: getattr(composite, name) for name in _PARTS_OF_SCORE}}
+    return {name: f"{value:g}" for name, value in numbers.items()}
+
+
+def _efforts(one: Mapping[str, Any]) -> list[list[str]]:
+    """What each agent of a contender tells of the effort that went into it: name, source, drives or steps, time."""
+    return [
+        [
+            one["name"],
+            agent["source"],
+            ", ".join(f"{told[name]} {name}" for name in ("drives", "steps", "decisions") if told.get(name)) or NOTHING,
+            scaled(told.get("seconds"), 1.0 / 60.0, 1),
+        ]
+        for agent in one["agents"]
+        if agent["kind"] != "built-in"
+        for told in [agent["provenance"]]
+    ]
 
 
 def _told(agent: Mapping[str, Any]) -> str:

@@ -37,6 +37,11 @@ def style(number: int) -> dict[str, Any]:
     return {"color": COLOURS[number % len(COLOURS)], "linestyle": STYLES[number // len(COLOURS) % len(STYLES)]}
 
 
+def plain(name: str) -> str:
+    """A name as a text of a figure, in which $ would begin mathematics."""
+    return name.replace("$", r"\$")
+
+
 def intervals(contenders: Sequence[Mapping[str, Any]]) -> Figure:
     """Figure of the main measures of each contender with their 95 % intervals."""
     whole = Figure(figsize=(10.0, 1.1 + 0.34 * len(contenders)), layout="constrained")
@@ -45,12 +50,13 @@ def intervals(contenders: Sequence[Mapping[str, Any]]) -> Figure:
         for k, one in enumerate(contenders):
             got = one["figures"][name]
             colour = style(k)["color"]
-            ax.plot([got["low"], got["high"]], [k, k], color=colour, linewidth=5.0, alpha=0.4, solid_capstyle="butt")
+            low, high = (got["value"] if got[end] is None else got[end] for end in ("low", "high"))
+            ax.plot([low, high], [k, k], color=colour, linewidth=5.0, alpha=0.4, solid_capstyle="butt")
             ax.plot(got["value"], k, "o", color=colour, markersize=5.0)
         ax.set_title(title, loc="left", fontsize=10)
         ax.set_xlim(-0.03, 1.03)
         _plain(ax)
-    axes[0].set_yticks(range(len(contenders)), [one["name"] for one in contenders])
+    axes[0].set_yticks(range(len(contenders)), [plain(one["name"]) for one in contenders])
     axes[0].set_ylim(len(contenders) - 0.4, -0.6)
     return whole
 
@@ -71,7 +77,7 @@ def outcomes(contenders: Sequence[Mapping[str, Any]]) -> Figure:
             label = name.replace("_", " ") if k == 0 else None
             ax.barh(k, share, left=left, color=OUTCOMES[name], height=0.7, label=label)
             left += share
-    ax.set_yticks(range(len(contenders)), [one["name"] for one in contenders])
+    ax.set_yticks(range(len(contenders)), [plain(one["name"]) for one in contenders])
     ax.set_ylim(len(contenders) - 0.4, -0.6)
     ax.set_xlim(0.0, 1.0)
     ax.set_xlabel("share of the drives")
@@ -86,7 +92,7 @@ def profiles(shown: Mapping[str, Any]) -> Figure:
     ax = whole.subplots()
     for k, (name, one) in enumerate(shown["contenders"].items()):
         ax.fill_between(shown["levels"], one["low"], one["high"], color=style(k)["color"], alpha=0.15, linewidth=0.0)
-        ax.plot(shown["levels"], one["value"], linewidth=1.8, label=name, **style(k))
+        ax.plot(shown["levels"], one["value"], linewidth=1.8, label=plain(name), **style(k))
     ax.set_xlabel("score")
     ax.set_ylabel("share of drives above it")
     ax.set_xlim(0.0, 1.0)
@@ -107,7 +113,7 @@ def paths(plan: Plan, contenders: Mapping[str, Mapping[str, Any]]) -> Figure:
     _as_background(ax)
     for k, (name, one) in enumerate(contenders.items()):
         x, y, _ = np.array(one["path"], float).T
-        ax.plot(x, y, linewidth=1.7, label=name, zorder=7, **style(k))
+        ax.plot(x, y, linewidth=1.7, label=plain(name), zorder=7, **style(k))
         if one["outcome"] != "success":
             ax.plot(x[-1], y[-1], "X", color=style(k)["color"], markersize=9.0, markeredgecolor="white", zorder=8)
     handles, labels = ax.get_legend_handles_labels()
