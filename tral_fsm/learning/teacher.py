@@ -203,6 +203,8 @@ class Lessons:
             taught_share: probability of each car.
         """
         self._taught = self._rng.random(len(self._taught)) < taught_share
+        self._machine.shadow(~self._taught)
+        self._actuation.reset(self._taught)
 
     def tick(self, network: Network, samples: Samples) -> int:
         """Drive for a tick; gives the number of decisions."""
@@ -214,7 +216,7 @@ class Lessons:
             self._wanted[due] = self._actuation.wanted(network.actions(inputs))
             knows = self._knows()[due]
             samples.add(inputs[knows], self._answers(told)[due][knows])
-        driven = self._actuation.command(self._wanted, observation[:, _SPEED])
+        driven = self._actuation.command(self._wanted, observation[:, _SPEED], ~self._taught)
         self._helped |= self._taught
         command = np.where(self._taught[:, None], told, driven)
         self._observation, _, terminated, truncated, info = self._env.step(command)
