@@ -18,12 +18,13 @@ from tral_fsm.conditions.combined import NotSpec
 from tral_fsm.conditions.simple import DistanceSpec
 from tral_fsm.definition.machine import MachineDefinition, TransitionSpec
 from tral_fsm.evaluation.episode import EpisodeRequest
+from tral_fsm.evaluation.folder import LOCK, held
 from tral_fsm.evaluation.pool import interrupts_ignored
 from tral_fsm.formats.library import load
 from tral_fsm.states.basic import MotorSpec
 from tral_fsm.tuning import Objective, Progress, Racing, Settings, Stage, Task, Tuned, tune
 from tral_fsm.tuning.evaluator import Evaluator
-from tral_fsm.tuning.folder import LOCK, MACHINE, NUMBERS, PAGE, STUDY, held
+from tral_fsm.tuning.folder import MACHINE, NUMBERS, PAGE, STUDY
 from tral_fsm.tuning.found import described
 from tral_fsm.tuning.holdout import compare
 from tral_fsm.tuning.journal import Journal
