@@ -1,6 +1,7 @@
 """A short training of each algorithm: it writes a policy that drives, and goes on where it stopped."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,13 @@ import yaml
 from tral_env.env import TralCorridorEnv
 from tral_env.errors import ConfigError
 from tral_env.learned import LearnedPolicy
-from tral_fsm import load_policy
+from tral_fsm import load_machine, load_policy
 from tral_fsm.cli import app
-from tral_fsm.learning.choices import VALIDATION_SEEDS, TrainRequest, read_settings
+from tral_fsm.formats import tral_json
+from tral_fsm.learning.choices import MAX_CARS, VALIDATION_SEEDS, TrainRequest, read_settings
+from tral_fsm.learning.reinforcement import reinforcement_settings
 from tral_fsm.learning.run import TrainingRun
-from tral_fsm.learning.teacher import Samples, TeacherSettings, teacher_settings
+from tral_fsm.learning.teacher import Samples, Student, TeacherSettings, teacher_settings
 from tral_fsm.learning.validation import Score, StuckWatch, Validation
 from tral_fsm.policies.corrected import CorrectedPolicy
 
@@ -79,6 +82,50 @@ def test_a_training_writes_a_policy_that_drives_and_goes_on(algo: str, small: An
     assert "was trained with seed = 0, got 1" in " ".join(other.output.split())
 
 
+@pytest.mark.parametrize(
+    "wrong", [("--randomization", "defualt"), ("--machine", "nosuch"), ("--seed", "1", "--settings", "wrong.yaml")]
+)
+def test_a_mistyped_option_leaves_an_earlier_training(wrong: tuple[str, ...], tmp_path: Path) -> None:
+    (tmp_path / "wrong.yaml").write_text("cars: 2.5")
+    (tmp_path / "policy.json").write_text("earlier")
+    options = [str(tmp_path / "wrong.yaml") if each == "wrong.yaml" else each for each in wrong]
+    done = tral("--steps", 10, "--scenario", "straight", "--out", tmp_path, *options)
+    assert done.exit_code == 2, done.output
+    assert (tmp_path / "policy.json").read_text() == "earlier"
+
+
+def test_an_earlier_training_is_set_aside_when_the_first_network_is_validated(tmp_path: Path) -> None:
+    (tmp_path / "policy.json").write_text("earlier")
+    request = TrainRequest(algo="teacher", scenarios=("straight",), steps=100, validation=1)
+    settings = teacher_settings(("straight",))
+    with TrainingRun(request, settings, tmp_path) as run:
+        assert run.aside is None
+        assert (tmp_path / "policy.json").read_text() == "earlier"
+        run.validate(Student(settings, "wall", 0).network(), {})
+    assert run.aside == tmp_path / "before-1"
+    assert (tmp_path / "before-1" / "policy.json").read_text() == "earlier"
+    assert load_policy(tmp_path)
+
+
+def test_a_folder_takes_one_training_at_a_time(tmp_path: Path) -> None:
+    request = TrainRequest(algo="teacher", scenarios=("straight",), steps=100, validation=1)
+    first, second = (TrainingRun(request, teacher_settings(("straight",)), tmp_path) for _ in range(2))
+    with first, pytest.raises(ConfigError, match="another training writes into this folder"), second:
+        pass
+
+
+def test_a_machine_that_was_changed_since_is_not_gone_on_with(small: Any, tmp_path: Path) -> None:
+    machine, text = tmp_path / "mine.json", tral_json.dumps(load_machine("wall"))
+    machine.write_text(text)
+    options = ("--scenario", "straight", "--validation", 1, "--settings", small("teacher"), "--machine", machine)
+    options += ("--out", tmp_path / "run")
+    assert tral(*options, "--steps", 20).exit_code == 0
+    machine.write_text(tral_json.dumps(load_machine("corridor")))
+    done = tral(*options, "--steps", 40, "--resume")
+    assert done.exit_code == 2
+    assert "was trained with a machine with sha256 =" in " ".join(done.output.split())
+
+
 def test_without_a_checkpoint_there_is_nothing_to_go_on_with(tmp_path: Path) -> None:
     done = tral("--steps", 10, "--resume", "--out", tmp_path)
     assert done.exit_code == 2
@@ -90,7 +137,12 @@ def test_without_a_checkpoint_there_is_nothing_to_go_on_with(tmp_path: Path) -> 
     [
         ({"minutes": 1.0, "steps": 5}, "got both --minutes and --steps, or none"),
         ({}, "got both --minutes and --steps, or none"),
-        ({"minutes": 0.0}, "--minutes 0.0: expected more than 0"),
+        ({"minutes": 0.0}, "--minutes 0.0: expected a finite number above 0"),
+        ({"minutes": float("inf")}, "--minutes inf: expected a finite number above 0"),
+        ({"steps": 1.5}, "--steps 1.5: expected a whole number, 1 or more"),
+        ({"steps": 5, "seed": -5}, "--seed -5: expected a whole number, 0 or more"),
+        ({"steps": 5, "validation": True}, "--validation True: expected a whole number"),
+        ({"steps": 5, "nthread": 0}, "--nthread 0: expected a whole number, 1 or more"),
         ({"steps": 5, "scenarios": ("corner",)}, "did you mean 'corners'"),
         ({"steps": 5, "algo": "pppo"}, "did you mean 'ppo'"),
         ({"steps": 5, "validation": 500}, "500 episodes of a validation: expected 1 to 200"),
@@ -101,21 +153,35 @@ def test_a_request_that_cannot_be_is_refused(arguments: dict, message: str) -> N
         TrainRequest(**{"algo": "teacher", "scenarios": ("corners",)} | arguments)
 
 
-def test_training_courses_lie_beyond_those_of_validations_and_tests() -> None:
-    request = TrainRequest(algo="teacher", scenarios=("corners",), steps=1, seed=2)
-    assert (request.first_seed, VALIDATION_SEEDS) == (102_000, range(500, 700))
+def test_trainings_draw_courses_of_their_own_beyond_those_of_validations_and_tests() -> None:
+    starts = [
+        TrainRequest(algo="teacher", scenarios=("corners",), steps=1, seed=seed).first_seed(begun)
+        for seed in (0, 1, 10**30)
+        for begun in range(20)
+    ]
+    assert min(starts) >= 100_000
+    assert max(starts) + MAX_CARS <= 2**31
+    assert np.diff(sorted(starts)).min() > MAX_CARS
+    assert range(500, 700) == VALIDATION_SEEDS
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("learning_rat: 0.1", "unknown 'learning_rat': did you mean 'learning_rate'"),
-        ("learning_rate: -1", "learning_rate = -1: expected a number above 0"),
+        ("learning_rate: -1", "learning_rate = -1.0: expected a number above 0"),
         ("average: 1.5", "average = 1.5: expected a number above 0, below 1"),
         ("learner: {decision_hz: 30}", "decision_hz = 30"),
         ("learner: 3", "learner = 3: expected names and values"),
         ("- 1", "expected names and values, such as"),
-        ("a: [", "cannot be read"),
+        ("a: [", "own.yaml:1:5: not YAML"),
+        ("cars: 4\ncars: 8", "own.yaml:2:1: 'cars' stands twice"),
+        ("cars: 2.5", r"cars = 2.5: Input should be a valid integer"),
+        ("cars: 5000", "cars = 5000: expected 1 to 4096"),
+        ("layers: 64", r"layers = 64: Input should be a valid tuple"),
+        ("layers: [64, 0]", r"layers = \[64, 0\]: expected at most 15, of 1 to 1024 units each"),
+        ("layers: [64, x]", r"layers\[1\] = 'x': Input should be a valid integer"),
+        ("activation: gelu", "activation = 'gelu': expected one of relu, tanh"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(text: str, message: str, tmp_path: Path) -> None:
@@ -123,6 +189,22 @@ def test_settings_that_cannot_be_are_refused(text: str, message: str, tmp_path: 
     path.write_text(text)
     with pytest.raises(ConfigError, match=message):
         read_settings(TeacherSettings, "teacher", path)
+
+
+def test_a_part_of_a_nested_setting_leaves_the_other_parts(tmp_path: Path) -> None:
+    path = tmp_path / "own.yaml"
+    path.write_text("learner: {history: 8}\nalgorithm: {gamma: 0.99}\ntask: {gate_reward: 2.0}\ncars: 4")
+    own, packaged = (reinforcement_settings("ppo", ("corners",), each) for each in (path, None))
+    assert own.learner == replace(packaged.learner, history=8)
+    assert own.algorithm == {**packaged.algorithm, "gamma": 0.99}
+    assert own.task == {**packaged.task, "gate_reward": 2.0}
+    assert own == replace(packaged, learner=own.learner, algorithm=own.algorithm, task=own.task, cars=4)
+
+
+def test_a_number_without_a_point_is_no_text(tmp_path: Path) -> None:
+    path = tmp_path / "own.yaml"
+    path.write_text("learning_rate: 1e-3")
+    assert read_settings(TeacherSettings, "teacher", path).learning_rate == 0.001
 
 
 def test_only_families_with_gates_or_signs_tell_them_to_the_network() -> None:
@@ -138,6 +220,8 @@ class TestSamples:
             samples.add(np.full((1, 1), value, np.float32), np.zeros((1, 2), np.float32))
         inputs, _ = samples.draw(samples.window(0), 200, rng)
         assert {*inputs[:, 0].tolist()} == {2.0, 3.0, 4.0, 5.0}
+        assert samples.newest(3)["inputs"][:, 0].tolist() == [3.0, 4.0, 5.0]
+        assert len(samples.newest(9)["answers"]) == 4
 
     def test_what_will_make_room_is_not_drawn(self) -> None:
         samples, rng = Samples(4, 1), np.random.default_rng(0)

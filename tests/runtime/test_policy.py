@@ -149,3 +149,59 @@ def test_rows_to_reset_are_one_truth_value_for_each_car(rows: np.ndarray) -> Non
 def test_a_number_of_cars_that_is_none_is_refused(n: object) -> None:
     with pytest.raises(ConfigError, match="number of cars = "):
         load_policy("wall").reset(n)  # type: ignore[arg-type]
+
+
+class TestShadowing:
+    """A machine whose car another policy drives; here that policy lets the car stand."""
+
+    SHADOWED = np.array([True])
+
+    def commands(self, policy: MachinePolicy, ticks: int) -> list[list[float]]:
+        heard = {"ultrasonic_front": 3.0, "ultrasonic_front_age": 0.065, "ultrasonic_left_age": 0.065}
+        standing = observation(1, ultrasonic_left=0.5, **heard)
+        return [policy.act(standing)[0].tolist() for _ in range(ticks)]
+
+    def test_its_answer_does_not_depend_on_commands_that_the_car_did_not_obey(self) -> None:
+        shadow = load_policy("corners")
+        shadow.shadow(self.SHADOWED)
+        throttles = [throttle for _, throttle in self.commands(shadow, 160)]
+        assert throttles[0] > 0.1
+        assert {*throttles} == {throttles[0]}
+
+    def test_a_driver_sums_up_what_the_car_lacks(self) -> None:
+        throttles = [throttle for _, throttle in self.commands(load_policy("corners"), 60)]
+        assert throttles[-1] > throttles[0] + 0.05
+
+    def test_a_car_that_stands_does_not_stop_it_until_it_drives_itself(self) -> None:
+        policy = load_policy("corners")
+        policy.shadow(self.SHADOWED)
+        self.commands(policy, 160)
+        assert not policy.active_states[0].startswith("stopped")
+        policy.shadow(~self.SHADOWED)
+        self.commands(policy, 160)
+        assert policy.active_states[0].startswith("stopped: told to drive for 1.2 s")
+        policy.shadow(self.SHADOWED)
+        assert not policy.active_states[0].startswith("stopped")
+
+    def test_it_drives_after_a_reset_and_shadows_on_in_a_new_episode(self) -> None:
+        policy = load_policy("corners")
+        policy.shadow(self.SHADOWED)
+        policy.reset_rows(np.array([True]))
+        self.commands(policy, 160)
+        assert not policy.active_states[0].startswith("stopped")
+        policy.reset()
+        self.commands(policy, 160)
+        assert policy.active_states[0].startswith("stopped")
+
+    def test_a_sensor_that_is_silent_stops_it(self) -> None:
+        policy = load_policy("corners")
+        policy.shadow(self.SHADOWED)
+        for _ in range(60):
+            policy.act(observation(1, ultrasonic_front_age=5.0))
+        assert "silent" in policy.active_states[0]
+
+    def test_rows_that_are_none_are_refused(self) -> None:
+        with pytest.raises(
+            MachineError, match=r"rows to shadow: got bool of shape \(2,\), expected bool of shape \(1,\)"
+        ):
+            load_policy("wall").shadow(np.array([True, False]))

@@ -7,8 +7,8 @@ import pytest
 from courses import blind
 
 from tral_env.errors import ConfigError
+from tral_fsm.evaluation.folder import LOCK, held
 from tral_fsm.tuning import Settings, Task, Tuned, tune
-from tral_fsm.tuning.folder import LOCK, held
 
 SETTINGS = Settings(budget=4, population=4, report_seeds=(), finalists=1, final_seeds=1)
 TASK = Task(scenarios=("straight",), seeds=(0,))

@@ -114,6 +114,8 @@ def train(request: TrainRequest, folder: Path, settings: Path | None, *, resume:
     if run.curve.points:
         from tral_fsm.report.learning import learning_curve
 
+        if run.aside is not None:
+            bar.note(f"{folder} held an earlier training: its files are now in {run.aside}.")
         title = f"{request.algo}, {', '.join(request.scenarios)}, {request.randomization}"
         write_figure(folder / PICTURE, learning_curve(run.curve.points, title), 120)
     return run

@@ -208,7 +208,8 @@ def files_of(path: Path) -> list[Path]:
     folder = str(path.resolve().parent)
     finder = ModuleFinder(path=[folder])
     finder.run_script(str(path.resolve()))
-    return sorted({Path(one.__file__) for one in finder.modules.values() if one.__file__})
+    found = (getattr(one, "__file__", None) for one in finder.modules.values())
+    return sorted({Path(file) for file in found if file})
 
 
 class _Neighbours:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from importlib import resources
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_type_hints
 
-import yaml
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
+from tral_env import yaml_text
 from tral_env.errors import ConfigError, nearest
+from tral_env.learned import MAX_LAYERS
 from tral_env.learner import LearnerConfig
 from tral_fsm.evaluation.choices import check_families
 from tral_fsm.evaluation.suites import SPLITS
@@ -18,10 +22,14 @@ from tral_fsm.evaluation.suites import SPLITS
 Settings = TypeVar("Settings")
 
 ALGORITHMS = ("teacher", "ppo", "sac", "residual")
-TRAINING_SEED = SPLITS["train"].start
-"""Training begins at this seed and draws on from there."""
+TRAINING_SEEDS = SPLITS["train"]
+"""Courses of trainings."""
 VALIDATION_SEEDS = SPLITS["validation"]
 """Courses on which the best network is chosen. Courses of 5000 and up are for tests and never seen here."""
+MAX_UNITS = 1024
+"""A layer of a network that is trained has so many units at most. Source: choice."""
+MAX_CARS = 4096
+"""A training drives so many cars at most."""
 WITHOUT_DETECTIONS = frozenset({"straight", "doors", "corners", "loop", "lane_change", "obstacles"})
 """Families without gates and turn signs."""
 
@@ -37,7 +45,7 @@ class TrainRequest:
     steps: int | None = None
     """Decisions of all cars together; None: `minutes` limit it."""
     seed: int = 0
-    """Seed of the network and of the draws. Training with seed s begins at course `TRAINING_SEED` + 1000 s."""
+    """Seed of the network and of the draws."""
     randomization: str = "default"
     machine: str | None = None
     """Teacher, or machine that is corrected; None: the packaged machine of the family."""
@@ -52,9 +60,14 @@ class TrainRequest:
         check_families(self.scenarios)
         if (self.minutes is None) == (self.steps is None):
             raise ConfigError("got both --minutes and --steps, or none: expected one of them")
-        for name, value in (("minutes", self.minutes), ("steps", self.steps)):
-            if value is not None and not value > 0:
-                raise ConfigError(f"--{name} {value}: expected more than 0")
+        if self.minutes is not None and not (_is_number(self.minutes) and self.minutes > 0):
+            raise ConfigError(f"--minutes {self.minutes!r}: expected a finite number above 0")
+        for name, lowest in (("steps", 1), ("seed", 0), ("validation", 1), ("nthread", 1)):
+            value = getattr(self, name)
+            if name == "steps" and value is None:
+                continue
+            if type(value) is not int or value < lowest:
+                raise ConfigError(f"--{name} {value!r}: expected a whole number, {lowest} or more")
         if not len(self.scenarios) <= self.validation <= len(VALIDATION_SEEDS) * len(self.scenarios):
             raise ConfigError(
                 f"{self.validation} episodes of a validation: expected {len(self.scenarios)} to "
@@ -66,10 +79,14 @@ class TrainRequest:
         """The families as the environments take them."""
         return self.scenarios[0] if len(self.scenarios) == 1 else self.scenarios
 
-    @property
-    def first_seed(self) -> int:
-        """Seed of the first course of the training."""
-        return TRAINING_SEED + 1000 * self.seed
+    def first_seed(self, begun: int = 0) -> int:
+        """Seed of the first course; row i begins with this seed + i.
+
+        Args:
+            begun: how far an earlier training was that this one goes on with: it gets other courses.
+        """
+        drawn = int(np.random.SeedSequence((self.seed, begun)).generate_state(1)[0])
+        return TRAINING_SEEDS.start + drawn % (len(TRAINING_SEEDS) - MAX_CARS)
 
     @property
     def machine_name(self) -> str:
@@ -113,20 +130,33 @@ def read_settings(kind: type[Settings], algo: str, path: Path | None = None) -> 
     Raises:
         ConfigError: the file cannot be read, or has a name or a value that is not allowed.
     """
-    values = yaml.safe_load(settings_text(algo))
-    if path is not None:
-        values |= _own(path)
+    values = _mapping(settings_text(algo), f"{algo}.yaml")
+    for name, value in (_own(path) if path is not None else {}).items():
+        packaged = values.get(name)
+        values[name] = packaged | value if isinstance(packaged, dict) and isinstance(value, dict) else value
     return settings_of(kind, values, str(path or f"{algo}.yaml"))
 
 
 def _own(path: Path) -> dict[str, Any]:
     try:
-        own = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, yaml.YAMLError, UnicodeDecodeError) as error:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}") from error
-    if not isinstance(own, dict):
-        raise ConfigError(f"{path}: expected names and values, such as learning_rate: 0.001")
-    return own
+    return _mapping(text, str(path))
+
+
+def _mapping(text: str, source: str) -> dict[str, Any]:
+    found = yaml_text.documents(text, source, ConfigError)
+    if len(found) != 1 or not isinstance(found[0], dict):
+        raise ConfigError(f"{source}: expected names and values, such as learning_rate: 0.001")
+    return dict(_plain(found[0]))
+
+
+def _plain(value: Any) -> Any:
+    """Values of YAML without their lines; 1e-3, which YAML 1.1 reads as text, is a number."""
+    if isinstance(value, dict):
+        return {name: _plain(each) for name, each in value.items()}
+    return [_plain(each) for each in value] if isinstance(value, list) else yaml_text.number(value)
 
 
 def settings_of(kind: type[Settings], values: Mapping[str, Any], source: str) -> Settings:
@@ -142,18 +172,28 @@ def settings_of(kind: type[Settings], values: Mapping[str, Any], source: str) ->
     missing = [name for name in places if name not in values]
     if missing:
         raise ConfigError(f"{source}: {', '.join(missing)} missing")
+    hints = get_type_hints(kind)
     try:
-        return kind(**{name: _value(name, value) for name, value in values.items()})
+        return kind(**{name: _value(name, hints[name], value) for name, value in values.items()})
     except (TypeError, ValueError) as error:
         raise ConfigError(f"{source}: {error}") from error
 
 
-def _value(name: str, value: Any) -> Any:
-    if name == "learner":
+def _value(name: str, hint: Any, value: Any) -> Any:
+    if hint is LearnerConfig:
         if not isinstance(value, Mapping):
             raise ConfigError(f"learner = {value!r}: expected names and values of a LearnerConfig")
         return LearnerConfig.of(value)
-    return tuple(value) if isinstance(value, list) else value
+    try:
+        return TypeAdapter(hint).validate_python(tuple(value) if isinstance(value, list) else value, strict=True)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        place = "".join(f"[{part}]" for part in problem["loc"])
+        raise ConfigError(f"{name}{place} = {problem['input']!r}: {problem['msg']}") from error
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def positive(settings: Any, *names: str, below: float = float("inf")) -> None:
@@ -164,14 +204,24 @@ def positive(settings: Any, *names: str, below: float = float("inf")) -> None:
     """
     for name in names:
         value = getattr(settings, name)
-        if not isinstance(value, int | float) or isinstance(value, bool) or not 0 < value < below:
+        if not _is_number(value) or not 0 < value < below:
             raise ConfigError(
                 f"{name} = {value!r}: expected a number above 0" + (f", below {below:g}" if below < 1e9 else "")
             )
 
 
+def check_size(cars: int, layers: tuple[int, ...]) -> None:
+    """Refuse more cars than a training drives, and layers that a policy file cannot hold.
+
+    Raises:
+        ConfigError: there are too many, or a layer has no units.
+    """
+    if not 1 <= cars <= MAX_CARS:
+        raise ConfigError(f"cars = {cars}: expected 1 to {MAX_CARS}")
+    if len(layers) >= MAX_LAYERS or not all(1 <= units <= MAX_UNITS for units in layers):
+        raise ConfigError(f"layers = {list(layers)}: expected at most {MAX_LAYERS - 1}, of 1 to {MAX_UNITS} units each")
+
+
 def sees_detections(learner: LearnerConfig, scenarios: tuple[str, ...]) -> LearnerConfig:
     """The learner without gates and signs if none of the families has any."""
-    from dataclasses import replace
-
     return replace(learner, detections=learner.detections and not set(scenarios) <= WITHOUT_DETECTIONS)

@@ -16,7 +16,7 @@ from tral_env.errors import ConfigError, MissingExtraError
 from tral_env.learned import Correction
 from tral_env.learner import LearnerConfig
 from tral_fsm.formats import library, tral_json
-from tral_fsm.learning.choices import positive, read_settings, sees_detections
+from tral_fsm.learning.choices import check_size, read_settings, sees_detections
 from tral_fsm.learning.export import network_of
 from tral_fsm.learning.networks import ACTIVATIONS, torch
 from tral_fsm.learning.run import TrainingRun
@@ -51,7 +51,7 @@ class ReinforcementSettings:
     algorithm: Mapping[str, Any]
 
     def __post_init__(self) -> None:
-        positive(self, "cars")
+        check_size(self.cars, self.layers)
         as_config(TaskConfig, self.task)
         if self.activation not in ACTIVATIONS:
             raise ConfigError(f"activation = {self.activation!r}: expected one of {', '.join(ACTIVATIONS)}")
@@ -90,16 +90,18 @@ def train(run: TrainingRun) -> None:
     if state is not None:
         _load(model, state)
     # A resumed training goes on with courses of its own, not with those that it began with.
-    venv.seed(run.request.first_seed + len(run.curve.points))
-    model.learn(_FOREVER, callback=_Callback(run, _machine_text(run)), log_interval=None)
-    venv.close()
+    venv.seed(run.request.first_seed(len(run.curve.points)))
+    try:
+        model.learn(_FOREVER, callback=_Callback(run, _machine_text(run)), log_interval=None)
+    finally:
+        venv.close()
 
 
 def _cars(run: TrainingRun) -> VecEnv:
     request, settings = run.request, run.settings
     venv = make_vec_env(
         settings.cars,
-        seed=request.first_seed,
+        seed=request.first_seed(),
         nthread=request.nthread,
         scenario=request.scenario,
         randomization=request.randomization,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import io
 import json
 import time
@@ -15,14 +17,17 @@ from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 from tral_env.learned import Network
 from tral_fsm.evaluation.files import prepare_folder, write_json
+from tral_fsm.evaluation.folder import held, set_aside
 from tral_fsm.evaluation.host import host
 from tral_fsm.evaluation.seeds import stretches
-from tral_fsm.learning.choices import VALIDATION_SEEDS, TrainRequest
+from tral_fsm.formats import library, tral_json
+from tral_fsm.learning.choices import TRAINING_SEEDS, VALIDATION_SEEDS, TrainRequest
 from tral_fsm.learning.networks import torch
 from tral_fsm.learning.validation import Score, Validation
 from tral_fsm.policies.corrected import policy_of
 
 REQUEST, CURVE, PICTURE, CHECKPOINT = "train.json", "curve.json", "curve.png", "checkpoint.pt"
+_FILES = (REQUEST, CURVE, PICTURE, CHECKPOINT, policy_file.JSON_NAME, policy_file.WEIGHTS_NAME)
 MIN_PAUSE_S = 20.0
 """Time between two validations, s, at the least."""
 PAUSES = 6.0
@@ -73,7 +78,7 @@ class TrainingRun:
         resume: bool = False,
         on_progress: Callable[[Progress], None] | None = None,
     ) -> None:
-        """Open the folder.
+        """Check all that is asked for; the files of an earlier training stay until the first validation.
 
         Args:
             request: what is asked for.
@@ -83,16 +88,19 @@ class TrainingRun:
             on_progress: called a few times a second.
 
         Raises:
-            ConfigError: the folder cannot be written, or has no training that this one can go on with.
+            ConfigError: the folder cannot be written, or has no training that this one can go on with, or a value is
+                not allowed.
+            MachineError: there is no such machine, or it cannot run.
         """
         self.request, self.settings, self.folder = request, settings, folder
         self._on_progress, self._resumed = on_progress, resume
         prepare_folder(folder)
-        asked = {"request": request.record(), "settings": _plain(asdict(settings))}
-        points = _resumed(folder, asked) if resume else []
-        if not resume:
-            _forget(folder)
-        write_json(folder / REQUEST, asked | {"host": host()})
+        self._asked = {"request": request.record(), "settings": _plain(asdict(settings)), "machine": _machine(request)}
+        points, self._state = _resumed(folder, self._asked) if resume else ([], None)
+        self._opened = False
+        self._held = contextlib.ExitStack()
+        self.aside: Path | None = None
+        """Folder of the files of an earlier training, which were set aside; None: there were none."""
         self.curve = Curve(points)
         self.best: Score | None = _best(points)
         self.steps = self.curve.steps
@@ -103,31 +111,37 @@ class TrainingRun:
         self.validation = Validation(request.scenarios, self._seeds, request.randomization, request.nthread)
 
     def __enter__(self) -> TrainingRun:
+        try:
+            self._held.enter_context(held(self.folder, "training"))
+        except ConfigError:
+            self.validation.close()
+            raise
         self._began = time.monotonic()
         return self
 
     def __exit__(self, *_: object) -> None:
         self.validation.close()
+        self._held.close()
+
+    def _open(self) -> None:
+        """Begin to write: set the files of an earlier training aside, unless this one goes on with it."""
+        if self._opened:
+            return
+        self._opened = True
+        if not self._resumed:
+            self.aside = set_aside(self.folder, _FILES)
+        write_json(self.folder / REQUEST, self._asked | {"host": host()})
 
     def keep(self, state: Mapping[str, Any]) -> None:
         """Write what the algorithm needs to go on: tensors, numbers, and mappings and lists of them."""
+        self._open()
         content = io.BytesIO()
-        torch.save(dict(state), content)
+        torch.save({"points": len(self.curve.points), "state": dict(state)}, content)
         write_bytes(self.folder / CHECKPOINT, content.getvalue())
 
     def kept(self) -> dict[str, Any] | None:
-        """What `keep` wrote, if this training goes on with an earlier one; else None.
-
-        Raises:
-            ConfigError: the file is damaged.
-        """
-        if not self._resumed:
-            return None
-        try:
-            state: dict[str, Any] = torch.load(self.folder / CHECKPOINT, weights_only=True)  # runs no code
-        except Exception as error:
-            raise ConfigError(f"--resume: {self.folder / CHECKPOINT} is damaged: {error}") from error
-        return state
+        """What `keep` wrote, if this training goes on with an earlier one; else None."""
+        return self._state
 
     @property
     def seconds(self) -> float:
@@ -166,6 +180,7 @@ class TrainingRun:
             network: the network.
             figures: what the training tells of itself: success, episodes, loss.
         """
+        self._open()
         began = time.monotonic()
         score = self.validation.score(policy_of(network))
         self._cost_s = time.monotonic() - began
@@ -183,7 +198,7 @@ class TrainingRun:
             **network.provenance,
             "request": self.request.record(),
             "settings": _plain(asdict(self.settings)),
-            "training_seeds": f"{self.request.first_seed} and what is drawn after it",
+            "training_seeds": f"{TRAINING_SEEDS.start} and up",
             "validation": score.record(),
             "validation_seeds": stretches(self._seeds),
             "seconds": round(self.seconds, 1),
@@ -207,33 +222,41 @@ def _best(points: list[dict[str, Any]]) -> Score | None:
     return best
 
 
-def _forget(folder: Path) -> None:
-    """Remove the files of an older training, so that two do not mix."""
-    for name in (REQUEST, CURVE, PICTURE, CHECKPOINT, policy_file.JSON_NAME, policy_file.WEIGHTS_NAME):
-        (folder / name).unlink(missing_ok=True)
+def _machine(request: TrainRequest) -> dict[str, str | None]:
+    """Digest of the machine that teaches or is corrected."""
+    if request.algo not in ("teacher", "residual"):
+        return {"sha256": None}
+    text = tral_json.dumps(library.load(request.machine_name))
+    return {"sha256": hashlib.sha256(text.encode()).hexdigest()}
 
 
 _MAY_CHANGE = ("minutes", "steps", "nthread")
 """What of a request may differ from that of the training that is gone on with."""
 
 
-def _resumed(folder: Path, asked: dict[str, Any]) -> list[dict[str, Any]]:
-    """The curve of the training in a folder, if it is the one that is asked for."""
+def _resumed(folder: Path, asked: dict[str, Any]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Curve and state of the training in a folder, if it is the one that is asked for."""
     if not (folder / CHECKPOINT).is_file():
         raise ConfigError(f"--resume: {folder} has no {CHECKPOINT}: leave --resume out to begin one there")
     try:
         old = json.loads((folder / REQUEST).read_text(encoding="utf-8"))
         points = json.loads((folder / CURVE).read_text(encoding="utf-8"))
-        for part in ("request", "settings"):
-            for name, value in asked[part].items():
+        for part, values in asked.items():
+            for name, value in values.items():
                 if name not in _MAY_CHANGE and old[part][name] != value:
                     raise ConfigError(
-                        f"--resume: {folder} was trained with {name} = {old[part][name]!r}, got {value!r}: "
-                        "give the same, or another --out"
+                        f"--resume: {folder} was trained with {_told(part, name)} = {old[part][name]!r}, "
+                        f"got {value!r}: give the same, or another --out"
                     )
         _best(points)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        if isinstance(error, ConfigError):
-            raise
+        kept = torch.load(folder / CHECKPOINT, weights_only=True)  # runs no code
+        # A training that was killed between the two files has a point of which the checkpoint knows nothing.
+        return list(points)[: kept["points"]], dict(kept["state"])
+    except ConfigError:
+        raise
+    except Exception as error:  # whatever a damaged file brings about in torch
         raise ConfigError(f"--resume: the files in {folder} are damaged: {error!r}") from error
-    return list(points)
+
+
+def _told(part: str, name: str) -> str:
+    return f"a machine with {name}" if part == "machine" else name

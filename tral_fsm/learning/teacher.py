@@ -17,13 +17,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.errors import ConfigError
 from tral_env.interface import CORE_LAYOUT, STEERING, THROTTLE
 from tral_env.learned import Network
 from tral_env.learner import Actuation, LearnerConfig, LearnerView, inverse
 from tral_env.speed_control import SPEED_PER_THROTTLE, THROTTLE_DEAD
 from tral_env.vector_env import TralCorridorVectorEnv
-from tral_fsm.learning.choices import positive, read_settings, sees_detections
-from tral_fsm.learning.networks import as_network, nn, perceptron, torch
+from tral_fsm.learning.choices import check_size, positive, read_settings, sees_detections
+from tral_fsm.learning.networks import ACTIVATIONS, as_network, nn, perceptron, torch
 from tral_fsm.learning.run import TrainingRun
 from tral_fsm.learning.validation import StuckWatch
 from tral_fsm.policies import load_machine_policy
@@ -34,8 +35,8 @@ Values = NDArray[np.float32]
 _SPEED = CORE_LAYOUT.column("speed")
 RECENT = 200
 """Success in the training is that of so many episodes."""
-RESUMED_ROUNDS = 10
-"""A training that goes on gathers the decisions of so many rounds before it learns."""
+KEPT_ROUNDS = 10
+"""A checkpoint holds the decisions of so many rounds, 27 MB with the packaged settings; all of them would be 500 MB."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +59,10 @@ class TeacherSettings:
     stuck_s: float
 
     def __post_init__(self) -> None:
-        positive(self, "cars", "learning_rate", "batch", "samples", "round_decisions", "round_updates", "huber")
+        check_size(self.cars, self.layers)
+        if self.activation not in ACTIVATIONS:
+            raise ConfigError(f"activation = {self.activation!r}: expected one of {', '.join(ACTIVATIONS)}")
+        positive(self, "learning_rate", "batch", "samples", "round_decisions", "round_updates", "huber")
         positive(self, "steering_weight", "stuck_s", "teacher_rounds")
         positive(self, "average", below=1.0)
 
@@ -83,6 +87,12 @@ class Samples:
         self._inputs[at], self._answers[at] = inputs, answers
         self.total += len(inputs)
 
+    def newest(self, count: int) -> dict[str, torch.Tensor]:
+        """The newest decisions, at most `count`, the oldest first."""
+        count = min(count, self.total, len(self._inputs))
+        at = (self.total - count + np.arange(count)) % len(self._inputs)
+        return {"inputs": torch.from_numpy(self._inputs[at]), "answers": torch.from_numpy(self._answers[at])}
+
     def window(self, reserve: int) -> tuple[int, int]:
         """First and number of the decisions that stay while `reserve` more are added."""
         first = max(self.total + reserve - len(self._inputs), 0)
@@ -104,7 +114,7 @@ class Student:
         self._net, self._mean = (perceptron(sizes, settings.activation) for _ in range(2))
         self._mean.load_state_dict(self._net.state_dict())
         self._optimizer = torch.optim.Adam(self._net.parameters(), settings.learning_rate)
-        self._rng = np.random.default_rng(seed)
+        self._seed, self._rng = seed, np.random.default_rng(seed)
         self._updates = 0
         weights = torch.tensor([settings.steering_weight, 1.0])
         self._weights = 2 * weights / weights.sum()
@@ -162,6 +172,7 @@ class Student:
         self._mean.load_state_dict(state["mean"])
         self._optimizer.load_state_dict(state["optimizer"])
         self._updates = state["updates"]
+        self._rng = np.random.default_rng((self._seed, self._updates))
 
 
 class Lessons:
@@ -203,6 +214,8 @@ class Lessons:
             taught_share: probability of each car.
         """
         self._taught = self._rng.random(len(self._taught)) < taught_share
+        self._machine.shadow(~self._taught)
+        self._actuation.reset(self._taught)
 
     def tick(self, network: Network, samples: Samples) -> int:
         """Drive for a tick; gives the number of decisions."""
@@ -214,7 +227,7 @@ class Lessons:
             self._wanted[due] = self._actuation.wanted(network.actions(inputs))
             knows = self._knows()[due]
             samples.add(inputs[knows], self._answers(told)[due][knows])
-        driven = self._actuation.command(self._wanted, observation[:, _SPEED])
+        driven = self._actuation.command(self._wanted, observation[:, _SPEED], ~self._taught)
         self._helped |= self._taught
         command = np.where(self._taught[:, None], told, driven)
         self._observation, _, terminated, truncated, info = self._env.step(command)
@@ -264,7 +277,8 @@ def train(run: TrainingRun) -> None:
     request, settings = run.request, run.settings
     torch.set_num_threads(1)
     student = Student(settings, request.machine_name, request.seed)
-    done = _resume(run, student)
+    samples = Samples(settings.samples, LearnerView(settings.learner, 1).size)
+    done = _resume(run, student, samples)
     env = TralCorridorVectorEnv(
         settings.cars,
         autoreset_mode="Disabled",
@@ -272,11 +286,12 @@ def train(run: TrainingRun) -> None:
         scenario=request.scenario,
         randomization=request.randomization,
     )
-    lessons = Lessons(env, load_machine_policy(request.machine_name), settings, request.first_seed + done)
-    samples = Samples(settings.samples, LearnerView(settings.learner, 1).size)
-    with ThreadPoolExecutor(1) as thread:
-        _rounds(run, student, lessons, samples, thread, done)
-    env.close()
+    lessons = Lessons(env, load_machine_policy(request.machine_name), settings, request.first_seed(done))
+    try:
+        with ThreadPoolExecutor(1) as thread:
+            _rounds(run, student, lessons, samples, thread, done)
+    finally:
+        env.close()
 
 
 def _rounds(
@@ -288,42 +303,50 @@ def _rounds(
     ticks = settings.round_decisions * settings.learner.decision_ticks
     network, loss = student.network(), math.nan
     pending: Future[float] | None = None
-    # A resumed training has no decisions yet: it gathers some before it learns on.
-    enough = RESUMED_ROUNDS * reserve if done else 1
     while not run.is_over:
         lessons.begin_round(max(1.0 - done / settings.teacher_rounds, 0.0))
         for tick in range(ticks):
             run.steps += lessons.tick(network, samples)
             if tick % 40 == 0:
                 run.tell(lessons.success)
+                if run.is_over:
+                    break
         if pending is not None:
             loss, pending = pending.result(), None
             network = student.network()
         done += 1
         if run.is_validation_due or run.is_over:
-            _validate(run, student, network, lessons, loss, done)
-        if samples.total >= enough:
+            _validate(run, network, lessons, loss)
+            run.keep(student.state() | {"rounds": done, "samples": samples.newest(KEPT_ROUNDS * reserve)})
+        if samples.total:
             window = samples.window(2 * reserve)
             pending = thread.submit(student.learn, samples, window, settings.round_updates, run.share)
     if pending is not None:
         pending.result()
 
 
-def _validate(run: TrainingRun, student: Student, network: Network, lessons: Lessons, loss: float, rounds: int) -> None:
-    """Drive the validation, and write what a later training needs to go on."""
+def _validate(run: TrainingRun, network: Network, lessons: Lessons, loss: float) -> None:
+    """Drive the validation."""
     figures = {
         "success": lessons.success,
         "episodes": lessons.episodes,
         "loss": None if math.isnan(loss) else round(loss, 6),
     }
     run.validate(network, figures)
-    run.keep(student.state() | {"rounds": rounds})
 
 
-def _resume(run: TrainingRun, student: Student) -> int:
-    """Go on from the checkpoint, if the run does; gives the number of rounds that were done."""
+def _resume(run: TrainingRun, student: Student, samples: Samples) -> int:
+    """Go on from the checkpoint, if the run does; gives the number of rounds that were done.
+
+    Raises:
+        ConfigError: the checkpoint is not one of this training.
+    """
     state = run.kept()
     if state is None:
         return 0
-    student.load(state)
-    return int(state["rounds"])
+    try:
+        student.load(state)
+        samples.add(state["samples"]["inputs"].numpy(), state["samples"]["answers"].numpy())
+        return int(state["rounds"])
+    except (KeyError, RuntimeError, ValueError, TypeError, AttributeError) as error:
+        raise ConfigError(f"--resume: the checkpoint does not fit: {error}") from error

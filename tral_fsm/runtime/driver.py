@@ -41,6 +41,7 @@ class Driver:
         load = load or packaged.load
         self.machine = Machine(definition, trace, load=load, checked=checked)
         self.watch = Watch(needed_readings(definition, load))
+        self._shadows = False
         self.reset()
 
     def reset(self) -> None:
@@ -54,7 +55,18 @@ class Driver:
         self.command = IDLE
         """What the car was told last: the machine's answer, or that of the watch since it stopped the car."""
         self._throttle = 0.0
+        """Throttle that the car was told by this driver; 0 while another one drives."""
         self._direction = 1.0
+
+    def shadow(self, shadows: bool) -> None:
+        """Leave the car to another one from now on, or drive it again.
+
+        The car does not obey a driver that shadows. So each of its answers is what the machine would do from its
+        estimate here and now: the speed regulator sums nothing up, and the watch does not ask whether the car moves.
+        """
+        if shadows != self._shadows:
+            self._shadows = shadows
+            self.watch.reset()
 
     def act(self, row: Sequence[float]) -> tuple[float, float]:
         """One tick.
@@ -75,7 +87,11 @@ class Driver:
         if command.steering_trim is None:
             command = command._replace(steering_trim=before.steering_trim)
         self.command = command
-        self._throttle = throttle = self.speed_controller.throttle(command, estimate.speed)
+        throttle = self.speed_controller.throttle(command, estimate.speed)
+        self._throttle = throttle
+        if self._shadows:
+            self._throttle = 0.0
+            self.speed_controller = SpeedController()
         return self._steering(command), throttle
 
     def _steering(self, command: Command) -> float:

@@ -55,6 +55,7 @@ class MachinePolicy:
         else:
             for driver in self._drivers:
                 driver.reset()
+                driver.shadow(False)
         self._driving = False
         """The cars have been driven since then."""
 
@@ -64,13 +65,30 @@ class MachinePolicy:
         Raises:
             MachineError: `rows` is not one truth value for each car.
         """
-        if np.shape(rows) != (len(self._drivers),) or np.asarray(rows).dtype != np.bool_:
-            raise MachineError(
-                f"rows to reset: got {np.asarray(rows).dtype} of shape {np.shape(rows)}, "
-                f"expected bool of shape ({len(self._drivers)},)"
-            )
+        self._check_rows(rows, "to reset")
         for row in np.flatnonzero(rows):
             self._drivers[row].reset()
+
+    def shadow(self, rows: NDArray[np.bool_]) -> None:
+        """Leave the cars where `rows` (n,) is true to another policy from now on, and drive the others.
+
+        The commands for a car that is shadowed are what its machine would do from its estimate here and now: they do
+        not depend on earlier commands, which the car did not obey. Its watch looks at the sensors alone, not at whether
+        the car moves. After `reset` all cars are driven; `reset_rows` changes nothing.
+
+        Raises:
+            MachineError: `rows` is not one truth value for each car.
+        """
+        self._check_rows(rows, "to shadow")
+        for driver, shadows in zip(self._drivers, np.asarray(rows).tolist(), strict=True):
+            driver.shadow(shadows)
+
+    def _check_rows(self, rows: NDArray[np.bool_], what: str) -> None:
+        if np.shape(rows) != (len(self._drivers),) or np.asarray(rows).dtype != np.bool_:
+            raise MachineError(
+                f"rows {what}: got {np.asarray(rows).dtype} of shape {np.shape(rows)}, "
+                f"expected bool of shape ({len(self._drivers)},)"
+            )
 
     def act(self, observation: NDArray[np.floating]) -> NDArray[np.float32]:
         """Run one tick of every machine.

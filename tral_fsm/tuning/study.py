@@ -16,11 +16,12 @@ import numpy as np
 from tral_env.checks import check_number
 from tral_env.errors import ConfigError, nearest
 from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.evaluation.folder import held
 from tral_fsm.evaluation.seeds import check_seeds, stretches
 from tral_fsm.formats import library, write
 from tral_fsm.tuning.choices import SAMPLERS, Sampler
 from tral_fsm.tuning.evaluator import Evaluator, OnStage, Racing, Scored, SeededCourse, StageName, Task
-from tral_fsm.tuning.folder import MACHINE, RESULTS, aside_said, held
+from tral_fsm.tuning.folder import MACHINE, RESULTS, aside_said
 from tral_fsm.tuning.found import Tuned, best_of, save
 from tral_fsm.tuning.holdout import compare
 from tral_fsm.tuning.journal import Journal

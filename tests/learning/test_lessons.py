@@ -1,0 +1,55 @@
+"""The machine shadows cars that a network drives, and takes them over."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+
+from tral_env.learned import Network
+from tral_env.learner import LearnerView
+from tral_env.vector_env import TralCorridorVectorEnv
+from tral_fsm import load_policy
+from tral_fsm.learning.teacher import Lessons, Samples, TeacherSettings, teacher_settings
+
+CARS = 2
+SETTINGS = replace(teacher_settings(("straight",)), stuck_s=60.0)
+INPUTS = LearnerView(SETTINGS.learner, 1).size
+
+
+def answering(settings: TeacherSettings, drive: float) -> Network:
+    """A network that always steers straight and drives so: -1 is a speed or a throttle of 0."""
+    layers = [(np.zeros((2, INPUTS), np.float32), np.float32([0.0, drive]))]
+    return Network(learner=settings.learner, layers=layers)
+
+
+@pytest.fixture
+def env() -> Iterator[TralCorridorVectorEnv]:
+    cars = TralCorridorVectorEnv(CARS, autoreset_mode="Disabled", scenario="straight", randomization="none")
+    yield cars
+    cars.close()
+
+
+@pytest.mark.parametrize("action", ["speed", "throttle"])
+def test_a_network_that_stands_gets_the_same_answer_at_each_decision(env: TralCorridorVectorEnv, action: str) -> None:
+    learner = replace(SETTINGS.learner, action=action, drive_range=(0.0, 1.0))
+    settings = replace(SETTINGS, learner=learner)
+    lessons, samples = Lessons(env, load_policy("wall"), settings, 0), Samples(1000, INPUTS)
+    lessons.begin_round(0.0)
+    decisions = sum(lessons.tick(answering(settings, -1.0), samples) for _ in range(160))
+    assert decisions == samples.total == CARS * 40
+    _, answers = samples.draw((8, samples.total - 8), 500, np.random.default_rng(0))
+    speeds = answers[:, 1].numpy()
+    assert speeds.min() > -1.0
+    assert speeds.max() - speeds.min() < 1e-6
+
+
+def test_the_machine_drives_a_car_off_where_a_network_let_it_stand(env: TralCorridorVectorEnv) -> None:
+    lessons, samples = Lessons(env, load_policy("wall"), SETTINGS, 0), Samples(1000, INPUTS)
+    for taught_share in (0.0, 1.0):
+        lessons.begin_round(taught_share)
+        for _ in range(160):
+            lessons.tick(answering(SETTINGS, -1.0), samples)
+    assert (env.world.info()["speed_mps"] > 0.3).all()
