@@ -167,9 +167,10 @@ def test_a_machine_does_not_drive_where_its_command_means_something_else(options
     env.close()
 
 
-def test_no_policy_drives_decisions_of_several_ticks_because_figures_are_of_ticks() -> None:
-    env = gym.make("tral_env:TralCorridor-v0", scenario="straight", decision_hz=20)
-    with pytest.raises(ConfigError, match="decision_hz=20, but the figures of a drive are measured 80 times a second"):
+@pytest.mark.parametrize("options", [{"decision_hz": 20}, {"observation": "features"}, {"history": 2}])
+def test_no_policy_drives_where_figures_and_trace_would_be_of_something_else(options: dict[str, Any]) -> None:
+    env = gym.make("tral_env:TralCorridor-v0", scenario="straight", **options)
+    with pytest.raises(ConfigError, match=f"made with {next(iter(options))}=.*, but a drive is measured and traced"):
         drive(env, Stateless(), seed=0)
     env.close()
 

@@ -68,13 +68,15 @@ def drive(
 
 
 def _require_ticks(env: gym.Env[Any, Any]) -> None:
-    """Refuse decisions of several ticks: the figures of an episode are measured in each tick."""
-    rate = getattr(env.unwrapped, "learner_options", {}).get("decision_hz")
-    if rate is not None:
-        raise ConfigError(
-            f"the environment was made with decision_hz={rate:g}, but the figures of a drive are measured "
-            f"{CONTROL_RATE_HZ:g} times a second: make it without, and let the policy hold its command"
-        )
+    """Refuse decisions of several ticks and other observations: figures are of ticks, traces and videos of readings."""
+    options = getattr(env.unwrapped, "learner_options", {})
+    for name in ("decision_hz", "observation", "history"):
+        if name in options:
+            raise ConfigError(
+                f"the environment was made with {name}={options[name]!r}, but a drive is measured and traced by the "
+                f"plain readings, {CONTROL_RATE_HZ:g} times a second: make it without, and let the policy hold its "
+                "command and make its features itself"
+            )
 
 
 _MEASURED = ("speed_mps", "lateral_offset_m", "clearance_left_m", "clearance_right_m")

@@ -49,7 +49,8 @@ def parse(text: str, problems: Problems) -> Any:
     try:
         value = json.loads(text, parse_constant=constant)
         for pointer in json_text.repeated_keys(text):
-            problems.complain(pointer, "is there twice in its object: delete one of them")
+            key = pointer.rpartition("/")[2]
+            problems.complain(pointer, f"got the key {key!r} twice in one object: delete one of them")
         return value
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
