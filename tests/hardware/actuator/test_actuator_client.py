@@ -164,7 +164,7 @@ def test_a_process_that_goes_on_trying_is_told_and_waited_for_again(
     monkeypatch.setattr(client, "_END_S", 0.1)
     actuator = ActuatorProcess(settings())
     process.board.failures = 10**9
-    with pytest.raises(HardwareError, match="could not end the pulses yet. Cut the power"):
+    with pytest.raises(HardwareError, match=r"could not end the pulses yet\. Cut the power"):
         actuator.close()
     process.board.failures = 0
     monkeypatch.setattr(client, "_END_S", 3.0)
@@ -215,7 +215,7 @@ def test_after_an_emergency_stop_only_an_explicit_arm_drives_on(process: type[Th
         actuator.resume()
         drive(actuator, 0.1)
         actuator.stop()
-        with pytest.raises(HardwareError, match="a stop was commanded. Only a reset arms it again"):
+        with pytest.raises(HardwareError, match=r"a stop was commanded\. Only a reset arms it again"):
             actuator.resume()
         assert actuator.arm() == "a stop was commanded"
         drive(actuator, 0.1)
