@@ -314,7 +314,7 @@ def test_what_is_no_bus_is_refused(bus):
 
 def test_sensors_that_were_opened_by_name_are_closed_where_a_group_is_refused(monkeypatch):
     stopped = []
-    monkeypatch.setattr(SonarArray, "stop", stopped.append)
+    monkeypatch.setattr(SonarArray, "stop", lambda array: stopped.append(array))
     with pytest.raises(ConfigError, match="do not provide battery"):
         car(sensors="srf08", bus=FakeSmbus({}), groups=("battery",))
     assert len(stopped) == 1

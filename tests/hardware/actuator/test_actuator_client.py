@@ -10,7 +10,7 @@ import threading
 import time
 from importlib.machinery import ModuleSpec
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 from rig import NEUTRAL, Clock, FakeBoard, settings
@@ -18,7 +18,7 @@ from rig import NEUTRAL, Clock, FakeBoard, settings
 from tral_env.errors import HardwareError, MissingExtraError
 from tral_env.hardware.actuator import client
 from tral_env.hardware.actuator.client import ActuatorProcess
-from tral_env.hardware.actuator.wire import ENDED, Reason
+from tral_env.hardware.actuator.wire import ENDED, Reason, Refusal, Reply, State, pack_reply
 from tral_env.hardware.actuator.worker import Worker
 
 
@@ -164,7 +164,7 @@ def test_a_process_that_goes_on_trying_is_told_and_waited_for_again(
     monkeypatch.setattr(client, "_END_S", 0.1)
     actuator = ActuatorProcess(settings())
     process.board.failures = 10**9
-    with pytest.raises(HardwareError, match="could not end the pulses yet. Cut the power"):
+    with pytest.raises(HardwareError, match=r"could not end the pulses yet\. Cut the power"):
         actuator.close()
     process.board.failures = 0
     monkeypatch.setattr(client, "_END_S", 3.0)
@@ -215,7 +215,7 @@ def test_after_an_emergency_stop_only_an_explicit_arm_drives_on(process: type[Th
         actuator.resume()
         drive(actuator, 0.1)
         actuator.stop()
-        with pytest.raises(HardwareError, match="a stop was commanded. Only a reset arms it again"):
+        with pytest.raises(HardwareError, match=r"a stop was commanded\. Only a reset arms it again"):
             actuator.resume()
         assert actuator.arm() == "a stop was commanded"
         drive(actuator, 0.1)
@@ -259,3 +259,66 @@ def test_an_error_at_the_start_is_told(process: type[Thread]) -> None:
     process.says = {"kind": "HardwareError", "error": "no answer at 0x40"}
     with pytest.raises(HardwareError, match="no answer at 0x40"):
         ActuatorProcess(settings())
+
+
+class Mute:
+    """A process that says some packets at its start, or nothing, and ends when told to."""
+
+    packets: tuple[bytes, ...] = ()
+    stays = True
+    last: ClassVar[Any]
+
+    def __init__(self, arguments: list[str], pass_fds: list[int], **_: Any) -> None:
+        self.end = socket.socket(fileno=socket.dup(pass_fds[0]))
+        Mute.last = self
+        for packet in self.packets:
+            self.end.send(packet)
+        if not self.stays:
+            self.end.close()
+
+    def wait(self, timeout: float) -> int:
+        self.end.close()
+        raise subprocess.TimeoutExpired("actuator", timeout)
+
+
+def test_a_process_that_does_not_begin_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client, "_START_S", 0.02)
+    monkeypatch.setattr(client.subprocess, "Popen", Mute)
+    with pytest.raises(HardwareError, match=r"did not begin within 0\.02 s"):
+        ActuatorProcess(settings())
+    monkeypatch.setattr(Mute, "stays", False)
+    with pytest.raises(HardwareError, match="ended before it began"):
+        ActuatorProcess(settings())
+
+
+def test_the_keepers_word_that_the_worker_died_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    died = Reply(State.LATCHED, Reason.WORKER, Refusal.NONE, 0, 0, 0.0, 0.0, *NEUTRAL, 0, 0, 0, 0)
+    monkeypatch.setattr(client.subprocess, "Popen", Mute)
+    monkeypatch.setattr(Mute, "packets", (b"{}", pack_reply(died), ENDED))
+    actuator = ActuatorProcess(settings())
+    with pytest.raises(HardwareError, match=r"is gone; its keeper ends the pulses: the worker died or stood still"):
+        actuator.arm()
+    actuator.close()
+    with pytest.raises(HardwareError, match="is gone"):
+        actuator.check()
+
+
+def test_the_last_word_counts_also_if_not_every_command_was_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client.subprocess, "Popen", Mute)
+    monkeypatch.setattr(Mute, "packets", (b"{}", ENDED))
+    actuator = ActuatorProcess(settings())
+    actuator.stop()
+    Mute.last.end.close()
+    actuator.close()
+
+
+def test_an_end_without_a_word_is_an_alarm_and_a_loss(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client.subprocess, "Popen", Mute)
+    monkeypatch.setattr(Mute, "packets", (b"{}",))
+    monkeypatch.setattr(Mute, "stays", False)
+    actuator = ActuatorProcess(settings())
+    assert (actuator.applied, actuator.pulses_us) == ((0.0, 0.0), NEUTRAL)
+    with pytest.raises(HardwareError, match=r"is gone; its keeper ends the pulses\. Open the car anew"):
+        actuator.check()
+    with pytest.raises(HardwareError, match="could not end the pulses yet"):
+        actuator.close()

@@ -350,7 +350,7 @@ def test_a_first_step_does_not_undo_an_emergency_stop_and_a_reset_says_that_it_d
 ) -> None:
     assert "armed_again_after" not in car.reset()[1]
     actuator.stop()
-    with pytest.raises(HardwareError, match="a stop was commanded. Only a reset arms it again"):
+    with pytest.raises(HardwareError, match=r"a stop was commanded\. Only a reset arms it again"):
         car.step(GO)
     assert {pulses for _, pulses in pulses_in(log)} <= {NEUTRAL, OFF}
     assert car.reset()[1]["armed_again_after"] == "a stop was commanded"
@@ -407,9 +407,11 @@ def test_the_board_is_driven_by_the_process_by_default(monkeypatch: pytest.Monke
             with pytest.raises(HardwareError, match="no car here"):
                 TralCarEnv(output="pca9685", bus=bus, sensors=sensors, calibration=MEASURED)
             assert (wanted[-1].driver, wanted[-1].bus, wanted[-1].limits.evidence_s) == ("pca9685", told, evidence_s)
-    with pytest.warns(UserWarning, match="'tt01' does not say that the board's clock was measured"):
-        with pytest.raises(HardwareError, match="no car here"):
-            TralCarEnv(output="pca9685")
+    with (
+        pytest.warns(UserWarning, match="'tt01' does not say that the board's clock was measured"),
+        pytest.raises(HardwareError, match="no car here"),
+    ):
+        TralCarEnv(output="pca9685")
 
 
 MEASURED = load_calibration("tt01").model_copy(update={"clock_measured": True})

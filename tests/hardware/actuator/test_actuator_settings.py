@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -71,3 +72,13 @@ def test_settings_that_cannot_be_are_refused(changes: dict[str, Any], told: str)
 def test_a_driver_that_does_not_exist_is_refused() -> None:
     with pytest.raises(ConfigError, match=f"unknown driver 'relay', expected {', '.join(DRIVERS)}"):
         open_driver(Settings(**{**vars(SETTINGS), "driver": "relay"}))
+
+
+def test_the_driver_log_writes_pulses_within_the_limits(tmp_path: Path) -> None:
+    driver = open_driver(replace(SETTINGS, bus=str(tmp_path / "log")))
+    driver.start()
+    driver.set_pulses(0.0, 9999.0)
+    driver.off()
+    assert driver.check() == ""
+    rows = [line.split()[1:] for line in (tmp_path / "log").read_text().splitlines()]
+    assert rows == [["1530", "1500"], ["1240", "1900"], ["0", "0"]]

@@ -199,6 +199,8 @@ class ActuatorProcess(Physical):
         try:
             self._socket.settimeout(seconds)
             packet = self._socket.recv(MAX_PACKET)
+        except ConnectionResetError:  # it ended without reading all; its last word may still wait
+            return True
         except OSError:
             return False
         if not packet:

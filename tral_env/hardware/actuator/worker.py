@@ -71,11 +71,14 @@ class Worker:
         """
         signal.signal(signal.SIGTERM, self.end)
         poll = select.poll()
-        for each in (self._commands, self._keeper, *(() if self._policy is None else (self._policy,))):
+        sources: list[socket.socket | int] = [self._commands, self._keeper]
+        if self._policy is not None:
+            sources.append(self._policy)
+        for each in sources:
             poll.register(each, select.POLLIN)
         while not self.guard.is_over:
             ready = dict(poll.poll(TICK_S * 1000))
-            if self._policy in ready:
+            if self._policy is not None and self._policy in ready:
                 poll.unregister(self._policy)
                 self.guard.fail(Reason.LOST, self._clock_ns())
             for lost in self.turn(self._commands.fileno() in ready, self._keeper.fileno() in ready):
