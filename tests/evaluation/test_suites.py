@@ -8,7 +8,7 @@ import pytest
 
 from tral_env.course.generate import SCENARIOS
 from tral_env.errors import ConfigError
-from tral_fsm.evaluation.suites import SPLITS, SUITES, split_of, suite
+from tral_fsm.evaluation.suites import SPLITS, SUITES, require_no_test_seeds, split_of, suite
 
 
 def test_no_seed_belongs_to_two_splits() -> None:
@@ -55,3 +55,9 @@ def test_a_suite_never_grows_into_other_splits() -> None:
 def test_an_unknown_suite_is_refused() -> None:
     with pytest.raises(ConfigError, match="unknown suite 'standart': did you mean 'standard'"):
         suite("standart")
+
+
+def test_nothing_is_prepared_on_test_courses() -> None:
+    require_no_test_seeds([0, 7, 650, 4999, 100_000], "--seeds")
+    with pytest.raises(ConfigError, match="--seeds: 5000 is a seed of the test courses"):
+        require_no_test_seeds(range(4990, 5010), "--seeds")

@@ -79,15 +79,19 @@ def task_of(scenario: str, course: Path | None, seeds: str, randomization: Rando
     """The drives of each candidate.
 
     Raises:
-        ConfigError: an option cannot be driven.
+        ConfigError: an option cannot be driven, or the seeds are those of test courses.
         CourseError: the course file is none.
     """
     from tral_env.options import as_course
+    from tral_fsm.evaluation.suites import require_no_test_seeds
     from tral_fsm.tuning import Task
 
+    parsed = tuple(parse_seeds(seeds))
+    if course is None:
+        require_no_test_seeds(parsed, "--seeds")
     return Task(
         scenarios=(course.stem,) if course is not None else tuple(families(scenario)),
-        seeds=tuple(parse_seeds(seeds)),
+        seeds=parsed,
         randomization=randomization,
         camera=camera,
         course=as_course(course),

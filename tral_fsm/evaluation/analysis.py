@@ -122,8 +122,9 @@ def _mean(matrices: Array) -> Array:
 
 def _ratio(of: Array, to: Array) -> Array:
     """Quotients; NaN where both are 0, because nothing arrived."""
-    quotient: Array = np.divide(of, to, out=np.full(np.broadcast_shapes(of.shape, to.shape), np.nan), where=to > 0)
-    return quotient
+    nothing = np.full(np.broadcast_shapes(of.shape, to.shape), np.nan)
+    quotients: Array = np.divide(of, to, out=nothing, where=to > 0)
+    return quotients
 
 
 def analyse(
@@ -288,10 +289,8 @@ def time_ratio(x: Scores, y: Scores) -> Estimate:
 def _course_sums(values: Array, counts: Array | None = None) -> Array:
     """Sums over courses of values (a, a', t, c) of pairs of agents: (1, a, a'), or (b, a, a') with counts (b, t, c)."""
     flat = values.reshape(*values.shape[:2], -1)
-    if counts is None:
-        alone: Array = flat.sum(axis=2)[None]
-        return alone
-    sums: Array = np.tensordot(counts.reshape(len(counts), -1), flat, axes=(1, 2))
+    each = np.ones((1, flat.shape[2])) if counts is None else counts.reshape(len(counts), -1)
+    sums: Array = np.tensordot(each, flat, axes=(1, 2))
     return sums
 
 

@@ -4,14 +4,16 @@ A percentile bootstrap over few agents is too narrow: its variance misses the fa
 need quantiles of Student's t, not of the normal distribution. So an interval here is the wider one of two:
 
 - percentiles of the stratified bootstrap, which draws whole agents, and courses within their task;
-- value +- t(df) sqrt(v), where v adds the variance from the courses and that from the agents of each contender.
+- value +- sqrt(sum t(df)^2 v), where the sum is over the courses and the agents of each contender.
 
     v_courses = C / (C - 1) var of the bootstrap over courses with all agents      df = T (C - 1)
     v_agents  = (A - 1) / A sum_i (figure without agent i - their mean)^2          df = A - 1
-    df        = (sum v)^2 / sum(v^2 / df)
+
+Each part keeps its own quantile: with one common number of degrees of freedom (Satterthwaite) the interval is too
+narrow where three agents happen to be alike.
 
 Sources: Efron and Tibshirani 1993, An introduction to the bootstrap, chapters 11 and 13 (jackknife, percentiles);
-Satterthwaite 1946, An approximate distribution of estimates of variance components.
+Zou and Donner 2008, Construction of confidence limits about effect measures (squares of half widths add up).
 """
 
 from __future__ import annotations
@@ -36,8 +38,8 @@ _T_QUANTILE = np.array(
 )  # fmt: skip
 
 
-def t_quantile(df: float) -> float:
-    """Quantile of Student's t for a two-sided 95 % interval; between its table it is linear in 1 / df, df >= 1."""
+def t_quantile(df: int) -> float:
+    """Quantile of Student's t for a two-sided 95 % interval, df >= 1; beyond 8 it is linear in 1 / df."""
     return float(np.interp(1.0 / df, (1.0 / _T_DF)[::-1], _T_QUANTILE[::-1]))
 
 
@@ -97,10 +99,9 @@ def interval(
         if agents > 1:
             left = figure(False, [_without_one(agents) if j == k else all_ for j, all_ in enumerate(everyone)])
             parts.append(((agents - 1) / agents * float(np.square(left - left.mean()).sum()), agents - 1))
-    variance = sum(part for part, _ in parts)
-    if not math.isfinite(variance):  # without one of its agents there is no figure
-        return Estimate(value=value, low=None, high=None)
     half = _half_width(parts)
+    if not math.isfinite(half):  # without one of its agents there is no figure
+        return Estimate(value=value, low=None, high=None)
     low, high = np.percentile(_finite(figure(True, draws)), (2.5, 97.5))
     return Estimate(
         value=value,
@@ -111,11 +112,7 @@ def interval(
 
 def _half_width(parts: Sequence[tuple[float, int]]) -> float:
     """Half of the interval from variances and their degrees of freedom."""
-    variance = sum(part for part, _ in parts)
-    if variance == 0.0:
-        return 0.0
-    df = variance**2 / sum(part**2 / freedom for part, freedom in parts)
-    return t_quantile(df) * math.sqrt(variance)
+    return math.sqrt(sum(t_quantile(df) ** 2 * variance for variance, df in parts))
 
 
 def _without_one(agents: int) -> Choice:

@@ -2,14 +2,16 @@
 
 | split | seeds | used for |
 | --- | --- | --- |
-| train | 100000 and up | training and tuning |
+| train | 100000 and up | training |
 | validation | 500 to 699 | choosing among what was trained or tuned |
 | test | 5000 and up | the published figures, and nothing before them |
+
+Other seeds are free: machines are tuned on them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -27,6 +29,20 @@ SPLITS: Mapping[str, range] = {
 def split_of(seed: int) -> str | None:
     """Name of the split of a seed; None: it belongs to none."""
     return next((name for name, seeds in SPLITS.items() if seed in seeds), None)
+
+
+def require_no_test_seeds(seeds: Iterable[int], option: str) -> None:
+    """Refuse to prepare a policy on test courses.
+
+    Raises:
+        ConfigError: a seed belongs to the test split.
+    """
+    for seed in seeds:
+        if split_of(seed) == "test":
+            raise ConfigError(
+                f"{option}: {seed} is a seed of the test courses, which are for published figures alone: expected "
+                f"seeds below {SPLITS['test'].start}, or {SPLITS['train'].start} and up"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
