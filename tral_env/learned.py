@@ -19,6 +19,8 @@ from tral_env.learner import Actuation, LearnerConfig, LearnerView
 
 Values = NDArray[np.float32]
 
+MIN_DEVIATION = 1e-6
+"""An input that differs less is no input, and dividing by less makes numbers beyond float32."""
 MAX_LAYERS = 16
 """A network has so many layers at most."""
 
@@ -53,6 +55,14 @@ def _is_bound(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value <= 1
 
 
+def _check_numbers(place: str, values: object) -> None:
+    if not isinstance(values, np.ndarray) or values.dtype != np.float32:
+        kind = f"array of {values.dtype}" if isinstance(values, np.ndarray) else type(values).__name__
+        raise ConfigError(f"{place}: got {kind}, expected an array of float32")
+    if not np.isfinite(values).all():
+        raise ConfigError(f"{place}: got numbers that are not finite")
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Network:
     """A perceptron that decides for cars."""
@@ -79,13 +89,20 @@ class Network:
         for name, allowed in (("activation", ACTIVATIONS), ("output", OUTPUTS)):
             if getattr(self, name) not in allowed:
                 raise ConfigError(f"unknown {name} '{getattr(self, name)}': {nearest(getattr(self, name), allowed)}")
+        if self.correction is not None and (self.learner.action != "throttle" or self.learner.drive_range is not None):
+            raise ConfigError("a correction has action='throttle' and no drive_range: its bounds limit it")
         if not 1 <= len(self.layers) <= MAX_LAYERS:
             raise ConfigError(f"{len(self.layers)} layers: expected 1 to {MAX_LAYERS}")
         inputs = LearnerView(self.learner, 1).size
         for place, values in zip(("mean", "standard deviation"), self.normalization or (), strict=False):
+            _check_numbers(f"{place} of the inputs", values)
             if values.shape != (inputs,):
                 raise ConfigError(f"{place} of the inputs has shape {values.shape}: expected ({inputs},)")
+        if self.normalization is not None and not (self.normalization[1] >= MIN_DEVIATION).all():
+            raise ConfigError(f"standard deviation of the inputs: expected {MIN_DEVIATION:g} or more")
         for index, (weight, bias) in enumerate(self.layers):
+            _check_numbers(f"weights of layer {index}", weight)
+            _check_numbers(f"biases of layer {index}", bias)
             outputs = 2 if index == len(self.layers) - 1 else len(bias)
             if weight.shape != (outputs, inputs) or bias.shape != (outputs,):
                 raise ConfigError(
@@ -168,15 +185,24 @@ class LearnedPolicy:
             self._view.update(readings)
         due = self._view.due
         if due.all():
-            self._wanted = self._actuation.wanted(self.network.actions(self._view.observation()))
+            self._wanted = self._actuation.wanted(self._decided(self._view.observation()))
         elif due.any():
-            actions = self.network.actions(self._view.observation()[due])
-            self._wanted[due] = self._actuation.wanted(actions)
+            self._wanted[due] = self._actuation.wanted(self._decided(self._view.observation()[due]))
         command = self._actuation.command(self._wanted, readings[:, self._speed]).astype(np.float32)
-        return command[0] if observation.ndim == 1 else command
+        return command[0] if np.ndim(observation) == 1 else command
+
+    def _decided(self, seen: Values) -> Values:
+        actions = self.network.actions(seen)
+        if not np.isfinite(actions).all():
+            raise ConfigError("the network decided for a number that is not finite: its weights are too large")
+        return actions
 
     def _checked(self, observation: NDArray[np.floating]) -> Values:
-        rows = np.atleast_2d(np.asarray(observation, np.float32))[:, : self._size]
+        try:
+            rows = np.atleast_2d(np.asarray(observation, np.float32))
+        except (TypeError, ValueError) as error:
+            raise ConfigError(f"observation: got {observation!r:.80}, expected an array of numbers") from error
+        rows = rows[:, : self._size] if rows.ndim == 2 else rows
         if rows.shape != (len(self._fresh), self._size):
             raise ConfigError(
                 f"observation has shape {np.shape(observation)}, expected ({len(self._fresh)}, {self._size} or more): "
@@ -214,7 +240,7 @@ class LearnedPolicy:
         Raises:
             ConfigError: see `act`.
         """
-        n = 1 if observation.ndim == 1 else len(observation)
+        n = 1 if np.ndim(observation) <= 1 else len(observation)
         if n != len(self._fresh) and (self._fresh.all() or (episode_start is not None and np.all(episode_start))):
             self.reset(n)
         if episode_start is not None and n == len(self._fresh):

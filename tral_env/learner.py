@@ -32,6 +32,10 @@ Values = NDArray[np.float32]
 
 OBSERVATIONS = ("readings", "features")
 ACTIONS = ("throttle", "speed")
+MIN_DECISION_HZ = 1.0
+"""A car does not drive longer than 1 s on one decision. Source: choice."""
+MAX_FRAMES = 4096
+"""A view keeps so many frames of a car at most, 0.5 MB."""
 MAX_HISTORY = 256
 """An observation holds so many frames at most."""
 MAX_SPEED_MPS = 5.0
@@ -85,8 +89,10 @@ class LearnerConfig:
         for name, allowed in (("observation", OBSERVATIONS), ("action", ACTIONS)):
             if getattr(self, name) not in allowed:
                 raise ConfigError(f"unknown {name} '{getattr(self, name)}': {nearest(getattr(self, name), allowed)}")
-        if not _is_number(self.decision_hz) or not 0 < self.decision_hz <= CONTROL_RATE_HZ:
-            raise ConfigError(f"decision_hz = {self.decision_hz!r}: expected a rate above 0, at most {_rate(1)}")
+        if not _is_number(self.decision_hz) or not MIN_DECISION_HZ <= self.decision_hz <= CONTROL_RATE_HZ:
+            raise ConfigError(
+                f"decision_hz = {self.decision_hz!r}: expected at least {MIN_DECISION_HZ:g}, at most {_rate(1)}"
+            )
         if _whole(CONTROL_RATE_HZ / self.decision_hz) is None:
             ticks = CONTROL_RATE_HZ / self.decision_hz
             raise ConfigError(
@@ -96,6 +102,11 @@ class LearnerConfig:
         if not isinstance(self.history, int) or isinstance(self.history, bool) or not 1 <= self.history <= MAX_HISTORY:
             raise ConfigError(f"history = {self.history!r}: expected a whole number, 1 to {MAX_HISTORY}")
         self._check_spacing()
+        if self.kept_frames > MAX_FRAMES:
+            raise ConfigError(
+                f"history = {self.history} with spacing_s = {self.spacing_s}: {self.kept_frames} frames of a car would "
+                f"be kept, expected {MAX_FRAMES} at most: choose a shorter history or a spacing of whole decisions"
+            )
         self._check_drive_range()
         if not isinstance(self.detections, bool):
             raise ConfigError(f"detections = {self.detections!r}: expected True or False")
@@ -135,6 +146,16 @@ class LearnerConfig:
         return self.decision_ticks if self.spacing_s is None else round(self.spacing_s * CONTROL_RATE_HZ)
 
     @property
+    def interval_ticks(self) -> int:
+        """Ticks between two frames that are kept: the most that meet both the decisions and the frames of a history."""
+        return math.gcd(self.decision_ticks, self.spacing_ticks)
+
+    @property
+    def kept_frames(self) -> int:
+        """Frames of a car that are kept."""
+        return (self.history - 1) * (self.spacing_ticks // self.interval_ticks) + 1
+
+    @property
     def drives_from_to(self) -> tuple[float, float]:
         """What -1 and 1 of the second action stand for, throttles or m/s."""
         return self.drive_range or ((0.0, 1.2) if self.action == "speed" else (-1.0, 1.0))
@@ -142,6 +163,7 @@ class LearnerConfig:
     def record(self) -> dict[str, Any]:
         """The fields, for JSON."""
         values = {place.name: getattr(self, place.name) for place in fields(LearnerConfig)}
+        values = {name: value.item() if isinstance(value, np.generic) else value for name, value in values.items()}
         return values | {"drive_range": None if self.drive_range is None else list(self.drive_range)}
 
     @classmethod
@@ -159,7 +181,7 @@ class LearnerConfig:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and bool(abs(value) < math.inf)
 
 
 def _whole(value: float) -> int | None:
@@ -275,11 +297,9 @@ class LearnerView:
         self.frame_names = layout.names if self._features is None else self._features.names
         """(F,) names of the columns of a frame."""
         self._distance = layout.column("distance")
-        # Frames are kept at the largest interval that meets both the decisions and the frames of an observation.
-        self._interval = math.gcd(config.decision_ticks, config.spacing_ticks)
+        self._interval = config.interval_ticks
         self._stride = config.spacing_ticks // self._interval
-        kept = (config.history - 1) * self._stride + 1
-        self._frames = np.zeros((n, kept, len(self.frame_names)), np.float32)
+        self._frames = np.zeros((n, config.kept_frames, len(self.frame_names)), np.float32)
         self._way = np.zeros((n, self._stride), np.float64)
         """(n, stride) distance counted at the frames kept last, m."""
         self._tick = np.zeros(n, np.int64)

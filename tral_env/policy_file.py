@@ -28,6 +28,8 @@ Values = NDArray[np.float32]
 FORMAT = "tral-policy"
 VERSION = 1
 JSON_NAME, WEIGHTS_NAME = "policy.json", "policy.safetensors"
+OLD_WEIGHTS_NAME = "policy.safetensors.old"
+"""Weights of the policy.json that is there, while a new policy is written."""
 KEYS = ("format", "version", "observation", "learner", "network", "correction", "provenance")
 MAX_JSON_BYTES = 2**20
 """A policy.json has this size at most."""
@@ -53,10 +55,9 @@ def save(network: Network, folder: str | Path) -> Path:
         The path of policy.json.
 
     Raises:
-        OSError: a file cannot be written.
+        OSError: a file cannot be written; an older policy in the folder can still be read.
+        ConfigError: `load` would not read the policy: it is too large, or its provenance is no JSON.
     """
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
     arrays: dict[str, Values] = {}
     for index, (weight, bias) in enumerate(network.layers):
         arrays |= {f"layer{index}.weight": weight, f"layer{index}.bias": bias}
@@ -79,9 +80,34 @@ def save(network: Network, folder: str | Path) -> Path:
         "correction": None if network.correction is None else asdict(network.correction),
         "provenance": dict(network.provenance),
     }
-    write_bytes(folder / WEIGHTS_NAME, weights)
-    write_bytes(folder / JSON_NAME, (json.dumps(content, indent=2, allow_nan=False) + "\n").encode())
+    try:
+        text = (json.dumps(content, indent=2, allow_nan=False) + "\n").encode()
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"provenance: {error}") from error
+    for name, part, limit in ((JSON_NAME, text, MAX_JSON_BYTES), (WEIGHTS_NAME, weights, tensors.MAX_BYTES)):
+        if len(part) > limit:
+            raise ConfigError(f"{name} would have {len(part)} bytes: expected {limit} at most")
+    return _write(Path(folder), text, weights)
+
+
+def _write(folder: Path, text: bytes, weights: bytes) -> Path:
+    """Write both files. The older weights stay beside the new ones until the JSON that belongs to them is replaced."""
+    folder.mkdir(parents=True, exist_ok=True)
+    old = folder / WEIGHTS_NAME
+    if old.is_file() and not _fits(folder / OLD_WEIGHTS_NAME, folder / JSON_NAME):
+        write_bytes(folder / OLD_WEIGHTS_NAME, old.read_bytes())
+    write_bytes(old, weights)
+    write_bytes(folder / JSON_NAME, text)
+    (folder / OLD_WEIGHTS_NAME).unlink(missing_ok=True)
     return folder / JSON_NAME
+
+
+def _fits(weights: Path, path: Path) -> bool:
+    """Whether weights are those of a policy.json."""
+    try:
+        return hashlib.sha256(weights.read_bytes()).hexdigest().encode() in path.read_bytes()
+    except OSError:
+        return False
 
 
 def is_policy_file(path: str | Path) -> bool:
@@ -131,12 +157,14 @@ def load_network(path: str | Path) -> Network:
     _check_frame(content, learner, path)
     about = content["network"]
     weights = path.with_name(WEIGHTS_NAME)
-    try:
-        raw = weights.read_bytes() if weights.stat().st_size <= tensors.MAX_BYTES else b""
-    except OSError as error:
-        raise PolicyFileError(f"{weights}: cannot be read: {error.strerror}: it belongs beside {path.name}") from error
+    raw = _read(weights, tensors.MAX_BYTES, f": it belongs beside {path.name}")
+    fits = hashlib.sha256(raw).hexdigest() == about.get("weights_sha256")
+    if not fits and _fits(path.with_name(OLD_WEIGHTS_NAME), path):
+        # A program was stopped between the two files.
+        weights, fits = path.with_name(OLD_WEIGHTS_NAME), True
+        raw = _read(weights, tensors.MAX_BYTES, "")
     arrays = tensors.loads(raw, str(weights))
-    if hashlib.sha256(raw).hexdigest() != about.get("weights_sha256"):
+    if not fits:
         raise PolicyFileError(f"{weights}: these are not the weights of {path}: copy both files together")
     try:
         return _network(learner, content, arrays)
@@ -144,15 +172,40 @@ def load_network(path: str | Path) -> Network:
         raise PolicyFileError(f"{path}: network: {error}") from error
 
 
+def _read(path: Path, limit: int, hint: str) -> bytes:
+    """A file, which is no pipe or device."""
+    try:
+        if path.exists() and not path.is_file():
+            raise PolicyFileError(f"{path}: cannot be read: it is no file")
+        with path.open("rb") as file:
+            content = file.read(limit + 1)
+    except OSError as error:
+        raise PolicyFileError(f"{path}: cannot be read: {error.strerror}{hint}") from error
+    if len(content) > limit:
+        raise PolicyFileError(f"{path}: more than {limit} bytes: it is no policy")
+    return content
+
+
 def _network(learner: LearnerConfig, content: Mapping[str, Any], arrays: dict[str, Values]) -> Network:
     """The network of checked files; a KeyError tells what is missing."""
     about, correction = content["network"], content["correction"]
+    if not isinstance(about["sizes"], list) or not isinstance(about["normalized"], bool):
+        raise ConfigError("expected sizes, a list, and normalized, true or false")
     count = len(about["sizes"]) - 1
+    expected = {f"layer{index}.{part}" for index in range(count) for part in ("weight", "bias")}
+    expected |= {"input.mean", "input.std"} if about["normalized"] else set()
+    unused = sorted(arrays.keys() - expected)
+    if unused:
+        raise ConfigError(f"tensor '{unused[0][:40]}' belongs to no layer")
+    layers = [(arrays[f"layer{index}.weight"], arrays[f"layer{index}.bias"]) for index in range(count)]
+    sizes = [LearnerView(learner, 1).size, *(bias.size for _, bias in layers)]
+    if sizes != about["sizes"]:
+        raise ConfigError(f"sizes {str(about['sizes'])[:80]}: the weights have {sizes}")
     if correction is not None:
         correction = Correction(machine=correction["machine"], bounds=pair(correction["bounds"]))
     return Network(
         learner=learner,
-        layers=[(arrays[f"layer{index}.weight"], arrays[f"layer{index}.bias"]) for index in range(count)],
+        layers=layers,
         activation=about["activation"],
         output=about["output"],
         normalization=(arrays["input.mean"], arrays["input.std"]) if about["normalized"] else None,
@@ -162,17 +215,17 @@ def _network(learner: LearnerConfig, content: Mapping[str, Any], arrays: dict[st
 
 
 def _content(path: Path) -> dict[str, Any]:
+    raw = _read(path, MAX_JSON_BYTES, "")
     try:
-        if path.stat().st_size > MAX_JSON_BYTES:
-            raise PolicyFileError(f"{path}: more than {MAX_JSON_BYTES} bytes: it is no policy")
-        content = json.loads(json_text.read(path))
-    except OSError as error:
-        raise PolicyFileError(f"{path}: cannot be read: {error.strerror}") from error
+        text = raw.decode("utf-8")
+        twice, content = json_text.repeated_keys(text), json.loads(text)
     except (ValueError, RecursionError) as error:
         raise PolicyFileError(f"{path}: no JSON: {error}") from error
+    if twice:
+        raise PolicyFileError(f"{path}: {twice[0][:80]} stands twice")
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise PolicyFileError(f'{path}: no policy: expected an object with "format": "{FORMAT}"')
-    if content.get("version") != VERSION:
+    if content.get("version") != VERSION or isinstance(content["version"], bool):
         raise PolicyFileError(f"{path}: version {content.get('version')!r}: this program reads version {VERSION}")
     for key in KEYS:
         if key not in content:
@@ -188,7 +241,12 @@ def _check_schema(content: Mapping[str, Any], path: Path) -> None:
     about = content["observation"]
     if about.get("schema") == _hash(_schema()):
         return
-    theirs = {each[0]: each for each in about.get("fields") or [] if isinstance(each, list) and each}
+    fields = about.get("fields")
+    if not isinstance(fields, list) or not all(
+        isinstance(each, list) and each and isinstance(each[0], str) for each in fields
+    ):
+        raise PolicyFileError(f"{path}: observation: expected fields, a list of lists that begin with a name")
+    theirs = {each[0]: each for each in fields}
     ours = {each[0]: each for each in _schema()}
     differences = [f"it has no '{name}'" for name in ours if name not in theirs]
     differences += [f"'{name}' is unknown here" for name in theirs if name not in ours]
@@ -204,9 +262,11 @@ def _check_schema(content: Mapping[str, Any], path: Path) -> None:
 
 def _check_frame(content: Mapping[str, Any], learner: LearnerConfig, path: Path) -> None:
     ours, theirs = list(LearnerView(learner, 1).frame_names), content["observation"].get("frame")
+    if not isinstance(theirs, list):
+        raise PolicyFileError(f"{path}: observation: expected frame, a list of names")
     if theirs != ours:
-        lacking = [name for name in ours if name not in (theirs or [])]
-        unknown = [str(name) for name in theirs or [] if name not in ours]
+        lacking = [name for name in ours if name not in theirs]
+        unknown = [str(name) for name in theirs if name not in ours]
         raise PolicyFileError(
             f"{path}: made for other features: it lacks {', '.join(lacking) or 'none'}, and has beside them "
             f"{', '.join(unknown) or 'none'}, or another order: train it anew"

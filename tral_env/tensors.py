@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env import json_text
 from tral_env.errors import PolicyFileError
 
 Values = NDArray[np.float32]
@@ -75,9 +76,12 @@ def _header(content: bytes, source: str) -> tuple[dict[str, Any], memoryview]:
     if not 2 <= length <= min(MAX_HEADER_BYTES, len(content) - 8):
         raise PolicyFileError(f"{source}: no safetensors file: its header would have {length} of {len(content)} bytes")
     try:
-        header = json.loads(content[8 : 8 + length].decode("utf-8"))
+        text = content[8 : 8 + length].decode("utf-8")
+        twice, header = json_text.repeated_keys(text), json.loads(text)
     except (ValueError, RecursionError) as error:
         raise PolicyFileError(f"{source}: no safetensors file: its header is no JSON: {error}") from error
+    if twice:
+        raise PolicyFileError(f"{source}: {twice[0][:40]} stands twice in its header")
     if not isinstance(header, dict):
         raise PolicyFileError(f"{source}: no safetensors file: its header is no JSON object")
     header.pop("__metadata__", None)

@@ -8,7 +8,7 @@ import pytest
 from tral_env.env import TralCorridorEnv
 from tral_env.errors import ConfigError
 from tral_env.interface import CORE_LAYOUT, check_readings
-from tral_env.learned import LearnedPolicy, Network
+from tral_env.learned import Correction, LearnedPolicy, Network
 from tral_env.learner import LearnerConfig, LearnerView
 from tral_env.vector_env import TralCorridorVectorEnv
 
@@ -164,11 +164,33 @@ def test_features_are_refused_where_readings_are_wanted() -> None:
         LearnedPolicy(network()).act(np.zeros((2, 112), np.float32))
 
 
+def test_a_decision_that_is_not_finite_is_refused() -> None:
+    inputs = LearnerView(LEARNER, 1).size
+    huge = [(np.full((4, inputs), 3e38, np.float32), np.zeros(4, np.float32))]
+    huge += [(np.float32([[1, -1, 1, -1]] * 2), np.zeros(2, np.float32))]
+    with np.errstate(all="ignore"), pytest.raises(ConfigError, match="a number that is not finite"):
+        LearnedPolicy(Network(learner=LEARNER, layers=huge)).act(nothing_seen()[0])
+
+
+@pytest.mark.parametrize("observation", ["abc", [["x"]], None, 3.0])
+def test_what_is_no_array_of_readings_is_refused(observation: object) -> None:
+    with pytest.raises(ConfigError, match="observation"):
+        LearnedPolicy(network()).act(observation)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"layers": []}, "0 layers: expected 1 to 16"),
         ({"layers": [(np.zeros((2, 5), np.float32), np.zeros(2, np.float32))]}, r"layer 0 has weights \(2, 5\)"),
+        ({"layers": [([[0.0]], [0.0])]}, "weights of layer 0: got list, expected an array of float32"),
+        ({"layers": [(np.zeros((2, 112)), np.zeros(2))]}, "weights of layer 0: got array of float64"),
+        ({"layers": [(np.full((2, 112), np.nan, np.float32), np.zeros(2, np.float32))]}, "layer 0: .* not finite"),
+        (
+            {"normalization": (np.zeros(112, np.float32),) * 2},
+            "standard deviation .*: expected 1e-06 or more",
+        ),
+        ({"correction": Correction(machine="{}", bounds=(0.1, 0.1))}, "a correction has action='throttle'"),
         ({"activation": "gelu"}, "unknown activation 'gelu'"),
         ({"output": "none"}, "unknown output 'none'"),
         ({"normalization": (np.zeros(3, np.float32),) * 2}, r"mean of the inputs has shape \(3,\): expected \(112,\)"),

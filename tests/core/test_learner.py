@@ -199,7 +199,11 @@ class TestRefusals:
         ("values", "message"),
         [
             ({"decision_hz": 30}, r"2.66667 ticks of 1/80 s, .* expected 40 or 26.6666667"),
-            ({"decision_hz": 0}, "decision_hz = 0: expected a rate above 0, at most 80"),
+            ({"decision_hz": 0}, "decision_hz = 0: expected at least 1, at most 80"),
+            ({"decision_hz": 1e-9}, "decision_hz = 1e-09: expected at least 1"),
+            ({"decision_hz": 5e-324}, "expected at least 1"),
+            ({"decision_hz": 10**400}, "expected at least 1"),
+            ({"history": 256, "spacing_s": 10.0}, "204001 frames of a car would be kept, expected 4096 at most"),
             ({"decision_hz": 160}, "at most 80"),
             ({"decision_hz": "10"}, "decision_hz = '10'"),
             ({"decision_hz": math.nan}, "decision_hz = nan"),
@@ -226,5 +230,6 @@ class TestRefusals:
     def test_a_record_gives_the_configuration_again(self) -> None:
         config = LearnerConfig(decision_hz=20, history=4, action="speed", drive_range=(0.1, 1.0))
         assert LearnerConfig.of(config.record()) == config
+        assert type(LearnerConfig(decision_hz=np.int64(20)).record()["decision_hz"]) is int  # type: ignore[arg-type]
         with pytest.raises(ConfigError, match="a learner has no 'histori': did you mean 'history'"):
             LearnerConfig.of({"histori": 3})

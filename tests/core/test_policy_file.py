@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import os
 import struct
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from test_learned import LEARNER, network
 
 from tral_env import policy_file, tensors
-from tral_env.errors import PolicyFileError
+from tral_env.errors import ConfigError, PolicyFileError
 from tral_env.interface import CORE_LAYOUT
 from tral_env.learned import LearnedPolicy
 
@@ -74,7 +75,64 @@ def test_a_policy_file_is_known_by_its_content(folder: Path, tmp_path: Path) -> 
     ]  # fmt: skip
 
 
+class TestSaving:
+    def test_what_cannot_be_written_leaves_the_older_policy(self, folder: Path) -> None:
+        with pytest.raises(ConfigError, match="provenance"):
+            policy_file.save(network(seed=1, provenance={"loss": float("inf")}), folder)
+        with pytest.raises(ConfigError, match=r"policy.json would have \d+ bytes: expected 1048576 at most"):
+            policy_file.save(network(seed=1, provenance={"curve": "x" * 2**20}), folder)
+        assert np.array_equal(policy_file.load(folder).network.layers[0][0], network().layers[0][0])
+
+    def test_a_stop_between_the_two_files_leaves_the_older_policy(
+        self, folder: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def stop_at_json(path: Path, content: bytes) -> None:
+            if path.name == "policy.json":
+                raise KeyboardInterrupt
+            path.write_bytes(content)
+
+        for seed in (1, 2):
+            with monkeypatch.context() as patch:
+                patch.setattr(policy_file, "write_bytes", stop_at_json)
+                with pytest.raises(KeyboardInterrupt):
+                    policy_file.save(network(seed=seed), folder)
+            assert np.array_equal(policy_file.load(folder).network.layers[0][0], network().layers[0][0])
+        policy_file.save(network(seed=3), folder)
+        assert np.array_equal(policy_file.load(folder).network.layers[0][0], network(seed=3).layers[0][0])
+        assert sorted(path.name for path in folder.iterdir()) == ["policy.json", "policy.safetensors"]
+
+
 class TestRefusals:
+    @pytest.mark.parametrize("name", ["policy.json", "policy.safetensors"])
+    def test_a_pipe_or_a_device(self, folder: Path, name: str) -> None:
+        for make in (os.mkfifo, lambda path: Path(path).symlink_to("/dev/zero")):
+            (folder / name).unlink()
+            make(folder / name)
+            with pytest.raises(PolicyFileError, match=f"{name}: cannot be read: it is no file"):
+                policy_file.load_network(folder / "policy.json")
+
+    @pytest.mark.parametrize(
+        ("part", "values", "message"),
+        [
+            ("observation", {"schema": "-", "fields": 5}, "expected fields, a list of lists"),
+            ("observation", {"schema": "-", "fields": [[[1], 2]]}, "expected fields, a list of lists"),
+            ("observation", {"frame": 5}, "expected frame, a list of names"),
+            ("learner", {"decision_hz": 10**400}, "learner: decision_hz"),
+            ("network", {"sizes": "abc"}, "expected sizes, a list"),
+            ("network", {"sizes": ["x", -5, 1e9]}, "sizes .*: the weights have"),
+            ("network", {"sizes": [112, 2]}, "belongs to no layer"),
+            ("network", {"normalized": "no"}, "normalized, true or false"),
+        ],
+    )
+    def test_values_of_another_kind(self, folder: Path, part: str, values: dict, message: str) -> None:
+        change(folder, **{part: content(folder, part) | values})
+        self.refused(folder, message)
+
+    def test_a_name_that_stands_twice(self, folder: Path) -> None:
+        path = folder / "policy.json"
+        path.write_text(path.read_text().replace('"version": 1,', '"version": 1, "version": 1,'))
+        self.refused(folder, "/version stands twice")
+
     def refused(self, folder: Path, message: str) -> None:
         with pytest.raises(PolicyFileError, match=message):
             policy_file.load(folder)

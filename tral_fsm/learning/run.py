@@ -30,6 +30,8 @@ REQUEST, CURVE, PICTURE, CHECKPOINT = "train.json", "curve.json", "curve.png", "
 _FILES = (REQUEST, CURVE, PICTURE, CHECKPOINT, policy_file.JSON_NAME, policy_file.WEIGHTS_NAME)
 MIN_PAUSE_S = 20.0
 """Time between two validations, s, at the least."""
+MAX_POINTS = 500
+"""A policy file tells so many points of its curve at most; curve.json has all."""
 PAUSES = 6.0
 """The time between two validations is so many times as long as the last one took: they take a seventh of the time."""
 
@@ -203,7 +205,7 @@ class TrainingRun:
             "validation_seeds": stretches(self._seeds),
             "seconds": round(self.seconds, 1),
             "steps": self.steps,
-            "curve": self.curve.points,
+            "curve": self.curve.points[:: 1 + len(self.curve.points) // MAX_POINTS],
             "host": host(),
         }
         policy_file.save(replace(network, provenance=provenance), self.folder)
