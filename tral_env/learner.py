@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Flags
+from tral_env.checks import is_number
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import (
     CONTROL_PERIOD_S,
@@ -89,7 +90,7 @@ class LearnerConfig:
         for name, allowed in (("observation", OBSERVATIONS), ("action", ACTIONS)):
             if getattr(self, name) not in allowed:
                 raise ConfigError(f"unknown {name} '{getattr(self, name)}': {nearest(getattr(self, name), allowed)}")
-        if not _is_number(self.decision_hz) or not MIN_DECISION_HZ <= self.decision_hz <= CONTROL_RATE_HZ:
+        if not is_number(self.decision_hz) or not MIN_DECISION_HZ <= self.decision_hz <= CONTROL_RATE_HZ:
             raise ConfigError(
                 f"decision_hz = {self.decision_hz!r}: expected at least {MIN_DECISION_HZ:g}, at most {_rate(1)}"
             )
@@ -114,7 +115,7 @@ class LearnerConfig:
     def _check_spacing(self) -> None:
         if self.spacing_s is None:
             return
-        if not _is_number(self.spacing_s) or not CONTROL_PERIOD_S <= self.spacing_s <= 10.0:
+        if not is_number(self.spacing_s) or not CONTROL_PERIOD_S <= self.spacing_s <= 10.0:
             raise ConfigError(f"spacing_s = {self.spacing_s!r}: expected {CONTROL_PERIOD_S:g} to 10 s, or None")
         if _whole(self.spacing_s * CONTROL_RATE_HZ) is None:
             ticks = self.spacing_s * CONTROL_RATE_HZ
@@ -178,10 +179,6 @@ class LearnerConfig:
             if name not in names:
                 raise ConfigError(f"a learner has no '{name}': {nearest(name, names)}")
         return LearnerConfig(**{**values, "drive_range": pair(values.get("drive_range"))})
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and bool(abs(value) < math.inf)
 
 
 def _whole(value: float) -> int | None:

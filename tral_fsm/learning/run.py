@@ -98,7 +98,10 @@ class TrainingRun:
         self._on_progress, self._resumed = on_progress, resume
         prepare_folder(folder)
         self._asked = {"request": request.record(), "settings": _plain(asdict(settings)), "machine": _machine(request)}
-        points, self._state = _resumed(folder, self._asked) if resume else ([], None)
+        points: list[dict[str, Any]] = []
+        self._state: dict[str, Any] | None = None
+        if resume:
+            points, self._state = _resumed(folder, self._asked)
         self._opened = False
         self._held = contextlib.ExitStack()
         self.aside: Path | None = None

@@ -309,7 +309,7 @@ def _rounds(
             run.steps += lessons.tick(network, samples)
             if tick % 40 == 0:
                 run.tell(lessons.success)
-                if run.is_over:
+                if run.share >= 1.0:
                     break
         if pending is not None:
             loss, pending = pending.result(), None
