@@ -129,7 +129,7 @@ class LearnerConfig:
         if self.drive_range is None:
             return
         given, lowest, highest = self.drive_range, *((0.0, MAX_SPEED_MPS) if self.action == "speed" else (-1.0, 1.0))
-        is_pair = isinstance(given, tuple) and len(given) == 2 and all(map(_is_number, given))
+        is_pair = isinstance(given, tuple) and len(given) == 2 and all(map(is_number, given))
         if not is_pair or not lowest <= given[0] < given[1] <= highest:
             raise ConfigError(
                 f"drive_range = {given!r} with action='{self.action}': expected two numbers that rise, from {lowest:g} "
