@@ -214,6 +214,7 @@ def test_after_an_emergency_stop_only_an_explicit_arm_drives_on(process: type[Th
         assert actuator.arm() == ""
         actuator.resume()
         drive(actuator, 0.1)
+        assert actuator.pulses_us == (1530.0, 1300.0)
         actuator.stop()
         with pytest.raises(HardwareError, match=r"a stop was commanded\. Only a reset arms it again"):
             actuator.resume()

@@ -176,6 +176,39 @@ def test_whatever_fails_in_the_keeper_the_pulses_end(watch: Any, monkeypatch: py
     assert case.board.stands == OFF
 
 
+def test_a_worker_that_reads_nothing_does_not_block_the_keeper(watch: Any) -> None:
+    case = watch("pass")
+    case.ours[1].setblocking(False)
+    case.ours[1].setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1)
+    for _ in range(50):
+        case.worker.send(b".")
+    case.worker.shutdown(socket.SHUT_WR)
+    wait_until(lambda: is_gone(case.child.pid))
+    assert case.keeper.run() == 0
+    assert case.board.done == []
+
+
+def test_a_socket_that_breaks_is_the_end_of_the_worker(watch: Any) -> None:
+    case = watch("raise SystemExit(1)")
+    wait_until(lambda: is_gone(case.child.pid))
+    case.worker.send(b".")
+    case.worker.close()
+    assert case.keeper.run() == 0
+    assert case.board.stands == OFF
+
+
+def test_a_terminal_that_blocks_does_not_keep_the_keeper(watch: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    read_end, write_end = os.pipe()
+    os.write(write_end, bytes(fcntl.fcntl(write_end, fcntl.F_SETPIPE_SZ, 4096)))
+    monkeypatch.setattr(keeper, "_STDERR", write_end)
+    case = watch("pass")
+    case.board.failures = 200
+    case.keeper.end_pulses()
+    assert case.board.stands == OFF
+    os.close(read_end)
+    os.close(write_end)
+
+
 def test_a_signal_is_handed_on_to_the_worker(watch: Any) -> None:
     case = watch("import time; time.sleep(60)")
     case.keeper.end()
