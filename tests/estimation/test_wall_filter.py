@@ -103,19 +103,6 @@ class TestWalls:
         assert walls.right.lost == 0
         assert walls.right.estimate.known
 
-    @pytest.mark.parametrize("error_deg", [-2.0, 2.0])
-    def test_at_an_angle_a_wall_that_is_where_it_should_be_goes_on_teaching_the_heading(self, error_deg: float) -> None:
-        # turned by 22 degrees on the narrowest circle: 1e-3 m x 0.384 / 0.64 m = (1.4 degrees)^2
-        walls, yaw, turned = settled(3.0), math.radians(22.0), 0.0
-        for k in range(10):
-            s, heading = 0.04 * k, yaw + math.radians(error_deg)
-            x, y, along = 3.0 + s * math.cos(yaw), s * math.sin(yaw), -turned
-            sample = OdometrySample(x, y, yaw, 3.0 + s, heading_variance=1e-3 * 0.384 / 0.64)
-            for wall, start in ((walls.left, 0.8), (walls.right, 1.0)):
-                reading = start - wall.sign * (SIDE_SONAR_X_M + s) * math.sin(heading)
-                turned += walls.update(wall, reading, sample, along).heading
-        assert math.degrees(turned) == pytest.approx(error_deg, abs=0.5)
-
     @given(degrees=st.floats(-8.0, 8.0))
     def test_a_wrong_direction_is_put_right_within_a_metre(self, degrees: float) -> None:
         walls, along = WallFilter(), 0.0

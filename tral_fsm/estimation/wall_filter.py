@@ -19,8 +19,8 @@ from tral_fsm.estimation.odometry import CURVATURE_PER_STEERING, GAIN_SIGMA, TRI
 MAX_WALL_RANGE_M = 2.2
 """A larger range is no wall of the corridor the car is in, m. Source: corridors up to 2.6 m, the car 0.2 m wide."""
 MAX_ECHO_ANGLE = math.radians(18.0)
-"""A wall met at a larger angle may give no echo, so that a reading that does not fit tells nothing, rad. Source: 20 to
-25 degrees, less the doubt about the heading."""
+"""A wall met at a larger angle may give no echo, or something beside it gives one, so a reading tells nothing, rad. Source:
+20 to 25 degrees, less the doubt about the heading."""
 MAX_CORRIDOR_ANGLE = math.radians(38.0)
 """Beyond this the car turns out of the corridor, rad; at 45 degrees along becomes across."""
 _JUMP_M = 0.02
@@ -121,9 +121,7 @@ class Wall:
     | unknown | -                             | unknown                | known there, `moved` + 1, `lost` 0  |
     | known   | known, corrected, `lost` 0    | known; unknown after 2 | likewise; `slip` if it was new      |
 
-    A third one that is far itself leaves `lost` as it is: an opening that has a wall behind it is one all the same. A
-    car that stands at more than 18 degrees to the corridor may hear no echo, or hear something else by its edge: then
-    only readings that fit tell anything.
+    A third one that is far itself leaves `lost` as it is: an opening that has a wall behind it is one all the same.
     """
 
     __slots__ = (
@@ -331,9 +329,9 @@ class WallFilter:
         self.left.move(left)
         self.right.move(left)
         side, h = (_LEFT, _H_LEFT) if wall is self.left else (_RIGHT, _H_RIGHT)
-        Ph, S = kalman.innovation(self.P, h, _R)
-        if abs(heading) > MAX_ECHO_ANGLE and not wall.fits(reading, S):
+        if abs(heading) > MAX_ECHO_ANGLE:
             return NO_CORRECTION
+        Ph, S = kalman.innovation(self.P, h, _R)
         moved = wall.moved
         if wall.accept(reading, S):
             if wall.steady:
