@@ -70,6 +70,11 @@ def is_number(value: object, *, whole: bool = False) -> TypeGuard[float]:
         return False
 
 
+def is_seed(value: object) -> bool:
+    """Whether a value can seed an episode: `None`, or a whole number, 0 or more; `True` is none."""
+    return value is None or (is_number(value, whole=True) and bool(value >= 0))
+
+
 def check_number(where: str, value: object, unit: str = "", *, whole: bool = False) -> None:
     """Refuse what is no finite number; text, `None`, `True` and `False` are none.
 

@@ -13,12 +13,13 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
+from tral_env.checks import is_seed
 from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
 from tral_env.decisions import Decisions
 from tral_env.errors import ConfigError
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space, as_command
-from tral_env.options import CorridorConfig, JsonSpec, is_count, is_seed, option_parameters, takes
+from tral_env.options import CorridorConfig, JsonSpec, is_count, option_parameters, takes
 from tral_env.world import World, check_pictures
 
 _ROW = np.zeros(1, np.int64)

@@ -100,7 +100,7 @@ class LearnerConfig:
                 f"decision_hz = {self.decision_hz:g}: a decision would take {ticks:g} ticks of 1/80 s, which is no "
                 f"whole number: expected {_rate(math.floor(ticks))} or {_rate(math.ceil(ticks))}"
             )
-        if not isinstance(self.history, int) or isinstance(self.history, bool) or not 1 <= self.history <= MAX_HISTORY:
+        if not is_number(self.history, whole=True) or not 1 <= self.history <= MAX_HISTORY:
             raise ConfigError(f"history = {self.history!r}: expected a whole number, 1 to {MAX_HISTORY}")
         self._check_spacing()
         if self.kept_frames > MAX_FRAMES:

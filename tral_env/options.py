@@ -228,13 +228,6 @@ def check_counts(**counts: object) -> None:
             raise ConfigError(f"{name} = {count!r}: expected a whole number, 1 or more")
 
 
-def is_seed(value: object) -> bool:
-    """Whether a value can seed an episode: `None`, or a whole number, 0 or more; `True` is none."""
-    if value is None:
-        return True
-    return is_number(value, whole=True) and bool(value >= 0)
-
-
 def as_plain(value: Any) -> Any:
     """An option as JSON can hold it: what the environments make the same of. Configurations stay, see `JsonSpec`."""
     if isinstance(value, Course):

@@ -12,11 +12,11 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from tral_env.checks import one_of
+from tral_env.checks import is_seed, one_of
 from tral_env.decisions import Decisions, RowPolicy
 from tral_env.errors import ConfigError
 from tral_env.interface import CONTROL_RATE_HZ, FloatArray, action_space, as_command
-from tral_env.options import CorridorConfig, JsonSpec, check_counts, is_seed, option_parameters, takes
+from tral_env.options import CorridorConfig, JsonSpec, check_counts, option_parameters, takes
 from tral_env.world import Step, World, check_pictures
 
 

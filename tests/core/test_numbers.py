@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tral_env.calibration.boards import Board
-from tral_env.checks import is_number
-from tral_env.options import is_count, is_seed
+from tral_env.checks import is_number, is_seed
+from tral_env.options import is_count
 
 
 @pytest.mark.parametrize("value", [0, -1, 2.5, np.int64(5), np.float32(0.5), Fraction(1, 3)])

@@ -122,6 +122,13 @@ OTHERS: dict[str, tuple[object, ...]] = {
     "lens": (WIDE_LENS, "wide"),
     "task": (TaskConfig(grace_s=1.0),),
     "image_faults": (ImageCorruption(noise=0.1),),
+    "decision_hz": (20.0, np.int64(40)),
+    "observation": ("features",),
+    "history": (3, np.int64(2)),
+    "spacing_s": (0.05,),
+    "action": ("speed",),
+    "drive_range": ((0.1, 0.4), [0.0, 0.5]),
+    "detections": (False,),
 }
 
 

@@ -130,7 +130,7 @@ def test_the_paths_are_those_of_the_first_course(shown: dict[str, Any]) -> None:
 
 def test_the_same_seed_gives_the_same_intervals(shown: dict[str, Any]) -> None:
     assert analyse(lines(), SUITE, FIELD, seed=1, resamples=300) == shown
-    assert analyse(lines(), SUITE, FIELD, seed=2, resamples=300)["profiles"] != shown["profiles"]
+    assert analyse(lines(), SUITE, FIELD, seed=2, resamples=300)["contenders"] != shown["contenders"]
 
 
 MANY = Suite(name="many", families=("straight",), levels=("none",), split="validation", courses=100)

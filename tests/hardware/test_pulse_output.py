@@ -205,9 +205,9 @@ def test_neutral_that_failed_is_sent_by_the_next_close():
 def test_another_chip_at_that_address_is_found_out():
     class Deaf(Pca9685Fake):
         def read(self, register, length):
-            return [0x55] * length
+            return [0x15] * length
 
-    with pytest.raises(HardwareError, match="divider of 85 instead of 105"):
+    with pytest.raises(HardwareError, match="divider of 21 instead of 105"):
         board(chip=Deaf())
 
 

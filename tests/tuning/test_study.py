@@ -18,6 +18,7 @@ from tral_fsm.conditions.combined import NotSpec
 from tral_fsm.conditions.simple import DistanceSpec
 from tral_fsm.definition.machine import MachineDefinition, TransitionSpec
 from tral_fsm.evaluation.episode import EpisodeRequest
+from tral_fsm.evaluation.folder import LOCK
 from tral_fsm.evaluation.pool import interrupts_ignored
 from tral_fsm.formats.library import load
 from tral_fsm.states.basic import MotorSpec
@@ -195,9 +196,17 @@ def test_a_race_has_something_of_each_scenario_in_its_first_round() -> None:
     assert Racing(keep=1.0).rounds(task.courses, 3) == [task.courses]
 
 
-@pytest.mark.parametrize("shares", [{"share": 0.0}, {"keep": 1.5}, {"keep": float("nan")}, {"share": "half"}])
-def test_a_share_of_a_race_lies_above_0_and_is_1_at_most(shares: dict[str, Any]) -> None:
-    with pytest.raises(ConfigError, match="expected a share above 0, at most 1"):
+@pytest.mark.parametrize(
+    ("shares", "told"),
+    [
+        ({"share": 0.0}, "expected a share above 0, at most 1"),
+        ({"keep": 1.5}, "expected a share above 0, at most 1"),
+        ({"keep": float("nan")}, "keep = nan: expected a finite number"),
+        ({"share": "half"}, "share = 'half': expected a finite number"),
+    ],
+)
+def test_a_share_of_a_race_lies_above_0_and_is_1_at_most(shares: dict[str, Any], told: str) -> None:
+    with pytest.raises(ConfigError, match=told):
         Racing(**shares)
 
 
@@ -326,7 +335,7 @@ def test_a_finished_search_that_goes_on_sets_its_results_aside_and_keeps_its_stu
         (tmp_path / name).write_text("of the smaller budget")
     with pytest.raises(KeyboardInterrupt):
         search(tmp_path, resume=True, settings=replace(SETTINGS, budget=22), stop_at=1)
-    assert files(tmp_path) == {STUDY, MACHINE, f"before-1/{NUMBERS}", f"before-1/{PAGE}"}
+    assert files(tmp_path) == {STUDY, LOCK, MACHINE, f"before-1/{NUMBERS}", f"before-1/{PAGE}"}
 
 
 def test_a_machine_that_is_no_better_is_never_written(tmp_path: Path) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from tral_env.checks import is_seed
 from tral_env.errors import ConfigError
-from tral_env.options import is_seed
 
 
 def parse_seeds(text: str, option: str = "--seeds") -> range:
