@@ -189,30 +189,6 @@ def test_a_car_that_moves_a_tick_now_and_then_is_not_stopped() -> None:
     assert bench.active == "0"
 
 
-def test_noise_on_the_line_of_the_hall_sensor_does_not_hide_a_car_that_stands() -> None:
-    bench = one_state(type="Motor", speed=0.8)
-    for tick in range(240):  # a tick of noise each 0.4 s
-        bench.tick(distance=0.025 * (tick // 32), speed=0.06)
-    assert bench.active == "stopped: told to drive for 1.2 s, but the distance hardly changes"
-
-
-def test_a_car_at_a_third_of_the_wanted_speed_drives_on() -> None:
-    bench = one_state(type="Motor", speed=0.6)
-    for tick in range(800):  # 0.2 m/s
-        bench.tick(distance=0.025 * (tick // 10), speed=0.2)
-    assert bench.active == "0"
-
-
-def test_a_speed_that_is_frozen_does_not_hide_a_car_that_stands_in_reverse() -> None:
-    bench = one_state(type="Motor", throttle=-0.4, distance=2.0)
-    for _ in range(80):
-        bench.tick(distance=1.0, speed=0.8)
-    assert bench.active == "0"
-    for _ in range(20):
-        bench.tick(distance=1.0, speed=0.8)
-    assert bench.active.startswith("stopped: told to drive for 1.2 s")
-
-
 def drive_blind(toy: Toy, machine: str, seconds: float, **blind: float) -> Driver:
     """Drive with some readings replaced."""
     driver = Driver(load_machine(machine))

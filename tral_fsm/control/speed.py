@@ -5,8 +5,10 @@ from __future__ import annotations
 from tral_env.speed_control import SpeedRegulator
 from tral_fsm.control.command import Command
 
-# A car stands, rolls or can be braked: three questions to the hall sensor, whose slowest reading is 0.1 m/s.
+# A car stands, moves, rolls or can be braked: four questions to the hall sensor, whose slowest reading is 0.1 m/s.
 # `tral_env.geometry.STANDING_MPS`, 0.05, is the first: below it the car stands.
+MOVING_MPS = 0.08
+"""A car that reads less, and counts no way, does not move. Source: ArduPilot Rover, CRASH_CHECK_VEL_MIN."""
 ROLLING_MPS = 0.1
 """A faster car counts as rolling, m/s. Source: choice, near the slowest speed that the hall sensor can read."""
 BRAKE = 0.3

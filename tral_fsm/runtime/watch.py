@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT
 from tral_env.speed_control import THROTTLE_DEAD
 from tral_fsm.control.command import Command
-from tral_fsm.control.speed import BRAKE, ROLLING_MPS
+from tral_fsm.control.speed import BRAKE, MOVING_MPS, ROLLING_MPS
 from tral_fsm.definition.needs import HALL
 
 MAX_SILENCE_S = 0.5
@@ -19,9 +19,6 @@ MIN_THROTTLE = 0.05
 MAX_STANDSTILL_S = 1.2
 """A car may stand for so long in all while it is told to drive. Source: measured; a healthy car stands for 0.68 s at
 most. The crash check of ArduPilot Rover waits for 2 s, in which a car whose hall sensor is dead reaches 1 m/s."""
-MIN_SPEED_SHARE, MIN_SPEED_MPS = 0.25, 0.2
-"""A car that moves counts hall ticks at this share of the wanted speed, and no more than `MIN_SPEED_MPS` is asked of
-it; fewer ticks than these are noise on the line of the sensor. Source: choice."""
 ROLLING_ON_MPS = 0.3
 """A car that counted a hall tick at this speed, and is driven on, soon counts the next one. Source: choice."""
 SLOWING_MPS2 = 4.0
@@ -40,12 +37,9 @@ class Watch:
 
     - An ultrasonic that the machine needs is silent: its age exceeds `MAX_SILENCE_S`; after a reset it gets as long for
       its first reading.
-    - The hall sensor stops counting although the car was rolling and is driven on; forward alone.
-    - The car is told to drive, forward or in reverse, but does not move: the hall sensor is dead, or the car is stuck.
-      Pauses do not count, so that the neutral in which a stalled car tries again does not hide it. The distance is the
-      only witness, since the speed may be frozen. Each tick excuses the time that a slow car needs for it, so noise
-      excuses little. An open loop without a wanted speed has no such time: there each tick excuses all, and noise is
-      not noticed.
+    - The hall sensor stops counting although the car was rolling and is driven on.
+    - The car is told to drive, but does not move: the hall sensor is dead, or the car is stuck. Pauses do not count, so
+      that the neutral in which a stalled car tries again does not hide it.
     """
 
     __slots__ = (
@@ -78,8 +72,8 @@ class Watch:
         self.reason = ""
         """Why the car must stop; empty: it may drive."""
         self._ticks = 0
-        self._pushed = 0.0
-        """Time without motion in which the car was told to drive, in periods; what was counted since excuses some."""
+        self._pushed = 0
+        """Ticks without motion in which the car was told to drive."""
         self._distance = 0.0
         self._rolled = 0.0
         """Speed that the car has at least, by its last hall tick and what it may have lost since, m/s."""
@@ -117,22 +111,17 @@ class Watch:
         if not driven_on:
             self._rolled -= SLOWING_MPS2 * CONTROL_PERIOD_S
         if distance != self._distance:
-            self._excuse(distance - self._distance, command.speed)
             self._distance, self._rolled = distance, speed
-            self._paused = 0
+            self._paused = self._pushed = 0
             return
+        if speed >= MOVING_MPS:
+            self._pushed = 0
         self._pushed += driving
         self._paused += driven_on
         if self._rolled >= ROLLING_ON_MPS and self._paused * CONTROL_PERIOD_S > MAX_PAUSE_S:
             self._blame_hall(f"no hall tick for {MAX_PAUSE_S:g} s of driving on from {self._rolled:.1f} m/s")
         elif self._pushed * CONTROL_PERIOD_S > MAX_STANDSTILL_S:
-            self._blame_hall(f"told to drive for {MAX_STANDSTILL_S:g} s, but the distance hardly changes")
-
-    def _excuse(self, way: float, wanted: float | None) -> None:
-        """Take from the time without motion what a car at the slowest speed allowed needs for a way."""
-        slowest = min(MIN_SPEED_SHARE * (wanted or 0.0), MIN_SPEED_MPS)
-        excused = way > 0.0 and way < slowest * self._pushed * CONTROL_PERIOD_S
-        self._pushed = self._pushed - way / (slowest * CONTROL_PERIOD_S) if excused else 0.0
+            self._blame_hall(f"told to drive for {MAX_STANDSTILL_S:g} s, but distance and speed do not change")
 
     def _blame_hall(self, reason: str) -> None:
         self._speed_known, self.reason = False, reason
