@@ -34,8 +34,8 @@ class TralCorridorVectorEnv(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
       until ``reset(options={"reset_mask": mask})`` names it: so an evaluation drives until all rows have ended.
     - `nthread`: number of threads that step the cars; the results do not depend on it.
 
-    For training, ``courses=1000`` keeps a thousand courses instead of building one for every episode: a reset takes a
-    third of the time or less.
+    For training, ``courses=500`` keeps 500 courses instead of building one for every episode: a reset takes a third of
+    the time or less. They have the seeds 0 to 499; the courses of validations begin at 500.
 
     Every entry of `info` is an array of (n, ...) with a mask `_name`; `info["car"]` of a reset holds the parameters of
     the cars in the same way, and that of a step those of the rows that began an episode in it.

@@ -103,6 +103,7 @@ def test_a_course_file_is_driven_under_its_name(driven: tuple[Path, Result]) -> 
     [
         (["drive", "--scenario", "cornrs"], "unknown scenario 'cornrs': did you mean 'corners'?"),
         (["drive", "--policy", "wal"], "did you mean 'wall'?"),
+        (["drive", "--policy", "runs/student"], "no folder with the policy.json of a training"),
         (["courses", "--scenario", "ofice"], "did you mean 'office'?"),
         (["courses", "--out", "a.json"], "a course file holds one course, so --scenario or --course is needed"),
         (["courses", "--course", "l_shap"], "did you mean 'l_shape'?"),
@@ -115,7 +116,7 @@ def test_a_course_file_is_driven_under_its_name(driven: tuple[Path, Result]) -> 
         (["drive", "--car", "friction=1", "--car", "friction=2"], "--car friction=2: friction is set twice"),
         (["drive", "--randomization", "hrd"], "did you mean 'hard'?"),
         (["drive", "--randomization", "no.yaml"], "randomization no.yaml: cannot be read"),
-        (["drive", "--policy", "no.py:P"], "policy file no.py: there is no such file"),
+        (["drive", "--policy", "no.py:P"], "Python file no.py: there is no such file"),
         (["courses", "--out", "a.bmp"], "got suffix '.bmp': Allowed: .png, .json"),
         (["tune", "--params", "*.p=3"], "*.p=3: expected LOW:HIGH"),
         (["tune", "--params", "*.d=3:1"], "*.d=3:1: expected the lower end first"),

@@ -51,6 +51,7 @@ def test_its_actions_are_those_of_the_action_space() -> None:
 def test_its_keys_of_info_come_at_every_reset_and_step() -> None:
     env = TralCarEnv(clock=lambda: 0.0, sleep=lambda seconds: None)
     told = [row[0].strip("`") for row in table(PAGE, "| key |")]
+    assert told.pop() == "armed_again_after", "of a reset alone, after the actuator's process stopped the car"
     _, info = env.reset(seed=0)
     assert [*info, "armed_again_after"] == told  # the last one comes after a stop alone
     *_, info = env.step(np.zeros(2, np.float32))

@@ -31,6 +31,12 @@ def test_links_and_pictures_are_there(page: str) -> None:
     assert [target for target in local if not (ROOT / page).parent.joinpath(target).exists()] == []
 
 
+@pytest.mark.parametrize("page", PAGES)
+def test_quoted_files_are_there(page: str) -> None:
+    quoted = re.findall(r"`((?:tral_env|tral_fsm|tests|benchmarks|assets)/[\w/.]+\.\w+)`", read(page))
+    assert [path for path in quoted if not (ROOT / path).exists()] == []
+
+
 def test_the_index_knows_every_page() -> None:
     listed = re.findall(r"\]\(([^)]+\.md)\)", read("docs/README.md"))
     assert sorted(listed) == sorted(path.name for path in (ROOT / "docs").glob("*.md") if path.name != "README.md")

@@ -51,8 +51,9 @@ def test_every_type_has_its_row() -> None:
 
 def test_every_test_that_the_page_names_is_there() -> None:
     table = PAGE[PAGE.index("## Which test holds what") :]
-    tests = {path.name: path for path in Path(__file__).parents[1].rglob("test_*.py")}
-    named = re.findall(r"(test_\w+\.py)?((?:::\w+)*)(?=[;,| ])", table)
+    files = [*Path(__file__).parents[1].rglob("test_*.py")]
+    tests = {path.name: path for path in files} | {f"{path.parent.name}/{path.name}": path for path in files}
+    named = re.findall(r"((?:\w+/)?test_\w+\.py)?((?:::\w+)*)(?=[;,| ])", table)
     file, count = "", 0
     for name, path in named:
         file = name or file

@@ -91,9 +91,10 @@ def test_a_field_that_is_none_is_refused(text: str, message: str) -> None:
         contenders(text)
 
 
-def test_an_unknown_policy_is_refused_with_the_nearest_name() -> None:
-    with pytest.raises(TralError, match="did you mean 'office'"):
-        contenders("offise")
+@pytest.mark.parametrize(("name", "nearest"), [("offise", "office"), ("pursit", "pursuit"), ("ram", "ramp")])
+def test_an_unknown_policy_is_refused_with_the_nearest_name(name: str, nearest: str) -> None:
+    with pytest.raises(TralError, match=f"did you mean '{nearest}'"):
+        contenders(name)
 
 
 def trained(folder: Path, seed: int) -> Path:

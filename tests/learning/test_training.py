@@ -135,8 +135,8 @@ def test_without_a_checkpoint_there_is_nothing_to_go_on_with(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"minutes": 1.0, "steps": 5}, "got both --minutes and --steps, or none"),
-        ({}, "got both --minutes and --steps, or none"),
+        ({"minutes": 1.0, "steps": 5}, "got both --minutes and --steps: expected"),
+        ({}, "got neither --minutes nor --steps: expected"),
         ({"minutes": 0.0}, "--minutes 0.0: expected a finite number above 0"),
         ({"minutes": float("inf")}, "--minutes inf: expected a finite number above 0"),
         ({"steps": 1.5}, "--steps 1.5: expected a whole number, 1 or more"),
@@ -145,7 +145,7 @@ def test_without_a_checkpoint_there_is_nothing_to_go_on_with(tmp_path: Path) -> 
         ({"steps": 5, "nthread": 0}, "--nthread 0: expected a whole number, 1 or more"),
         ({"steps": 5, "scenarios": ("corner",)}, "did you mean 'corners'"),
         ({"steps": 5, "algo": "pppo"}, "did you mean 'ppo'"),
-        ({"steps": 5, "validation": 500}, "500 episodes of a validation: expected 1 to 200"),
+        ({"steps": 5, "validation": 500}, "--validation 500: expected 1 to 200"),
     ],
 )
 def test_a_request_that_cannot_be_is_refused(arguments: dict, message: str) -> None:

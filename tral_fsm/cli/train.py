@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -22,7 +22,7 @@ DEFAULT_MINUTES = 10.0
 
 def command(
     algo: Annotated[
-        Literal["teacher", "ppo", "sac", "residual"],
+        str,
         typer.Option(
             help="teacher: learn from a machine. ppo, sac: learn from the reward. residual: learn to correct a machine."
         ),

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from tral_env.errors import ConfigError
+from tral_env.errors import ConfigError, nearest
 from tral_env.interface import Policy
 from tral_env.policy_file import JSON_NAME, load_network
 from tral_env.world import World
@@ -31,6 +31,7 @@ ALIASES = {"ramp": "gate"}
 _NAMED = re.compile(r"(?P<name>[^=/\\]+)=(?P<sources>.*)")
 TUNED, TUNING = "machine.json", "tune.json"
 """Files that a search writes into its folder: the machine, and the figures of the search."""
+_WORD = re.compile(r"[\w-]{1,60}")
 _PYTHON = re.compile(r".+\.py(:.*)?")
 
 
@@ -151,6 +152,11 @@ def agent(source: str) -> Agent:
         return Agent(source=source, kind="built-in", digest="", sees_truth=baseline.sees_truth, provenance=told)
     if _PYTHON.fullmatch(source):
         return Agent(source=source, kind="python", digest=_digest(source, find_policy(source)))
+    names = [*packaged.names(), *BASELINES, *ALIASES]
+    if source not in names and _WORD.fullmatch(source) and not Path(source).exists():
+        raise ConfigError(
+            f"--policies {source}: no such name, file, or folder of a trained policy: {nearest(source, names)}"
+        )
     policy = load_policy(ALIASES.get(source, source))
     if isinstance(policy, MachinePolicy):
         told = {"machine": policy.definition.name or source, **tuning_of(Path(source))}

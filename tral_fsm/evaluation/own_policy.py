@@ -242,7 +242,7 @@ class _Neighbours:
 def _module(path: Path) -> ModuleType:
     """Run a file as a module; it may import its neighbours, as a script may."""
     if not path.is_file():
-        raise ConfigError(f"policy file {path}: there is no such file")
+        raise ConfigError(f"Python file {path}: there is no such file")
     name = f"own_policy_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path.resolve())
     assert spec is not None, "a name that ends in .py has a loader"
@@ -252,7 +252,7 @@ def _module(path: Path) -> ModuleType:
     try:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
-        raise PolicyError(f"policy file {path} cannot be loaded: {reason(error, str(path.resolve()))}") from error
+        raise PolicyError(f"Python file {path} cannot be loaded: {reason(error, str(path.resolve()))}") from error
     return module
 
 

@@ -50,7 +50,10 @@ def load_with_notes(name_or_path: str | Path) -> tuple[MachineDefinition, tuple[
     path = Path(name_or_path)
     if path.suffix.lower() not in SUFFIXES and not _may_be_read(path):
         kinds = ", ".join(SUFFIXES)
-        raise MachineError(f"{name[:80]!r} is no packaged machine and no file ({kinds}): {nearest(name, names())}")
+        raise MachineError(
+            f"{name[:80]!r} is no packaged machine, no file ({kinds}), and no folder with the policy.json of a "
+            f"training: {nearest(name, names())}"
+        )
     definition, places, notes = read_file(path)
     problems = check(definition, by_name)
     if problems:

@@ -59,7 +59,8 @@ class TrainRequest:
             raise ConfigError(f"unknown algorithm '{self.algo}': {nearest(self.algo, ALGORITHMS)}")
         check_families(self.scenarios)
         if (self.minutes is None) == (self.steps is None):
-            raise ConfigError("got both --minutes and --steps, or none: expected one of them")
+            got = "neither --minutes nor" if self.minutes is None else "both --minutes and"
+            raise ConfigError(f"got {got} --steps: expected one of them")
         if self.minutes is not None and not (_is_number(self.minutes) and self.minutes > 0):
             raise ConfigError(f"--minutes {self.minutes!r}: expected a finite number above 0")
         for name, lowest in (("steps", 1), ("seed", 0), ("validation", 1), ("nthread", 1)):
@@ -70,7 +71,7 @@ class TrainRequest:
                 raise ConfigError(f"--{name} {value!r}: expected a whole number, {lowest} or more")
         if not len(self.scenarios) <= self.validation <= len(VALIDATION_SEEDS) * len(self.scenarios):
             raise ConfigError(
-                f"{self.validation} episodes of a validation: expected {len(self.scenarios)} to "
+                f"--validation {self.validation}: expected {len(self.scenarios)} to "
                 f"{len(VALIDATION_SEEDS) * len(self.scenarios)}"
             )
 
@@ -141,7 +142,7 @@ def _own(path: Path) -> dict[str, Any]:
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read: {error}") from error
+        raise ConfigError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from error
     return _mapping(text, str(path))
 
 

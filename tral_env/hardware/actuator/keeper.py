@@ -362,9 +362,14 @@ def _address(text: str) -> int:
     """Address of the board, always hexadecimal.
 
     Raises:
-        ValueError: no address.
+        ArgumentTypeError: no address.
     """
-    address = int(text, 16)
+    try:
+        address = int(text, 16)
+    except ValueError:
+        address = -1
     if not MIN_ADDRESS <= address <= MAX_ADDRESS:
-        raise ValueError(text)
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: expected a hexadecimal address, {MIN_ADDRESS:02x} to {MAX_ADDRESS:02x}"
+        )
     return address
