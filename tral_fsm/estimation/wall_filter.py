@@ -19,8 +19,8 @@ from tral_fsm.estimation.odometry import CURVATURE_PER_STEERING, GAIN_SIGMA, TRI
 MAX_WALL_RANGE_M = 2.2
 """A larger range is no wall of the corridor the car is in, m. Source: corridors up to 2.6 m, the car 0.2 m wide."""
 MAX_ECHO_ANGLE = math.radians(18.0)
-"""A wall met at a larger angle may give no echo, or something beside it gives one: a reading tells nothing, rad. Source: 20
-to 25 degrees, less the doubt about the heading."""
+"""A wall met at a larger angle may give no echo, or a post beside it gives one: no reading counts, rad. Source: 20 to
+25 degrees, less the doubt about the heading."""
 MAX_CORRIDOR_ANGLE = math.radians(38.0)
 """Beyond this the car turns out of the corridor, rad; at 45 degrees along becomes across."""
 _JUMP_M = 0.02

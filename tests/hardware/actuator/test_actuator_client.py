@@ -96,9 +96,10 @@ def test_a_board_that_refused_is_told_and_can_be_armed_again(process: type[Threa
     with ActuatorProcess(settings()) as actuator:
         actuator.arm()
         drive(actuator, 0.1)
-        process.board.failures = 60
+        process.board.failures = 10**9
         with pytest.raises(HardwareError, match="did not take pulses"):
             drive(actuator, 1.0)
+        process.board.failures = 0
         actuator.neutral()
         assert actuator.reply is not None
         assert actuator.reply.reason is Reason.BUS
