@@ -53,7 +53,9 @@ def stay() -> None:
 
 
 PARENT = """
+import signal
 from test_pool import ProcessPool, stay
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it would be ignored
 with ProcessPool(2) as pool:
     [future.result() for future in [pool.submit(stay), pool.submit(stay)]]
 """
