@@ -23,7 +23,8 @@ from tral_fsm.formats import write
 from tral_fsm.formats.library import load
 from tral_fsm.tuning import Progress
 from tral_fsm.tuning.classical import experiments
-from tral_fsm.tuning.folder import LOCK, STUDY
+from tral_fsm.evaluation.folder import LOCK
+from tral_fsm.tuning.folder import STUDY
 from tral_fsm.tuning.search.space import Trial
 
 PARAMS = "0.steering=0.3:0.9,0.speed=0.8:1.6"
