@@ -19,11 +19,11 @@ from tral_env.course.layout import Course, Segment
 from tral_fsm.cli import app
 from tral_fsm.cli.tune_show import kept_text
 from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.evaluation.folder import LOCK
 from tral_fsm.formats import write
 from tral_fsm.formats.library import load
 from tral_fsm.tuning import Progress
 from tral_fsm.tuning.classical import experiments
-from tral_fsm.evaluation.folder import LOCK
 from tral_fsm.tuning.folder import STUDY
 from tral_fsm.tuning.search.space import Trial
 
