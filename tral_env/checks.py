@@ -11,7 +11,7 @@ from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
 
-from tral_env.errors import ConfigError, nearest
+from tral_env.errors import ConfigError, TralError, nearest
 
 Config = TypeVar("Config")
 
@@ -90,6 +90,23 @@ def check_number(where: str, value: object, unit: str = "", *, whole: bool = Fal
     if not is_number(value, whole=whole):
         expected = "a whole number" if whole else "a finite number"
         raise ConfigError(f"{where} = {value!r}: expected {expected}{f' of {unit}' if unit else ''}")
+
+
+def check_rows(what: str, rows: Any, n: int, failure: type[TralError] = ConfigError) -> None:
+    """Refuse what is not one truth value for each car.
+
+    Args:
+        what: what the values choose, for the error.
+        rows: (n,) bool.
+        n: number of cars.
+        failure: class of the error.
+
+    Raises:
+        failure: another shape, or no truth values.
+    """
+    if np.shape(rows) != (n,) or np.asarray(rows).dtype != np.bool_:
+        got = f"{np.asarray(rows).dtype} of shape {np.shape(rows)}"
+        raise failure(f"{what}: got {got}, expected bool of shape ({n},)")
 
 
 def one_of(name: str, value: object, allowed: Iterable[str], hint: str = "") -> None:

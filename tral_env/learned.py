@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Flags
-from tral_env.errors import ConfigError, nearest
+from tral_env.checks import check_rows, one_of
+from tral_env.errors import ConfigError
 from tral_env.interface import CORE_FIELDS, CORE_LAYOUT
 from tral_env.learner import Actuation, LearnerConfig, LearnerView
 
@@ -86,9 +87,8 @@ class Network:
     """The layers with weights (inputs, outputs)."""
 
     def __post_init__(self) -> None:
-        for name, allowed in (("activation", ACTIVATIONS), ("output", OUTPUTS)):
-            if getattr(self, name) not in allowed:
-                raise ConfigError(f"unknown {name} '{getattr(self, name)}': {nearest(getattr(self, name), allowed)}")
+        one_of("activation", self.activation, ACTIVATIONS)
+        one_of("output", self.output, OUTPUTS)
         if self.correction is not None and (self.learner.action != "throttle" or self.learner.drive_range is not None):
             raise ConfigError("a correction has action='throttle' and no drive_range: its bounds limit it")
         if not 1 <= len(self.layers) <= MAX_LAYERS:
@@ -153,11 +153,7 @@ class LearnedPolicy:
         Raises:
             ConfigError: `rows` is not one truth value for each car.
         """
-        if np.shape(rows) != self._fresh.shape or np.asarray(rows).dtype != np.bool_:
-            raise ConfigError(
-                f"rows to reset: got {np.asarray(rows).dtype} of shape {np.shape(rows)}, "
-                f"expected bool of shape {self._fresh.shape}"
-            )
+        check_rows("rows to reset", rows, len(self._fresh))
         self._fresh |= rows
 
     def act(self, observation: NDArray[np.floating]) -> Values:

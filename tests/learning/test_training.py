@@ -19,12 +19,13 @@ from tral_env.errors import ConfigError
 from tral_env.learned import LearnedPolicy
 from tral_fsm import load_machine, load_policy
 from tral_fsm.cli import app
+from tral_fsm.evaluation.stuck import StuckWatch
 from tral_fsm.formats import tral_json
 from tral_fsm.learning.choices import MAX_CARS, VALIDATION_SEEDS, TrainRequest, read_settings
 from tral_fsm.learning.reinforcement import reinforcement_settings
 from tral_fsm.learning.run import TrainingRun
 from tral_fsm.learning.teacher import Samples, Student, TeacherSettings, teacher_settings
-from tral_fsm.learning.validation import Score, StuckWatch, Validation
+from tral_fsm.learning.validation import Score, Validation
 from tral_fsm.policies.corrected import CorrectedPolicy
 
 SMALL: dict[str, dict[str, Any]] = {

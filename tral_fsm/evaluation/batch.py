@@ -26,13 +26,12 @@ from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
 from tral_fsm.evaluation.loop import DriveLoop, Index, Observer, row_info
 from tral_fsm.evaluation.row_policies import DriverPool, RowPolicies, Spectator
+from tral_fsm.evaluation.stuck import StuckWatch
 
 Array = NDArray[np.float64]
 
 MAX_ROWS = 128
 """Largest number of drives at once. Source: measured; more rows save little, and the last drives end later."""
-STUCK_M = 0.25
-"""A car is stuck if it gains less along the route than this in `stuck_s`. Source: choice."""
 
 
 class BatchRunner:
@@ -57,7 +56,7 @@ class BatchRunner:
             camera: "projected" or "rendered".
             rows: largest number of drives at once.
             nthread: number of threads that step the cars.
-            stuck_s: a car that gains less than `STUCK_M` in this time ends in a timeout, s; None: no car is stuck.
+            stuck_s: a car that is stuck for so long (`stuck.StuckWatch`) ends in a timeout, s; None: no car is.
             course: course that all drives have instead of those of a family.
 
         Raises:
@@ -215,7 +214,7 @@ class _Run:
         self._next = 0
         self._number = np.full(n, -1)
         """Number of the request that each row drives."""
-        self._best, self._since = np.zeros(n), np.zeros(n)
+        self._stuck = StuckWatch(n, runner.patience_s)
 
     def fill(self, free: Index) -> None:
         """Give the next requests to free rows."""
@@ -231,7 +230,7 @@ class _Run:
             self.policies.assign(row, self.requests[k])
             if k in self.observers:
                 watched[row] = self.observers[k]
-        self._best[rows] = self._since[rows] = 0.0
+        self._stuck.reset(rows)
         self.loop.begin(rows, watched)
 
     def tick(self) -> None:
@@ -240,21 +239,13 @@ class _Run:
         step = self.loop.tick()
         if self.spectator is not None:
             self.spectator.watch(rows, self._number[rows], self.world, step)
-        over = step.terminated | step.truncated | self._is_stuck(step)
+        gained_m = step.info["progress"] * self.world.track.length
+        over = step.terminated | step.truncated | self._stuck.stuck(gained_m, step.info["time_s"])
         done = rows[over[rows]]
         if done.size:
             for row in done.tolist():
                 self._finish(row, step)
             self.fill(done)
-
-    def _is_stuck(self, step: Step) -> NDArray[np.bool_]:
-        """Whether each row has been without progress for too long, (n,)."""
-        gained = step.info["progress"] * self.world.track.length
-        ahead = gained > self._best + STUCK_M
-        self._best = np.where(ahead, gained, self._best)
-        self._since = np.where(ahead, step.info["time_s"], self._since)
-        stuck: NDArray[np.bool_] = step.info["time_s"] - self._since > self.runner.patience_s
-        return stuck
 
     def _finish(self, row: int, step: Step) -> None:
         """Keep the result of the drive of a row."""

@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from tral_env import yaml_text
+from tral_env.checks import one_of
 from tral_env.errors import ConfigError, nearest
 from tral_env.learned import MAX_LAYERS
 from tral_env.learner import LearnerConfig
@@ -55,8 +56,7 @@ class TrainRequest:
     """Threads that step the cars."""
 
     def __post_init__(self) -> None:
-        if self.algo not in ALGORITHMS:
-            raise ConfigError(f"unknown algorithm '{self.algo}': {nearest(self.algo, ALGORITHMS)}")
+        one_of("algorithm", self.algo, ALGORITHMS)
         check_families(self.scenarios)
         if (self.minutes is None) == (self.steps is None):
             got = "neither --minutes nor" if self.minutes is None else "both --minutes and"

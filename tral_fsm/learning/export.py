@@ -8,12 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from tral_env.errors import ConfigError, PolicyFileError
 from tral_env.learned import Network
 from tral_env.learner import LearnerConfig
-from tral_fsm.learning.networks import torch
+from tral_fsm.learning.networks import to_numpy, torch
 
 MAX_ZIP_MEMBER = 256 * 2**20
 """The weights in a zip have this size at most, bytes."""
@@ -41,7 +39,7 @@ def network_of(
             continue
         hidden = sorted({int(name[len(begin) :].split(".")[0]) for name in state if name.startswith(begin)})
         names = [*(f"{begin}{index}" for index in hidden), last]
-        layers = [(_numpy(state[f"{name}.weight"]), _numpy(state[f"{name}.bias"])) for name in names]
+        layers = [(to_numpy(state[f"{name}.weight"]), to_numpy(state[f"{name}.bias"])) for name in names]
         return Network(
             learner=learner, layers=layers, activation=activation, output=output, provenance=dict(provenance or {})
         )
@@ -77,7 +75,3 @@ def network_of_zip(path: str | Path, learner: LearnerConfig, *, activation: str 
     if not isinstance(state, Mapping):
         raise PolicyFileError(f"{path}: no weights of Stable-Baselines3: got a {type(state).__name__}")
     return network_of(state, learner, activation=activation, provenance={"file": Path(path).name})
-
-
-def _numpy(tensor: Any) -> Any:
-    return np.array(tensor.detach().cpu().numpy(), np.float32)

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from tral_env.errors import ConfigError, MissingExtraError, nearest
+from tral_env.checks import one_of
+from tral_env.errors import ConfigError, MissingExtraError
 from tral_env.learned import Network
 from tral_env.learner import LearnerConfig
 
@@ -18,7 +19,7 @@ try:
 except ImportError as error:
     raise MissingExtraError("torch", "rl", "tral train") from error
 
-__all__ = ["ACTIVATIONS", "as_network", "nn", "perceptron", "torch"]
+__all__ = ["ACTIVATIONS", "as_network", "nn", "perceptron", "to_numpy", "torch"]
 
 ACTIVATIONS: Mapping[str, Any] = {"relu": nn.ReLU, "tanh": nn.Tanh}
 
@@ -33,8 +34,7 @@ def perceptron(sizes: Sequence[int], activation: str) -> nn.Sequential:
     Raises:
         ConfigError: unknown activation.
     """
-    if activation not in ACTIVATIONS:
-        raise ConfigError(f"unknown activation '{activation}': {nearest(activation, ACTIVATIONS)}")
+    one_of("activation", activation, ACTIVATIONS)
     parts: list[nn.Module] = []
     for inputs, outputs in pairwise(sizes):
         parts += [nn.Linear(inputs, outputs), ACTIVATIONS[activation]()]
@@ -58,7 +58,7 @@ def as_network(
     layers, activations = [], set()
     for module in modules:
         if isinstance(module, nn.Linear):
-            layers.append((_numpy(module.weight), _numpy(module.bias)))
+            layers.append((to_numpy(module.weight), to_numpy(module.bias)))
         else:
             activations.add(type(module))
     names = [name for name, kind in ACTIVATIONS.items() if kind in activations]
@@ -74,5 +74,6 @@ def as_network(
     )
 
 
-def _numpy(tensor: torch.Tensor) -> Any:
+def to_numpy(tensor: torch.Tensor) -> Any:
+    """An array of float32 of its own."""
     return np.array(tensor.detach().cpu().numpy(), np.float32)

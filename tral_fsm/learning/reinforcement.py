@@ -19,7 +19,7 @@ from tral_fsm.formats import library, tral_json
 from tral_fsm.learning.choices import check_size, read_settings, sees_detections
 from tral_fsm.learning.export import network_of
 from tral_fsm.learning.networks import ACTIVATIONS, torch
-from tral_fsm.learning.run import TrainingRun
+from tral_fsm.learning.run import RECENT, TrainingRun
 from tral_fsm.runtime.policy import MachinePolicy
 
 try:
@@ -31,8 +31,6 @@ try:
 except ImportError as error:
     raise MissingExtraError("stable-baselines3", "rl", "tral train --algo ppo, sac or residual") from error
 
-RECENT = 200
-"""Success in the training is that of so many episodes."""
 _FOREVER = 10**12
 """More steps than any training takes: the run says when it is over."""
 

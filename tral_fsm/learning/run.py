@@ -28,6 +28,8 @@ from tral_fsm.policies.corrected import policy_of
 
 REQUEST, CURVE, PICTURE, CHECKPOINT = "train.json", "curve.json", "curve.png", "checkpoint.pt"
 _FILES = (REQUEST, CURVE, PICTURE, CHECKPOINT, policy_file.JSON_NAME, policy_file.WEIGHTS_NAME)
+RECENT = 200
+"""Success in the training is that of so many episodes."""
 MIN_PAUSE_S = 20.0
 """Time between two validations, s, at the least."""
 MAX_POINTS = 500

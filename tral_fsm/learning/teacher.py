@@ -23,18 +23,16 @@ from tral_env.learned import Network
 from tral_env.learner import Actuation, LearnerConfig, LearnerView, inverse
 from tral_env.speed_control import SPEED_PER_THROTTLE, THROTTLE_DEAD
 from tral_env.vector_env import TralCorridorVectorEnv
+from tral_fsm.evaluation.stuck import StuckWatch
 from tral_fsm.learning.choices import check_size, positive, read_settings, sees_detections
 from tral_fsm.learning.networks import ACTIVATIONS, as_network, nn, perceptron, torch
-from tral_fsm.learning.run import TrainingRun
-from tral_fsm.learning.validation import StuckWatch
+from tral_fsm.learning.run import RECENT, TrainingRun
 from tral_fsm.policies import load_machine_policy
 from tral_fsm.runtime.policy import MachinePolicy
 
 Flags = NDArray[np.bool_]
 Values = NDArray[np.float32]
 _SPEED = CORE_LAYOUT.column("speed")
-RECENT = 200
-"""Success in the training is that of so many episodes."""
 KEPT_ROUNDS = 10
 """A checkpoint holds the decisions of so many rounds, 27 MB with the packaged settings; all of them would be 500 MB."""
 

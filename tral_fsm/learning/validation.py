@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from gymnasium.utils import seeding
 
 from tral_env.interface import Policy
-from tral_env.options import CorridorConfig
-from tral_env.world import World
+from tral_fsm.evaluation.batch import BatchRunner
+from tral_fsm.evaluation.episode import EpisodeRequest
+from tral_fsm.evaluation.row_policies import BatchedPolicy
 
 PATIENCE_S = 5.0
-"""A car that gains less than `STUCK_M` in this time has failed; a car that stands would take a minute to time out."""
-STUCK_M = 0.25
+"""A car that is stuck for so long has failed (`evaluation.stuck`); one that stands would take a minute to time out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,67 +59,28 @@ class Validation:
             randomization: how much cars and sensors differ.
             nthread: threads that step the cars.
         """
-        self._seeds = list(seeds)
-        self._worlds = [
-            World(len(self._seeds), CorridorConfig(scenario=name, randomization=randomization), nthread=nthread)
+        self._requests = {name: [EpisodeRequest(0, name, seed) for seed in seeds] for name in scenarios}
+        self._runners = {
+            name: BatchRunner([name], randomization=randomization, rows=len(seeds), nthread=nthread, stuck_s=PATIENCE_S)
             for name in scenarios
-        ]
+        }
 
     def score(self, policy: Policy) -> Score:
         """Drive all courses."""
-        found = [self._drive(world, policy) for world in self._worlds]
-        success, progress, time_s = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        results = [
+            result
+            for name, requests in self._requests.items()
+            for result in self._runners[name].drive_with(lambda world: BatchedPolicy(policy, world.n), requests)
+        ]
+        times_s = [result.time_s for result in results if result.success]
         return Score(
-            episodes=len(success),
-            successes=int(success.sum()),
-            progress=float(progress.mean()),
-            time_s=float(time_s[success].mean()) if success.any() else None,
+            episodes=len(results),
+            successes=len(times_s),
+            progress=float(np.mean([result.progress for result in results])),
+            time_s=float(np.mean(times_s)) if times_s else None,
         )
-
-    def _drive(self, world: World, policy: Policy) -> tuple[Any, Any, Any]:
-        """Success, progress and time of each drive, (n,)."""
-        rows = np.arange(world.n)
-        world.reset(world.request(rows), [seeding.np_random(seed)[0] for seed in self._seeds])
-        policy.reset(world.n)
-        watch = StuckWatch(world.n, PATIENCE_S)
-        success, progress, time_s = np.zeros(world.n, bool), np.zeros(world.n), np.zeros(world.n)
-        driving = np.ones(world.n, bool)
-        observation = world.observation()
-        while driving.any():
-            step = world.step(policy.act(observation), np.flatnonzero(driving))
-            observation = step.observation
-            stuck = watch.stuck(step.info["progress"] * world.track.length, step.info["time_s"])
-            ended = driving & (step.terminated | step.truncated | stuck)
-            success[ended] = step.info["success"][ended]
-            progress[ended], time_s[ended] = step.info["progress"][ended], step.info["time_s"][ended]
-            driving &= ~ended
-        return success, progress, time_s
 
     def close(self) -> None:
         """Free the cars."""
-        for world in self._worlds:
-            world.close()
-
-
-class StuckWatch:
-    """Finds cars that make no way."""
-
-    def __init__(self, n: int, patience_s: float) -> None:
-        self._patience_s = patience_s
-        self._best, self._since = np.zeros(n), np.zeros(n)
-
-    def reset(self, rows: Any) -> None:
-        """Begin anew in some rows."""
-        self._best[rows] = self._since[rows] = 0.0
-
-    def stuck(self, gained_m: Any, time_s: Any) -> Any:
-        """(n,) cars that gained less than `STUCK_M` along their routes in the patience.
-
-        Args:
-            gained_m: (n,) way along the route, m.
-            time_s: (n,) time since reset, s.
-        """
-        ahead = gained_m > self._best + STUCK_M
-        self._best = np.where(ahead, gained_m, self._best)
-        self._since = np.where(ahead, time_s, self._since)
-        return time_s - self._since > self._patience_s
+        for runner in self._runners.values():
+            runner.close()

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.checks import check_number
+from tral_env.checks import check_number, check_rows
 from tral_env.errors import ConfigError, MachineError
 from tral_env.interface import CORE_LAYOUT
 from tral_fsm.definition import packaged
@@ -65,7 +65,7 @@ class MachinePolicy:
         Raises:
             MachineError: `rows` is not one truth value for each car.
         """
-        self._check_rows(rows, "to reset")
+        check_rows("rows to reset", rows, len(self._drivers), MachineError)
         for row in np.flatnonzero(rows):
             self._drivers[row].reset()
 
@@ -79,16 +79,9 @@ class MachinePolicy:
         Raises:
             MachineError: `rows` is not one truth value for each car.
         """
-        self._check_rows(rows, "to shadow")
+        check_rows("rows to shadow", rows, len(self._drivers), MachineError)
         for driver, shadows in zip(self._drivers, np.asarray(rows).tolist(), strict=True):
             driver.shadow(shadows)
-
-    def _check_rows(self, rows: NDArray[np.bool_], what: str) -> None:
-        if np.shape(rows) != (len(self._drivers),) or np.asarray(rows).dtype != np.bool_:
-            raise MachineError(
-                f"rows {what}: got {np.asarray(rows).dtype} of shape {np.shape(rows)}, "
-                f"expected bool of shape ({len(self._drivers)},)"
-            )
 
     def act(self, observation: NDArray[np.floating]) -> NDArray[np.float32]:
         """Run one tick of every machine.

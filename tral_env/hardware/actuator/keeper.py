@@ -82,7 +82,7 @@ def main(arguments: list[str]) -> int:
 
 
 def own_signals() -> None:
-    """Take no signal as whoever started this process left it: an exec keeps what was ignored and what was blocked.
+    """Take no signal as the program before this one left it: an exec keeps what was ignored and what was blocked.
 
     SIGPIPE stays ignored, so that a reader that is gone is an error and no end.
     """
@@ -325,7 +325,7 @@ def _complain(text: str) -> None:
 
 
 def switch_off(arguments: list[str], sleep: Callable[[float], None] = time.sleep) -> int:
-    """End all pulses of a PCA9685, whoever left them, and read back that they ended.
+    """End all pulses of a PCA9685, from whatever program they are, and read back that they ended.
 
     Args:
         arguments: "off", then the number or path of the I2C bus, and the address of the board.

@@ -27,7 +27,7 @@ from tral_fsm.report.compare.cells import (
 
 MAX_TOLD = 120
 """The page leaves out what an agent tells of its making with more letters than these, such as its curve."""
-MANY_AGENTS = 5
+MAX_FEW_AGENTS = 5
 """With this number of agents or fewer, the page says that they are few."""
 _PARTS_OF_SCORE = ("EASY_MPS", "SLOW_MPS", "SLOW_FACTOR", "RESTLESS_PER_M", "RESTLESS_FACTOR")
 Plans = Mapping[tuple[str, str, int], Plan]
@@ -63,7 +63,7 @@ def context(shown: Mapping[str, Any], plans: Plans, clips: Mapping[int, bytes]) 
         "overview": {"header": OVERVIEW, "units": OVERVIEW_UNITS, "rows": overview_rows(contenders)},
         "truth": [one["name"] for one in contenders if any(agent["sees_truth"] for agent in one["agents"])],
         "alone": [one["name"] for one in contenders if len(one["agents"]) == 1 and _is_trained(one["agents"][0])],
-        "few": [one["name"] for one in contenders if 2 <= len(one["agents"]) <= MANY_AGENTS],
+        "few": [one["name"] for one in contenders if 2 <= len(one["agents"]) <= MAX_FEW_AGENTS],
         "composite": _composite(),
         "programs": programs_note(shown["runs"]),
         "effort": [[(text, "") for text in row] for one in contenders for row in _efforts(one)],
