@@ -57,14 +57,15 @@ class Thread:
         self.thread.start()
 
     def run(self) -> None:
+        sources = [self.commands]
         while not self.over and not self.worker.guard.is_over:
             if self.works:
                 self.keeper.send(b".")
-                heard, _, _ = select.select([self.commands], [], [], 0.002)
-                self.worker.turn(bool(heard), True)
+                heard, _, _ = select.select(sources, [], [], 0.002)
+                for lost in self.worker.turn(bool(heard), True):
+                    sources.remove(lost)
         if self.status == 0:
-            with contextlib.suppress(OSError):
-                self.commands.send(ENDED)
+            self.worker.say_ended()
         for each in (self.commands, self.keeper, self.kept):
             each.close()
 

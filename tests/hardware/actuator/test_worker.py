@@ -1,13 +1,14 @@
 """The worker's turns: packets in, pulses out, retries, the board read back, its keeper heard. Nothing here sleeps."""
 
 from collections.abc import Iterator
+from threading import Thread
 from typing import Any
 
 import pytest
 from rig import NEUTRAL, OFF, Works, settings
 
 from tral_env.hardware.actuator import guard
-from tral_env.hardware.actuator.wire import Flag, Reason, State
+from tral_env.hardware.actuator.wire import ENDED, MAX_PACKET, Flag, Reason, State
 
 HALF = (1530.0, 1300.0)
 
@@ -252,3 +253,16 @@ def test_a_source_that_does_not_read_does_not_stop_the_worker(works: Any) -> Non
         car.send(0.5)
         car.turn()
     assert car.board.stands == HALF
+
+
+def test_the_last_word_reaches_a_source_that_begins_to_read_late(works: Any) -> None:
+    car = works().arm()
+    for _ in range(2000):
+        car.send(0.5)
+        car.turn()
+    last_word = Thread(target=car.worker.say_ended)
+    last_word.start()
+    car.source.setblocking(True)
+    while (packet := car.source.recv(MAX_PACKET)) != ENDED:
+        assert packet
+    last_word.join()

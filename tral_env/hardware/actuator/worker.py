@@ -22,6 +22,8 @@ _MAX_AT_ONCE = 64
 """The worker reads at most so many packets before it looks at its clock: a flood cannot keep it from that."""
 _MAX_UNREAD = 5
 """Settings that could not be read back so often, one after the other, are a fault."""
+_LAST_WORD_S = 1.0
+"""The worker waits so long for a source that has yet to read earlier replies; no pulses stand then."""
 ALIVE = b"."
 
 
@@ -83,9 +85,14 @@ class Worker:
                 self.guard.fail(Reason.LOST, self._clock_ns())
             for lost in self.turn(self._commands.fileno() in ready, self._keeper.fileno() in ready):
                 poll.unregister(lost)
-        with suppress(OSError):
-            self._commands.send(ENDED)
+        self.say_ended()
         return 0
+
+    def say_ended(self) -> None:
+        """Tell the policy's process that the pulses have ended; one that reads late has time for it now."""
+        with suppress(OSError):
+            self._commands.settimeout(_LAST_WORD_S)
+            self._commands.send(ENDED)
 
     def turn(self, heard: bool, kept: bool) -> list[socket.socket]:
         """Do one turn; which sockets have something to read is given. Gives back those that ended."""
