@@ -20,7 +20,7 @@ from tral_env.decisions import Decisions
 from tral_env.errors import ConfigError
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space, as_command
 from tral_env.options import CorridorConfig, JsonSpec, is_count, option_parameters, takes
-from tral_env.world import World, check_pictures
+from tral_env.world import Stills, World, check_pictures
 
 _ROW = np.zeros(1, np.int64)
 
@@ -306,6 +306,10 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
             RenderError: no OpenGL on this machine.
         """
         return self.world.render(view, 0, width, height)
+
+    def stills(self) -> Stills:
+        """Take pictures that are rendered later, beside the drive; see `render_view`."""
+        return self.world.stills(0)
 
     def close(self) -> None:
         """Free what OpenGL holds."""

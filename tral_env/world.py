@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Any, NamedTuple
 
@@ -24,7 +24,9 @@ from tral_env.options import CorridorConfig, as_course, check_counts
 from tral_env.randomization import Randomization, level
 from tral_env.simulation.culling import LOCAL_BOXES, max_boxes_in_reach
 from tral_env.simulation.sim import Simulation
-from tral_env.simulation.views import VIEWS, Views, fitted
+from tral_env.simulation.views import VIEWS, Still, Stills, Views, still
+
+__all__ = ["RESET_OPTIONS", "Drawn", "ResetRequest", "Step", "Stills", "World", "car_stream", "check_pictures"]
 
 RESET_OPTIONS = ("course", "car")
 """What ``reset(options=...)`` understands."""
@@ -385,10 +387,19 @@ class World:
             RenderError: no OpenGL on this machine.
         """
         check_pictures(None, view, width, height)
-        self.sim.plan(row)
-        if view == "onboard" and self.config.image_size is not None:
-            return fitted(self.images()[row], width, height)
-        return self._views.render(self.sim, view, row, width, height)
+        return self._views.render(self.still(view, row), width, height)
+
+    def stills(self, row: int) -> Stills:
+        """Pictures of a car that are taken now and rendered later, with an OpenGL context of their own."""
+        return Stills(lambda view: self.still(view, row))
+
+    def still(self, view: str, row: int) -> Still:
+        """What a view of a car shows now; see `render`."""
+        kept = still(self.sim, "chase" if self._observes_images(view) else view, row)
+        return replace(kept, view=view, image=self.images()[row]) if self._observes_images(view) else kept
+
+    def _observes_images(self, view: str) -> bool:
+        return view == "onboard" and self.config.image_size is not None
 
     def close(self) -> None:
         """Free what OpenGL holds."""

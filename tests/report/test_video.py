@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +24,18 @@ RED = (200, 30, 40)
 class Painted:
     """Views of one colour each."""
 
-    def render_view(self, view: str, width: int, height: int) -> np.ndarray:
+    def stills(self) -> Painted:
+        return self
+
+    def take(self, view: str, width: int, height: int) -> Callable[[], np.ndarray]:
+        return lambda: self.paint(view, width, height)
+
+    def paint(self, view: str, width: int, height: int) -> np.ndarray:
         colour = {"chase": (90, 90, 90), "onboard": (10, 200, 30)}[view]
         return np.full((height, width, 3), colour, np.uint8)
+
+    def close(self) -> None:
+        pass
 
 
 def ticks(ending: str = "success") -> list[Tick]:
@@ -41,7 +50,7 @@ def last_tick(ending: str = "success") -> Tick:
 
 def picture(tick: Tick) -> np.ndarray:
     views = Painted()
-    return compose(views.render_view("chase", WIDTH, HEIGHT), views.render_view("onboard", 288, 216), tick, RED)
+    return compose(views.paint("chase", WIDTH, HEIGHT), views.paint("onboard", 288, 216), tick, RED)
 
 
 def test_a_video_has_twenty_frames_a_second_and_holds_its_end_for_one(tmp_path: Path) -> None:
@@ -111,9 +120,7 @@ def test_a_range_with_an_echo_is_green_and_one_without_is_grey() -> None:
 def test_a_drive_that_is_over_says_how_it_ended(ending: str) -> None:
     middle = slice(HEIGHT // 2 - 40, HEIGHT // 2 + 5), slice(WIDTH // 2 - 110, WIDTH // 2 + 110)
     views, tick = Painted(), last_tick(ending)
-    image = compose(
-        views.render_view("chase", WIDTH, HEIGHT), views.render_view("onboard", 288, 216), tick, RED, over=True
-    )
+    image = compose(views.paint("chase", WIDTH, HEIGHT), views.paint("onboard", 288, 216), tick, RED, over=True)
     colour = (90, 220, 90) if ending == "success" else (240, 60, 50)
     assert (image[middle] == colour).all(axis=-1).sum() > 500
 

@@ -55,6 +55,11 @@ def chooses_egl() -> bool:
     return not chosen() and backend_in_use() == "egl"
 
 
+def works_in_threads() -> bool:
+    """Whether a thread beside the main one can open OpenGL: a window, which GLFW needs, belongs to the main thread."""
+    return backend_in_use() in ("egl", "osmesa", "cgl")
+
+
 def _screen() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 

@@ -12,7 +12,7 @@ from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool
 from tral_env.noise import NoiseTape
 from tral_env.perception.aruco import Detector, marker_poses
-from tral_env.perception.camera import OnboardCamera
+from tral_env.perception.camera import OnboardCamera, SceneRenderer
 from tral_env.perception.degrade import ImageCorruption, degrade
 from tral_env.perception.gate import Detection, nearest_gate_and_marker
 from tral_env.perception.projected import NOISE_PLACES, NORMALS, UNIFORMS, Scenery, project
@@ -114,20 +114,42 @@ class _Shot(NamedTuple):
 class Webcam:
     """The images that n cars' cameras take: through the lens, mounted askew, degraded as a webcam does."""
 
-    def __init__(self, n: int, pool: Pool, lens: CameraConfig, corruption: ImageCorruption | None = None) -> None:
-        """OpenGL is opened with the first image; `corruption` is how much of each fault a level brings."""
-        self._scene = RenderScene(pool)
+    def __init__(
+        self,
+        n: int,
+        pool: Pool,
+        lens: CameraConfig,
+        corruption: ImageCorruption | None = None,
+        *,
+        scene: RenderScene | None = None,
+        renderer: SceneRenderer | None = None,
+    ) -> None:
+        """OpenGL is opened with the first image.
+
+        Args:
+            n: number of cars.
+            pool: how many boxes and markers a course may have at the most.
+            lens: of the cameras.
+            corruption: how much of each fault a level of degradation brings.
+            scene: a scene of this pool that other views share; default: one of its own.
+            renderer: a renderer that other views share; default: one of its own.
+        """
+        self._scene = scene or RenderScene(pool)
         self._plans: list[Plan | None] = [None] * n
         self._rngs = [np.random.default_rng(0) for _ in range(n)]
         self._degradation = np.zeros(n)
         self._shots: dict[int, _Shot] = {}
-        self._camera = OnboardCamera(lens)
+        self._watched: dict[int, Image | None] = {}
+        """The last images of the cars that somebody watches."""
+        self._camera = OnboardCamera(lens, renderer=renderer)
         self._corruption = corruption
 
     def place(self, row: int, plan: Plan, degradation: float, seed: int) -> None:
         """See `Vision`."""
         self._plans[row] = plan
         self._shots.pop(row, None)
+        if row in self._watched:
+            self._watched[row] = None
         self._degradation[row], self._rngs[row] = degradation, np.random.default_rng(seed)
 
     def image(self, row: int, qpos: Array, mounting: Array) -> Image:
@@ -143,16 +165,24 @@ class Webcam:
         """
         state = self._rngs[row].bit_generator.state
         self._shots[row] = _Shot(qpos.copy(), mounting.copy(), dict(state))
-        return self._take(row, qpos, mounting, self._rngs[row])
+        image = self._take(row, qpos, mounting, self._rngs[row])
+        if row in self._watched:
+            self._watched[row] = image
+        return image
 
     def last_image(self, row: int) -> Image | None:
-        """The last image of one car, bit for bit; None before the first."""
+        """The last image of one car, bit for bit; None before the first.
+
+        The first call takes the image once more. From then on the car is watched, and its images are kept.
+        """
+        image = self._watched.get(row)
         shot = self._shots.get(row)
-        if shot is None:
-            return None
-        rng = np.random.default_rng()
-        rng.bit_generator.state = shot.generator
-        return self._take(row, shot.qpos, shot.mounting, rng)
+        if image is None and shot is not None:
+            rng = np.random.default_rng()
+            rng.bit_generator.state = shot.generator
+            image = self._take(row, shot.qpos, shot.mounting, rng)
+        self._watched[row] = image
+        return image
 
     def _take(self, row: int, qpos: Array, mounting: Array, rng: np.random.Generator) -> Image:
         plan = self._plans[row]

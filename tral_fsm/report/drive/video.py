@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Generator, Mapping
+from collections import deque
+from collections.abc import Callable, Generator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol
@@ -28,6 +30,9 @@ FPS = 20
 """Frames per second; the video runs in real time."""
 INSET_EVERY = 2
 """Number of frames for which an inset stays: 10 insets for a second. Source: choice; near the camera's own rate."""
+MAX_PENDING = 40
+"""The drive may be so many frames ahead of the video, 2 s; then it waits. Source: choice; an inset of a rendered camera
+takes 0.9 MB meanwhile."""
 
 NOTHING_SEEN = "no gate or sign in sight"
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -39,16 +44,29 @@ _SIDES = {"left": (-1, 0), "front": (0, -1), "right": (1, 0)}
 """Direction of each ultrasonic in the drawing of the car, px right and down."""
 
 
-class Views(Protocol):
-    """An env that renders its views."""
+class Stills(Protocol):
+    """Pictures that are taken now and rendered later."""
 
-    def render_view(self, view: str, width: int, height: int) -> Image:
-        """RGB image (height, width, 3) of a view: chase, top or onboard."""
+    def take(self, view: str, width: int, height: int) -> Callable[[], Image]:
+        """What a view (chase, top or onboard) shows now, as a function that renders it in any thread, RGB."""
+        ...
+
+    def close(self) -> None:
+        """Free what rendering holds, in the thread that renders."""
+
+
+class Views(Protocol):
+    """An env that takes pictures."""
+
+    def stills(self) -> Stills:
+        """Pictures of the car."""
         ...
 
 
 class DriveVideo:
     """Writes a video while the car drives; `drive` takes it as `on_step`.
+
+    A thread renders, draws and encodes the frames beside the drive, which waits only if it is far ahead.
 
     Example:
         with DriveVideo(path, env.unwrapped) as video:
@@ -60,13 +78,13 @@ class DriveVideo:
 
         Args:
             path: the file.
-            views: the env that renders the views.
+            views: the env that gives the pictures.
             tones: colours of states by name, see `StateColours`.
 
         Raises:
             RenderError: there is no encoder.
         """
-        self._views = views
+        self._stills = views.stills()
         self._path, self._part = path, path.with_suffix(f".part{path.suffix}")
         self._colours = StateColours(given=tones)
         self._last: Tick | None = None
@@ -89,37 +107,61 @@ class DriveVideo:
                 f"no encoder for the video ({error}): install ffmpeg and set IMAGEIO_FFMPEG_EXE to it, "
                 "or do without: tral drive --no-video"
             ) from error
+        self._thread = ThreadPoolExecutor(1, "video")
+        self._pending: deque[Future[None]] = deque()
 
     def __call__(self, tick: Tick) -> None:
         """Add a frame if one is due."""
         self._colours.rgb(tick.state)
         self._last = tick
         if tick.index % self._every == 0:
-            self._writer.send(self.frame(tick))
-
-    def frame(self, tick: Tick, over: bool = False) -> Image:
-        """The picture of a tick, (HEIGHT, WIDTH, 3) RGB; `over`: the tick is the last one."""
-        chase = self._views.render_view("chase", WIDTH, HEIGHT)
-        if self._frames % INSET_EVERY == 0:
-            self._onboard = self._views.render_view("onboard", INSET_WIDTH, INSET_HEIGHT)
-        self._frames += 1
-        return compose(chase, self._onboard, tick, self._colours.rgb(tick.state), over)
-
-    def close(self) -> None:
-        """Finish the file; without a frame, or after an error of the encoder, no file stays."""
-        whole = self._frames > 0 and inspect.getgeneratorstate(self._writer) == inspect.GEN_SUSPENDED
-        self._writer.close()
-        if whole:
-            self._part.replace(self._path)
-        else:
-            self._part.unlink(missing_ok=True)
+            self._add(tick)
 
     def hold(self, seconds: float = 1.0) -> None:
         """Show the last tick for some seconds."""
         if self._last is not None:
-            image = self.frame(self._last, over=True)
-            for _ in range(round(seconds * FPS)):
+            self._add(self._last, over=True, frames=round(seconds * FPS))
+
+    def _add(self, tick: Tick, *, over: bool = False, frames: int = 1) -> None:
+        """Take the pictures of a tick, and let the thread make frames of them; `over`: the tick is the last one."""
+        chase = self._stills.take("chase", WIDTH, HEIGHT)
+        is_due = self._frames % INSET_EVERY == 0
+        inset = self._stills.take("onboard", INSET_WIDTH, INSET_HEIGHT) if is_due else None
+        self._frames += 1
+        colour = self._colours.rgb(tick.state)
+
+        def write() -> None:
+            if inset is not None:
+                self._onboard = inset()
+            image = compose(chase(), self._onboard, tick, colour, over)
+            for _ in range(frames):
                 self._writer.send(image)
+
+        self._pending.append(self._thread.submit(write))
+        self._wait(MAX_PENDING)
+
+    def _wait(self, pending: int) -> None:
+        """Wait until at most so many frames are pending.
+
+        Raises:
+            RenderError: no OpenGL on this machine.
+        """
+        while len(self._pending) > pending or (self._pending and self._pending[0].done()):
+            self._pending.popleft().result()
+
+    def close(self) -> None:
+        """Finish the file; without a frame, or after an error of the encoder, no file stays."""
+        try:
+            self._wait(0)
+        finally:
+            self._thread.submit(self._stills.close)
+            self._thread.shutdown(cancel_futures=False)
+            whole = self._frames > 0 and inspect.getgeneratorstate(self._writer) == inspect.GEN_SUSPENDED
+            self._writer.close()
+            if whole:
+                self._part.replace(self._path)
+            else:
+                self._part.unlink(missing_ok=True)
 
     def __enter__(self) -> DriveVideo:
         """Return the video."""
