@@ -13,7 +13,7 @@ from tral_env.arrays import Array
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.errors import ConfigError
 from tral_env.perception.dictionaries import dictionary, families, marker_count
-from tral_env.perception.rays import lens_arrays, pixel_rays
+from tral_env.perception.rays import cross, lens_arrays, pixel_rays
 
 DICTIONARY = "DICT_4X4_50"
 """The markers of gates and signs come from this dictionary."""
@@ -23,6 +23,9 @@ CORNER_INSET_PX = 0.18
 5 m. Measured: benchmarks/marker_accuracy.py."""
 TILT_PX = 1.0
 """A pose that leans by an angle a counts as worse by sin(a) times this, px: a marker stands upright."""
+
+_DOWN = np.array([0.0, 1.0, 0.0])
+"""The y axis of a camera."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,9 +163,9 @@ def _two_poses(homography: Array) -> tuple[Array, Array, Array]:
     slope = (homography[:2, :2] - np.outer(middle, homography[2, :2])) / homography[2, 2]
     ray = np.array([*middle, 1.0])
     ahead = ray / np.linalg.norm(ray)
-    right = np.cross([0.0, 1.0, 0.0], ahead)
+    right = cross(_DOWN, ahead)
     right = right / np.linalg.norm(right)
-    along_sight = np.stack([right, np.cross(ahead, right), ahead], axis=1)
+    along_sight = np.stack([right, cross(ahead, right), ahead], axis=1)
     moved = (np.array([[1.0, 0.0, -middle[0]], [0.0, 1.0, -middle[1]]]) @ along_sight)[:, :2]
     part = np.linalg.solve(moved, slope)
     scale = float(np.linalg.norm(part, 2))
@@ -172,7 +175,7 @@ def _two_poses(homography: Array) -> tuple[Array, Array, Array]:
     turns = []
     for sign in (1.0, -1.0):
         first, second = np.vstack([part, sign * rest]).T
-        turns.append(along_sight @ np.stack([first, second, np.cross(first, second)], axis=1))
+        turns.append(along_sight @ np.stack([first, second, cross(first, second)], axis=1))
     return turns[0], turns[1], ray / scale
 
 

@@ -19,7 +19,7 @@ from tral_env.config import CameraConfig
 from tral_env.errors import ConfigError, RenderError, nearest
 from tral_env.perception import opengl
 from tral_env.perception.lens import mounting_turn
-from tral_env.perception.rays import pixel_rays
+from tral_env.perception.rays import cross, pixel_rays
 
 MAX_GEOMS = 5000
 """A picture can show so many geoms."""
@@ -113,7 +113,7 @@ class SceneRenderer:
             self._gl.make_current()
             if self._context is not None:
                 self._context.free()
-            self._context = _render_context(model, self._offsamples)
+            self._context = _render_context(model, self._offsamples, width, height)
             self._scene = mujoco.MjvScene(model, MAX_GEOMS)
             self._look = tuple(np.array(part) for part in _look(model))
         self._model = model
@@ -249,16 +249,20 @@ def _context_class() -> Any:
     return GLContext
 
 
-def _render_context(model: mujoco.MjModel, offsamples: int) -> mujoco.MjrContext:
-    """Upload a model's look; the model's own number of samples stays as it was."""
-    before = model.vis.quality.offsamples
-    model.vis.quality.offsamples = offsamples
+def _render_context(model: mujoco.MjModel, offsamples: int, width: int, height: int) -> mujoco.MjrContext:
+    """Upload a model's look, for pictures of this size: each is cleared as a whole, so a larger buffer costs time.
+
+    The model's own size and number of samples stay as they were.
+    """
+    quality, overall = model.vis.quality, model.vis.global_
+    before = quality.offsamples, overall.offwidth, overall.offheight
+    quality.offsamples, overall.offwidth, overall.offheight = offsamples, width, height
     try:
         context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
     except mujoco.FatalError as error:
         raise RenderError(f"OpenGL refuses the scene: {error}. {opengl.REMEDY}") from error
     finally:
-        model.vis.quality.offsamples = before
+        quality.offsamples, overall.offwidth, overall.offheight = before
     return context
 
 
@@ -290,7 +294,7 @@ def _aim(eye: Any, intrinsics: CameraConfig | None, mounting: tuple[float, float
         eye.frustum_bottom = near * (intrinsics.cy + 0.5 - intrinsics.height) / intrinsics.fy
     if any(mounting):
         forward, up = np.array(eye.forward), np.array(eye.up)
-        axes = np.stack([forward, np.cross(up, forward), up], axis=1)
+        axes = np.stack([forward, cross(up, forward), up], axis=1)
         turned = axes @ mounting_turn(np.array([mounting]))[0]
         eye.forward, eye.up = turned[:, 0], turned[:, 2]
 

@@ -84,8 +84,10 @@ def degrade(image: Image, level: float, rng: np.random.Generator, corruption: Im
     fade = np.clip(1 - 2 * np.arange(height) / height, 0, 1) * corruption.glare * level * rng.uniform(0, 1)
     top, left = rng.integers(_SHIFTS, size=2)
     grain = _grain(height + _SHIFTS, width + _SHIFTS)[top : top + height, left : left + width]
-    added = np.rint(grain * np.float32(corruption.noise * level) + fade.astype(np.float32)[:, None]).astype(np.int16)
-    out = np.asarray(cv2.add(out, cv2.merge([added] * 3), dtype=cv2.CV_8U), np.uint8)
+    added = grain * np.float32(corruption.noise * level)
+    added += fade.astype(np.float32)[:, None]
+    levels = np.rint(added, out=added).astype(np.int16)
+    out = np.asarray(cv2.add(out, cv2.merge([levels] * 3), dtype=cv2.CV_8U), np.uint8)
     if corruption.patch > 0:
         _cover(out, round(min(corruption.patch * level, 1.0) * height), rng)
     return out

@@ -34,3 +34,9 @@ def pixel_rays(pixels: Array, camera: CameraConfig) -> Array:
     """
     found = cv2.undistortPoints(np.ascontiguousarray(pixels[:, None]), *lens_arrays(camera), criteria=_UNTIL)
     return np.asarray(found, np.float64)[:, 0]
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Cross product of two vectors (3,). For a single pair NumPy's own takes ten times as long."""
+    (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
+    return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
