@@ -12,16 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tral_env.arrays import Array, Flags, Index
+from tral_env.arrays import ALL, ALONE, Array, Flags, Index, Rows, is_any, maximum, minimum, pick, where
 from tral_env.config import CarConfig, EscConfig, ServoConfig
 from tral_env.errors import ConfigError
 from tral_env.geometry import scrub_fall
 from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ, STEERING, THROTTLE
-
-Rows = Index | slice
-
-ALL = slice(None)
-"""All rows."""
 
 DRIVE = 0
 """Phase of a motor controller that drives or lets the car coast."""
@@ -92,7 +87,7 @@ def steering_target(command: Array, neutral: Array, lock: Array, low: Array, hig
         low: right end of the linkage's travel, rad, (n,).
         high: left end of it, rad, (n,).
     """
-    return np.minimum(np.maximum(neutral + lock * command, low), high)
+    return minimum(maximum(neutral + lock * command, low), high)
 
 
 def servo_step(position: Array, moving: Flags, target: Array, max_step: Array, dead_zone: float) -> tuple[Array, Flags]:
@@ -112,12 +107,12 @@ def servo_step(position: Array, moving: Flags, target: Array, max_step: Array, d
         Angle after the tick, and whether the target is still ahead.
     """
     error = target - position
-    size = np.abs(error)
+    size = abs(error)
     moving = moving & (size > 0) | (size > dead_zone)
-    step = np.minimum(np.maximum(error, -max_step), max_step)
+    step = minimum(maximum(error, -max_step), max_step)
     arrived = size <= max_step
-    after = np.where(moving, np.where(arrived, target, position + step), position)
-    return after, moving & ~arrived
+    after = where(moving, where(arrived, target, position + step), position)
+    return after, moving & (size > max_step)
 
 
 def scrub_torque(speed: Array, standstill: Array | float, speed_scale: float) -> Array:
@@ -131,13 +126,13 @@ def scrub_torque(speed: Array, standstill: Array | float, speed_scale: float) ->
     Returns:
         N m, (n,).
     """
-    result: Array = standstill / scrub_fall(speed, speed_scale, sqrt=np.sqrt)
+    result: Array = standstill / scrub_fall(np.asarray(speed), speed_scale, sqrt=np.sqrt)
     return result
 
 
 def motor_duty(throttle: Array, dead_zone: float) -> Array:
     """Duty cycle of the motor controller: ``max(|throttle| - dead_zone, 0) / (1 - dead_zone)``, (n,) in [0, 1]."""
-    result: Array = np.maximum(np.abs(throttle) - dead_zone, 0.0) / (1.0 - dead_zone)
+    result: Array = maximum(abs(throttle) - dead_zone, 0.0) / (1.0 - dead_zone)
     return result
 
 
@@ -162,13 +157,14 @@ def controller_step(
         Direction, phase and held after the tick.
     """
     demand = direction * throttle
-    along, against = demand > dead_zone, demand < -dead_zone
+    against = demand < -dead_zone
     ready = held >= switch_ticks
     turn = against & (phase == WAIT) & ready
     wait = (phase == WAIT) | (phase == BRAKE) & ready
-    after = np.where(against & ~turn, BRAKE, np.where(~along & ~turn & wait, WAIT, DRIVE))
-    held = np.where(after == DRIVE, 0, np.where(after == phase, held + 1, 1))
-    return np.where(turn, -direction, direction), after, held
+    coasts = demand <= dead_zone
+    after = where(turn, DRIVE, where(against, BRAKE, where(coasts & wait, WAIT, DRIVE)))
+    held = where(after == DRIVE, 0, where(after == phase, held + 1, 1))
+    return where(turn, -direction, direction), after, held
 
 
 def drive_voltage(
@@ -192,7 +188,7 @@ def drive_voltage(
     """
     sag = duty * duty * battery_resistance
     pushed = (duty * battery_v * motor_resistance + sag * back_emf) / (motor_resistance + sag)
-    voltage = np.maximum(pushed, back_emf)
+    voltage = maximum(pushed, back_emf)
     current = (voltage - back_emf) / motor_resistance
     return voltage, battery_v - duty * current * battery_resistance
 
@@ -237,7 +233,7 @@ class Actuation:
         self._history = np.zeros((n, self._depth, 2))
         self._cursor = np.zeros(n, np.int64)
         self._delay = np.zeros(n, np.int64)
-        self._fraction = np.zeros((n, 1))
+        self._fraction = np.zeros(n)
         self._lock, self._low, self._high, self._max_step, self._scrub = np.zeros((5, n))
         self._position = np.zeros(n)
         self._moving = np.zeros(n, np.bool_)
@@ -261,7 +257,7 @@ class Actuation:
             raise ConfigError(f"latency_s = {latency}: expected 0 .. {self._esc.max_latency_s:g} s in each row")
         ticks = latency * CONTROL_RATE_HZ
         self._delay[rows] = np.floor(ticks)
-        self._fraction[rows, 0] = ticks - np.floor(ticks)
+        self._fraction[rows] = ticks - np.floor(ticks)
         travel = math.radians(self._servo.travel_deg)
         middle = parameters.mechanism_offset[rows]
         self._low[rows], self._high[rows] = middle - travel, middle + travel
@@ -283,58 +279,65 @@ class Actuation:
         """One control tick of the named cars.
 
         Args:
-            rows: which, as distinct indices or a slice; k of them.
-            command: steering and throttle, finite, (k, 2); clipped to [-1, 1].
-            speed: mean rate of the four wheels times the nominal wheel radius, m/s, (k,).
+            rows: which, distinct; k of them.
+            command: steering and throttle, finite, (k, 2), or two numbers of a car alone; clipped to [-1, 1].
+            speed: mean rate of the four wheels times the nominal wheel radius, m/s, (k,), or a number.
 
         Returns:
-            What to write into the model for this tick, each (k,).
+            What to write into the model for this tick, each (k,), or a number.
         """
         parameters = self.parameters
-        delayed = self._delayed(rows, np.minimum(np.maximum(command, -1.0), 1.0))
+        steering, throttle = self._delayed(rows, command)
         target = steering_target(
-            delayed[:, STEERING],
-            parameters.steering_offset[rows],
-            self._lock[rows],
-            self._low[rows],
-            self._high[rows],
+            steering,
+            pick(parameters.steering_offset, rows),
+            pick(self._lock, rows),
+            pick(self._low, rows),
+            pick(self._high, rows),
         )
-        before = self._position[rows]
-        angle, moving = servo_step(before, self._moving[rows], target, self._max_step[rows], self._dead_zone)
-        self._position[rows], self._moving[rows] = angle, moving
-        voltage, battery_v = self._motor(rows, delayed[:, THROTTLE], speed)
-        scrub = scrub_torque(speed, self._scrub[rows], self._servo.scrub_speed)
+        before = pick(self._position, rows)
+        angle, moving = servo_step(
+            before, pick(self._moving, rows), target, pick(self._max_step, rows), self._dead_zone
+        )
+        voltage, battery_v = self._motor(rows, throttle, speed)
         held = angle + self._lead * (before - angle)
+        self._position[rows], self._moving[rows] = angle, moving
+        scrub = scrub_torque(speed, pick(self._scrub, rows), self._servo.scrub_speed)
         return ActuatorInputs(steering_angle=held, voltage=voltage, scrub_torque=scrub, battery_v=battery_v)
 
-    def _delayed(self, rows: Rows, command: Array) -> Array:
+    def _delayed(self, rows: Rows, command: Array) -> tuple[Array, Array]:
         """Keep a command and give the one of `latency_s` ago: ``u(t - d) = (1 - f) u[k - m] + f u[k - m - 1]``.
 
         The delay d is m + f ticks, m whole and f in [0, 1).
         """
-        row, cursor = self._row[rows], self._cursor[rows]
-        self._history[row, cursor] = command
-        newer = cursor - self._delay[rows]  # negative indices wrap around the ring by themselves
-        fraction = self._fraction[rows]
-        delayed: Array = (1.0 - fraction) * self._history[row, newer] + fraction * self._history[row, newer - 1]
+        row = ALONE if rows is ALONE else self._row[rows]
+        cursor, fraction = pick(self._cursor, rows), pick(self._fraction, rows)
+        for i, value in enumerate(command if rows is ALONE else command.T):
+            self._history[row, cursor, i] = minimum(maximum(value, -1.0), 1.0)
+        newer = cursor - pick(self._delay, rows)  # negative indices wrap around the ring by themselves
+        now, before = self._history[row, newer].T, self._history[row, newer - 1].T
+        if rows is ALONE:
+            now, before = now.tolist(), before.tolist()
         self._cursor[rows] = (cursor + 1) % self._depth
-        return delayed
+        steering, throttle = ((1.0 - fraction) * u + fraction * v for u, v in zip(now, before, strict=True))
+        return steering, throttle
 
     def _motor(self, rows: Rows, throttle: Array, speed: Array) -> tuple[Array, Array]:
         """Advance the motor controllers by a tick, and give the voltages (k,) at the motor and of the battery, V."""
         esc = self._esc
-        direction, phase = self._direction[rows], self._phase[rows]
-        if phase.any() or (direction * throttle < -esc.dead_zone).any():  # else the step would change nothing
+        direction, phase = pick(self._direction, rows), pick(self._phase, rows)
+        # Else the step would change nothing.
+        if is_any(phase != DRIVE) or is_any(direction * throttle < -esc.dead_zone):
             direction, phase, held = controller_step(
-                direction, phase, self._held[rows], throttle, esc.dead_zone, self._switch_ticks
+                direction, phase, pick(self._held, rows), throttle, esc.dead_zone, self._switch_ticks
             )
             self._direction[rows], self._phase[rows], self._held[rows] = direction, phase, held
         duty = motor_duty(throttle, esc.dead_zone)
         back_emf = esc.back_emf * speed
-        battery_v = self.parameters.battery_v[rows]
+        battery_v = pick(self.parameters.battery_v, rows)
         pushed, loaded = drive_voltage(
-            duty, direction * back_emf, battery_v, self.parameters.battery_resistance[rows], esc.motor_resistance
+            duty, direction * back_emf, battery_v, pick(self.parameters.battery_resistance, rows), esc.motor_resistance
         )
         braking = phase == BRAKE
-        voltage = np.where(braking, brake_voltage(duty, back_emf), direction * pushed)
-        return voltage, np.where(braking, battery_v, loaded)
+        voltage = where(braking, brake_voltage(duty, back_emf), direction * pushed)
+        return voltage, where(braking, battery_v, loaded)

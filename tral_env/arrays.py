@@ -1,6 +1,14 @@
-"""Names of the arrays that pass between rooms; their shapes are told where they are used."""
+"""Names of the arrays that pass between rooms, and how a law is written once for many cars and for one.
+
+A law takes arrays with a row for each car. For a car alone it takes plain numbers instead, with which Python computes
+ten times as fast as NumPy with arrays of one, and to the same last bit: a law that is called so uses `where`, `minimum`
+and `maximum` of this module beside + - * / and comparisons, and functions of NumPy for all that is rounded otherwise
+by `math`.
+"""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,3 +21,68 @@ Flags = NDArray[np.bool_]
 """Yes or no."""
 Image = NDArray[np.uint8]
 """Pixels."""
+
+Rows = Index | slice | int
+"""Some cars: their numbers, `ALL`, or `ALONE`."""
+ALL = slice(None)
+"""All cars."""
+ALONE = 0
+"""The only car there is; its values are numbers."""
+
+
+def everyone(n: int) -> slice | int:
+    """All of n cars."""
+    return ALONE if n == 1 else ALL
+
+
+def pick(values: Any, rows: Rows) -> Any:
+    """The values (k,) of some cars out of (n,), not to be written to; the number of a car alone.
+
+    What is a number already stays one, for all cars alike.
+    """
+    if rows is ALL or not isinstance(values, np.ndarray):
+        return values
+    return values.item(0) if type(rows) is int else values[rows]
+
+
+def columns(values: Any, rows: Rows) -> Any:
+    """The m columns (k,) of some cars out of (n, m), not to be written to; m numbers of a car alone."""
+    if rows is ALL:
+        return values.T
+    return values[rows].tolist() if type(rows) is int else values[rows].T
+
+
+def plain(values: Any) -> Any:
+    """What a function of NumPy gave: an array, or a number that Python computes with faster than with NumPy's own."""
+    return values if isinstance(values, np.ndarray) else values.item()
+
+
+def as_rows(values: Any) -> Any:
+    """Values (n,) again, from those or from the number of a car alone."""
+    return values if isinstance(values, np.ndarray) else np.array([values])
+
+
+def where(condition: Any, yes: Any, no: Any) -> Any:
+    """`numpy.where`, also for a bool."""
+    if type(condition) is bool:
+        return yes if condition else no
+    return np.where(condition, yes, no)
+
+
+def minimum(a: Any, b: Any) -> Any:
+    """`numpy.minimum`, also for two numbers."""
+    if type(a) is float:
+        return a if a < b else b
+    return np.minimum(a, b)
+
+
+def maximum(a: Any, b: Any) -> Any:
+    """`numpy.maximum`, also for two numbers."""
+    if type(a) is float:
+        return a if a > b else b
+    return np.maximum(a, b)
+
+
+def is_any(condition: Any) -> bool:
+    """Whether a condition holds for any car; it is a bool for a car alone."""
+    return condition if type(condition) is bool else bool(condition.any())

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from tral_env.arrays import Array, Index, Rows, is_any, pick
 
 LENGTH = 4096
 """A row keeps this many draws of each kind; when they are used up it draws as many anew."""
@@ -22,6 +23,7 @@ class NoiseTape:
         self._uniform = np.zeros((n, length))
         self._normal = np.zeros((n, length))
         self._cursor = np.zeros(n, np.int64)
+        self._row = np.arange(n)
         self._rngs: list[np.random.Generator | None] = [None] * n
 
     def reset(self, row: int, rng: np.random.Generator) -> None:
@@ -36,23 +38,32 @@ class NoiseTape:
         rng.standard_normal(out=self._normal[row])
         self._cursor[row] = 0
 
-    def _advance(self, rows: NDArray[np.int64], k: int) -> NDArray[np.int64]:
+    def _columns(self, rows: Rows, k: int) -> Index | slice:
         """Move the cursors of the rows on by k, and give the columns that they passed, (len(rows), k).
 
         A row with fewer than k numbers left draws new ones.
         """
-        for row in rows[self._cursor[rows] + k > self._uniform.shape[1]].tolist():
-            self._draw(row)
-        columns: NDArray[np.int64] = self._cursor[rows, None] + np.arange(k)
-        self._cursor[rows] += k
-        return columns
+        cursor, length = pick(self._cursor, rows), self._uniform.shape[1]
+        if is_any(cursor + k > length):
+            for row in self._row[rows][cursor + k > length].tolist():
+                self._draw(row)
+            cursor = pick(self._cursor, rows)
+        if type(rows) is int:
+            passed: Index | slice = slice(cursor, cursor + k)
+        else:
+            passed = cursor[:, None] + np.arange(k)
+        self._cursor[rows] = cursor + k
+        return passed
 
-    def uniform(self, rows: NDArray[np.int64], k: int) -> NDArray[np.float64]:
+    def _read(self, tape: Array, rows: Rows, k: int) -> Array:
+        passed = self._columns(rows, k)
+        numbers: Array = tape[:, passed] if type(rows) is int else tape[self._row[rows][:, None], passed]
+        return numbers
+
+    def uniform(self, rows: Rows, k: int) -> Array:
         """Next k numbers in [0, 1) of each of the rows, shape (len(rows), k); k is at most the tape's length."""
-        columns = self._advance(rows, k)
-        return self._uniform[rows[:, None], columns]
+        return self._read(self._uniform, rows, k)
 
-    def normal(self, rows: NDArray[np.int64], k: int) -> NDArray[np.float64]:
+    def normal(self, rows: Rows, k: int) -> Array:
         """Next k standard normal numbers of each of the rows, shape (len(rows), k); k is at most the tape's length."""
-        columns = self._advance(rows, k)
-        return self._normal[rows[:, None], columns]
+        return self._read(self._normal, rows, k)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tral_env.arrays import Array, Index
+from tral_env.arrays import Array, Index, Rows, is_any, pick
 from tral_env.interface import MAX_AGE_S, NOTHING_SEEN_ID
 from tral_env.perception.gate import Detection
 
@@ -15,6 +15,7 @@ SUBJECTS = ("gate", "marker")
 """An image tells of these."""
 QUANTITIES = ("id", "x", "y", "heading")
 """An image tells this of each subject, m and rad."""
+_NOBODY = np.zeros(0, np.int64)
 _EPSILON_S = 1e-9
 """Times that differ by less are equal."""
 
@@ -39,6 +40,7 @@ class CameraPipeline:
             rate_hz: images in a second.
         """
         self._period_s = 1.0 / rate_hz
+        self._row = np.arange(n)
         self._next_exposure = np.zeros(n)
         self._latency_s = np.zeros(n)
         self._known = np.zeros((n, len(SUBJECTS), len(QUANTITIES)))
@@ -46,6 +48,8 @@ class CameraPipeline:
         self._queue = np.zeros((n, IN_FLIGHT, len(SUBJECTS), len(QUANTITIES)))
         self._queue_exposed = np.full((n, IN_FLIGHT), np.inf)
         self._slot = np.zeros(n, np.int64)
+        self._is_empty = True
+        """Whether no image is on its way."""
         self.reset(np.arange(n), np.zeros(n))
 
     def reset(self, rows: Index, latency_s: Array) -> None:
@@ -71,14 +75,17 @@ class CameraPipeline:
             self._queue = np.pad(self._queue, ((0, 0), (0, more), (0, 0), (0, 0)))
             self._queue_exposed = np.pad(self._queue_exposed, ((0, 0), (0, more)), constant_values=np.inf)
 
-    def trigger(self, rows: Index, time_s: Array) -> Index:
+    def trigger(self, rows: Rows, time_s: Array) -> Index:
         """Trigger the cameras whose time has come, and give their rows.
 
         Args:
-            rows: (k,) cars to look at.
+            rows: cars to look at.
             time_s: (n,) now, s.
         """
-        due = rows[time_s[rows] >= self._next_exposure[rows] - _EPSILON_S]
+        is_due = pick(time_s, rows) >= pick(self._next_exposure, rows) - _EPSILON_S
+        if not is_any(is_due):
+            return _NOBODY
+        due: Index = self._row[rows][is_due]
         self._next_exposure[due] += self._period_s
         return due
 
@@ -97,11 +104,12 @@ class CameraPipeline:
             for j, quantity in enumerate(QUANTITIES):
                 self._queue[rows, slot, i, j] = getattr(seen, f"{subject}_{quantity}")
         self._queue_exposed[rows, slot] = time_s[rows]
+        self._is_empty = False
         self._slot[rows] = (slot + 1) % self._queue_exposed.shape[1]
 
     def deliver(self, time_s: Array) -> None:
         """Publish the images whose latency is over; `time_s`, (n,) s, is now."""
-        if self._queue_exposed.min() == np.inf:
+        if self._is_empty:
             return
         arrived = has_arrived(self._queue_exposed, self._latency_s[:, None], time_s[:, None])
         for slot in np.flatnonzero(arrived.any(axis=0)):
@@ -112,6 +120,7 @@ class CameraPipeline:
             self._known[at] = self._queue[at[0], slot, at[1]]
             self._known_exposed[at] = self._queue_exposed[at[0], slot]
             self._queue_exposed[rows, slot] = np.inf
+        self._is_empty = bool(self._queue_exposed.min() == np.inf)
 
     def readings(self, time_s: Array) -> dict[str, Array]:
         """``gate_id`` .. ``marker_age``, (n,) each, as the interface names them; `time_s`, (n,) s, is now."""

@@ -7,10 +7,12 @@ control period. Ticks get lost, and counted twice (report: "very unreliable").
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.arrays import Array, Index
+from tral_env.arrays import Array, Index, as_rows, columns, everyone, is_any, maximum, minimum, pick, plain, where
 from tral_env.config import HallConfig
 
 UPDATE_DRAWS = 2
@@ -32,7 +34,7 @@ class EdgeSpeed:
 
     def __init__(self, n: int, config: HallConfig) -> None:
         """Put n wheels at rest, distance 0."""
-        self._config = config
+        self._config, self._everyone = config, everyone(n)
         self._ticks = np.zeros(n, np.int64)
         self._stamp = np.zeros(n)
         self._spacing = np.zeros((3, n))
@@ -52,33 +54,37 @@ class EdgeSpeed:
             counted: (n,) which wheels have an edge.
             when: (n,) or scalar, its time, s; rounded to the resolution of the stamps, `stamp_s`.
         """
-        if not counted.any():
+        rows = self._everyone
+        counted, when = pick(counted, rows), pick(when, rows)
+        if not is_any(counted):
             return
-        self._ticks = self._ticks + counted
-        stamp = np.rint(when / self._config.stamp_s) * self._config.stamp_s
-        spacing = stamp - self._stamp
+        stamp = plain(np.rint(when / self._config.stamp_s)) * self._config.stamp_s
+        before, oldest, middle, last = (pick(values, rows) for values in (self._stamp, *self._spacing))
+        spacing = stamp - before
         timed = counted & (spacing >= self._config.metres_per_tick / self._config.max_speed)
-        spacing = np.where(spacing > self._config.timeout_s, np.inf, spacing)
-        _, middle, last = self._spacing
+        spacing = where(spacing > self._config.timeout_s, math.inf, spacing)
         # From rest the first spacing known stands for all three; a pause makes all three unknown.
-        anew = np.isinf(spacing) | np.isinf(last)
-        fresh = np.array([np.where(anew, spacing, middle), np.where(anew, spacing, last), spacing])
-        self._spacing = np.where(timed, fresh, self._spacing)
-        self._stamp = np.where(timed, stamp, self._stamp)
-        a, b, c = self._spacing
-        self._median = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
+        anew = (spacing == math.inf) | (last == math.inf)
+        fresh = where(anew, spacing, middle), where(anew, spacing, last), spacing
+        a, b, c = (where(timed, new, old) for new, old in zip(fresh, (oldest, middle, last), strict=True))
+        median = maximum(minimum(a, b), minimum(maximum(a, b), c))
+        self._ticks[rows] += counted
+        self._stamp[rows] = where(timed, stamp, before)
+        self._median[rows] = median
+        for values, value in zip(self._spacing, (a, b, c), strict=True):
+            values[rows] = value
 
     def speed(self, time_s: Array | float) -> Array:
         """Speed (n,), m/s, without sign, at a time (n,) or scalar, s."""
-        waited = time_s - self._stamp
-        return np.where(
-            waited > self._config.timeout_s, 0.0, self._config.metres_per_tick / np.maximum(self._median, waited)
-        )
+        waited, config = pick(time_s, self._everyone) - pick(self._stamp, self._everyone), self._config
+        speed = config.metres_per_tick / maximum(pick(self._median, self._everyone), waited)
+        told: Array = as_rows(where(waited > config.timeout_s, 0.0, speed))
+        return told
 
     @property
     def ticks(self) -> Index:
         """Edges counted since reset, (n,)."""
-        return self._ticks
+        return self._ticks.copy()
 
     @property
     def distance(self) -> Array:
@@ -91,7 +97,7 @@ class Hall:
 
     def __init__(self, n: int, config: HallConfig) -> None:
         """Put n cars at rest, distance 0."""
-        self._config = config
+        self._config, self._everyone = config, everyone(n)
         self._edges = EdgeSpeed(n, config)
         self._place = np.zeros(n)
         self._passed = np.zeros(n)
@@ -134,19 +140,25 @@ class Hall:
             miss_rate: (n,) or scalar, probability that a tick is not counted.
             double_rate: (n,) or scalar, probability that a tick is counted twice.
         """
-        start, passed = self._place, self._passed
-        self._place = start + travel / self._config.metres_per_tick
-        self._passed = np.floor(self._place)
-        count = np.abs(self._passed - passed)
-        for k in range(int(count.max(initial=0.0))):
-            moved = np.where(count > k, self._place - start, 1.0)
-            magnet = np.where(moved > 0, passed + 1 + k, passed - k)
-            when = time_s - period_s + (magnet - start) / moved * period_s
-            # Ticks after the first of a period turn the same draws by the golden ratio: uniform again.
-            draw = (uniform + k * _GOLDEN) % 1.0
-            seen = (count > k) & (draw[:, 0] >= miss_rate)
-            self._edges.edge(seen, when)
-            self._edges.edge(seen & (draw[:, 1] < double_rate), when + self._config.bounce_s)
+        rows = self._everyone
+        start, passed = pick(self._place, rows), pick(self._passed, rows)
+        travel, time_s, miss_rate, double_rate = (
+            pick(values, rows) for values in (travel, time_s, miss_rate, double_rate)
+        )
+        place = start + travel / self._config.metres_per_tick
+        now = plain(np.floor(place))
+        count = abs(now - passed)
+        if is_any(count > 0):
+            for k in range(int(np.max(count))):
+                moved = where(count > k, place - start, 1.0)
+                magnet = where(moved > 0, passed + 1 + k, passed - k)
+                when = time_s - period_s + (magnet - start) / moved * period_s
+                # Ticks after the first of a period turn the same draws by the golden ratio: uniform again.
+                missed, doubled = ((draw + k * _GOLDEN) % 1.0 for draw in columns(uniform, rows))
+                seen = (count > k) & (missed >= miss_rate)
+                self._edges.edge(seen, when)
+                self._edges.edge(seen & (doubled < double_rate), when + self._config.bounce_s)
+        self._place[rows], self._passed[rows] = place, now
         self._speed = self._edges.speed(time_s)
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tral_env.arrays import Array, Index
+from tral_env.arrays import ALL, ALONE, Array, Rows
 from tral_env.config import ImuConfig, LineConfig
 from tral_env.interface import OPTIONAL_GROUPS, Layout
 from tral_env.noise import NoiseTape
@@ -44,15 +44,18 @@ class OptionalReadings:
         if "imu" in self._groups:
             self._bias[row] = draw_bias(self._noise.normal(np.array([row]), AXES)[0], self._imu)
 
-    def update(self, rows: Index, pose: Array, motion: Array, battery_v: Array) -> None:
+    def update(self, rows: Rows, pose: Array, motion: Array, battery_v: Array) -> None:
         """Measure what the groups need.
 
         Args:
-            rows: (k,) the cars that moved.
+            rows: the cars that moved, k.
             pose: (n, 3) x, y, yaw, m and rad.
             motion: (n, 6) angular rate, rad/s, and proper acceleration, m/s^2, in the car's frame.
             battery_v: (k,) voltages of their batteries under load, V.
         """
+        if not self._groups:
+            return
+        rows = ALL if rows is ALONE else rows
         if "line" in self._groups:
             self._values["line"][rows] = line_byte(pose[rows], self._tape[rows], self._line)
         if "imu" in self._groups:

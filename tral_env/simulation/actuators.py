@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tral_env.actuation import Actuation
-from tral_env.arrays import Array, Index
+from tral_env.arrays import ALONE, Array, Index, Rows, columns, maximum, minimum, pick
 from tral_env.config import CarConfig
 from tral_env.simulation.physics import Physics
 
@@ -26,13 +26,14 @@ class Actuators:
         self.actuation = Actuation(n, car=car, lead_s=STEERING_LEAD_STEPS * physics.model.opt.timestep)
         self.command = np.zeros((n, 2))
         """(n, 2) last command, as applied."""
+        self._wheel_rates = [physics.sensordata[:, wheel] for wheel in physics.handles.wheel_speeds.tolist()]
 
     def reset(self, rows: Index) -> None:
         """Let cars (k,) stand still."""
         self.command[rows] = 0.0
         self.actuation.reset(rows)
 
-    def apply(self, moving: Index, command: Array) -> Array:
+    def apply(self, moving: Rows, command: Array) -> Array:
         """Let the actuators of cars follow their commands for a tick.
 
         Args:
@@ -40,19 +41,22 @@ class Actuators:
             command: (n, 2) steering, throttle; clipped to [-1, 1].
 
         Returns:
-            (k,) voltages of their batteries under load, V.
+            (k,) voltages of their batteries under load, V, or a number of a car alone.
         """
-        self.command[moving] = np.minimum(np.maximum(command[moving], -1.0), 1.0)
-        drive = self.actuation.apply(moving, self.command[moving], self._wheel_speed()[moving])
-        physics, handles = self._physics, self._physics.handles
+        applied, physics, handles = self.command, self._physics, self._physics.handles
+        for i, value in enumerate(columns(command, moving)):
+            applied[moving, i] = minimum(maximum(value, -1.0), 1.0)
+        wanted = applied[moving]
+        drive = self.actuation.apply(
+            moving, wanted.tolist() if moving is ALONE else wanted, self._wheel_speed(moving)
+        )
         physics.ctrl[moving, handles.steer_actuator] = drive.steering_angle
         physics.ctrl[moving, handles.drive_actuator] = drive.voltage
         physics.frictionloss[moving, handles.steer_dof] = drive.scrub_torque
         return drive.battery_v
 
-    def _wheel_speed(self) -> Array:
-        """(n,) mean rate of the four wheels times their radius, m/s; a sum in fixed order, alike for any n."""
-        sensordata = self._physics.sensordata
-        a, b, c, d = (sensordata[:, wheel] for wheel in self._physics.handles.wheel_speeds)
+    def _wheel_speed(self, moving: Rows) -> Array:
+        """(k,) mean rate of the four wheels times their radius, m/s; a sum in fixed order, alike for any n."""
+        a, b, c, d = (pick(rate, moving) for rate in self._wheel_rates)
         speed: Array = (a + b + c + d) * (self._car.wheel_radius / 4)
         return speed

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tral_env.arrays import Array, Index
+from tral_env.arrays import Array, Index, Rows
 from tral_env.course.plan import Plan
 from tral_env.perception.camera_pipeline import CameraPipeline
 from tral_env.perception.false_sightings import FalseSightings
@@ -58,7 +58,7 @@ class Cameras:
         self.exposures[rows] = 0
         self.update(rows)
 
-    def update(self, moving: Index) -> None:
+    def update(self, moving: Rows) -> None:
         """Expose the images that are due in the cars (k,) that move, and deliver those that have arrived."""
         time_s = self._physics.time_s
         rows = self._pipeline.trigger(moving, time_s)

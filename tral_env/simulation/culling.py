@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tral_env.arrays import Array, Index
+from tral_env.arrays import Array, Index, columns, everyone, is_any, pick
 from tral_env.config import UltrasonicConfig
 from tral_env.course.plan import Plan
 from tral_env.course.scene import Placement, Pool, place
@@ -26,6 +26,7 @@ _MIN_FREE_M = 0.25
 distance, m."""
 _ROUTE_MARGIN_M = 1.0
 """Up to this distance from its route, m, a car has no more boxes within reach than `max_boxes_in_reach` counts."""
+_NOBODY = np.zeros(0, np.int64)
 _CHUNK = 64
 """Number of places on a route that are looked at together."""
 
@@ -46,6 +47,7 @@ class LocalGeoms:
         self._pos, self._quat, self._half = np.zeros((n, boxes, 3)), np.zeros((n, boxes, 4)), np.zeros((n, boxes, 3))
         self._centre = np.zeros((n, 2))
         self._free = np.full(n, np.inf)
+        self._everyone = everyone(n)
 
     def place(self, row: int, placed: Placement) -> None:
         """Keep the boxes of a car's course, which are the first of a placement."""
@@ -59,8 +61,11 @@ class LocalGeoms:
         Args:
             position: (n, 2) of the cars, m.
         """
-        moved = position - self._centre
-        return np.flatnonzero(moved[:, 0] ** 2 + moved[:, 1] ** 2 > self._free**2)
+        x, y = columns(position, self._everyone)
+        x0, y0 = columns(self._centre, self._everyone)
+        dx, dy, free = x - x0, y - y0, pick(self._free, self._everyone)
+        far = dx * dx + dy * dy > free * free
+        return np.flatnonzero(far) if is_any(far) else _NOBODY
 
     def nearest(self, rows: Index, position: Array) -> tuple[Array, Array, Array]:
         """The boxes nearest to cars, in the order of their courses.

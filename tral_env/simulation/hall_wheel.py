@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tral_env.arrays import Array, Index
+from tral_env.arrays import Array, Index, Rows, everyone, pick
 from tral_env.config import CarConfig, HallConfig
 from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.noise import NoiseTape
@@ -21,20 +21,24 @@ class HallWheel:
         self._n, self._car, self._physics, self._parameters, self._noise = n, car, physics, parameters, noise
         self.hall = Hall(n, HallConfig())
         self._angle = np.zeros(n)
+        self._everyone = everyone(n)
+        self._turned = physics.sensordata[:, physics.handles.hall_wheel]
 
     def reset(self, rows: Index) -> None:
         """Begin to count anew from where the wheels of cars (k,) stand."""
         self.hall.reset(rows)
-        self._angle[rows] = self._physics.sensordata[rows, self._physics.handles.hall_wheel]
+        self._angle[rows] = self._turned[rows]
 
-    def update(self, moving: Index) -> None:
+    def update(self, moving: Rows) -> None:
         """Count the ticks of a control period; only the cars (k,) that move draw noise."""
-        drawn = self._parameters.drawn
-        angle = self._physics.sensordata[:, self._physics.handles.hall_wheel]
-        travel = (angle - self._angle) * self._car.wheel_radius / drawn["wheel_radius_scale"]
-        self._angle[:] = angle
-        uniform = np.zeros((self._n, UPDATE_DRAWS))
-        uniform[moving] = self._noise.uniform(moving, UPDATE_DRAWS)
+        drawn, rows = self._parameters.drawn, self._everyone
+        angle = pick(self._turned, rows)
+        travel = (angle - pick(self._angle, rows)) * self._car.wheel_radius / pick(drawn["wheel_radius_scale"], rows)
+        self._angle[rows] = angle
+        uniform = self._noise.uniform(moving, UPDATE_DRAWS)
+        if moving is not rows:
+            uniform, drawing = np.zeros((self._n, UPDATE_DRAWS)), uniform
+            uniform[moving] = drawing
         rates = drawn["hall_miss_rate"], drawn["hall_double_rate"]
         self.hall.update(travel, self._physics.time_s, CONTROL_PERIOD_S, uniform, *rates)
 

@@ -33,8 +33,8 @@ class CarHandles:
         self.imu = np.array([adr + axis for adr in imu for axis in range(3)])
         """(6,) columns in sensordata of angular rate, then acceleration."""
         contact = int(model.sensor("collision").adr[0])
-        self.contact_found = contact
-        self.contact_place, self.contact_normal = slice(contact + 1, contact + 4), slice(contact + 4, contact + 7)
+        self.contact = slice(contact, contact + 7)
+        """Columns in sensordata of the deepest contact: number of contacts, place (3), normal (3)."""
         names = [[f"{PREFIX}ultrasonic_{side}_{ray:02d}" for ray in range(sonar.rays)] for side in SONARS]
         rays = [[model.sensor(name) for name in fan] for fan in names]
         self.rays: Index = np.array([[ray.id for ray in fan] for fan in rays])

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from tral_env.arrays import Array, Index
+from tral_env.arrays import Array, Index, Rows, pick
 from tral_env.config import UltrasonicConfig
 from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool, build_model, place, pool_geoms
@@ -51,7 +51,7 @@ class Physics:
         bind, expand = self.batch.bind, self.batch.expand
         self.qpos, self.qvel, self.ctrl = bind("qpos"), bind("qvel"), bind("ctrl")
         self.sensordata, self.history = bind("sensordata"), bind("history")
-        self._warnings = self.batch.warning
+        self._warnings = self.batch.warning[:, _UNSTABLE, 1]
         self.geom = {name: expand(name) for name in ("geom_pos", "geom_quat", "geom_size", "geom_friction")}
         self.mass, self.inertia = expand("body_mass"), expand("body_inertia")
         self.frictionloss, self.sensor_interval = expand("dof_frictionloss"), expand("sensor_interval")
@@ -84,7 +84,7 @@ class Physics:
         # Without this, rays and contacts would miss the boxes.
         self.batch.set_const(rows)
 
-    def step(self, moving: Index, rows: Index | None, position: Array) -> None:
+    def step(self, moving: Rows, rows: Index | None, position: Array) -> None:
         """Step cars for one control period.
 
         Args:
@@ -100,13 +100,13 @@ class Physics:
         self.batch.step(rows, nstep=self.substeps, stage=_VEL)
         self._check_stable()
         self._ticks[moving] += 1
-        self.time_s[moving] = self._ticks[moving] * CONTROL_PERIOD_S
+        self.time_s[moving] = pick(self._ticks, moving) * CONTROL_PERIOD_S
 
     def _check_stable(self) -> None:
         # MuJoCo itself only counts a warning and puts such a car back to the origin, as if nothing had happened.
-        unstable = self._warnings[:, _UNSTABLE, 1]
-        if unstable.any():
-            raise SimulationError(f"unstable physics in rows {np.flatnonzero(unstable.any(axis=1)).tolist()}")
+        if np.count_nonzero(self._warnings):
+            unstable = self._warnings.any(axis=1)
+            raise SimulationError(f"unstable physics in rows {np.flatnonzero(unstable).tolist()}")
 
     def motion(self) -> Array:
         """(n, 6) angular rate, rad/s, and proper acceleration, m/s^2, of the cars."""

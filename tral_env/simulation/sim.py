@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.arrays import Array, Index
+from tral_env.arrays import Array, Index, Rows, everyone
 from tral_env.config import CameraConfig, CarConfig, UltrasonicConfig
 from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool
@@ -65,7 +65,7 @@ class Simulation:
         """
         self.n, self.pool, self.layout = n, pool, layout
         self.car, self.lens, self.image_faults = car or CarConfig(), lens or CameraConfig(), image_faults
-        self._rows = np.arange(n)
+        self._everyone = everyone(n)
         self._plans: list[Plan | None] = [None] * n
         sonar, noise = UltrasonicConfig(), NoiseTape(n)
         self._noise = noise
@@ -147,7 +147,7 @@ class Simulation:
         Raises:
             SimulationError: the physics of a car became unstable; it has to be reset.
         """
-        moving = self._rows if rows is None else rows
+        moving: Rows = self._everyone if rows is None else rows
         battery_v = self.actuators.apply(moving, command)
         self.physics.step(moving, rows, self.pose[:, :2])
         self.truth.update()

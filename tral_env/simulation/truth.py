@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tral_env.arrays import Index
+from tral_env.arrays import Index, columns, everyone, maximum, plain, where
 from tral_env.simulation.physics import Physics
 
 
@@ -13,7 +13,10 @@ class GroundTruth:
 
     def __init__(self, n: int, physics: Physics) -> None:
         """Nothing observed yet."""
-        self._physics = physics
+        handles, self._everyone = physics.handles, everyone(n)
+        self._root = physics.qpos[:, handles.root_qpos : handles.root_qpos + 7]
+        self._motion = physics.qvel[:, handles.root_dof : handles.root_dof + 6]
+        self._contact = physics.sensordata[:, handles.contact]
         self.pose = np.zeros((n, 3))
         """(n, 3) true x, y [m], yaw [rad] of the cars."""
         self.speed = np.zeros(n)
@@ -34,26 +37,27 @@ class GroundTruth:
 
     def observe(self) -> None:
         """Read pose and speed from the state."""
-        qpos, root = self._physics.qpos, self._physics.handles.root_qpos
-        w, z = qpos[:, root + 3], qpos[:, root + 6]
-        x, y = qpos[:, root + 4], qpos[:, root + 5]
-        yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        self.pose[:, 0], self.pose[:, 1], self.pose[:, 2] = qpos[:, root], qpos[:, root + 1], yaw
-        dof = self._physics.handles.root_dof
-        self._velocity[:, :2] = self._physics.qvel[:, dof : dof + 2]
-        self._velocity[:, 2] = self._physics.qvel[:, dof + 5]
-        self.speed[:] = self._velocity[:, 0] * np.cos(yaw) + self._velocity[:, 1] * np.sin(yaw)
+        rows = self._everyone
+        x, y, _, w, i, j, z = columns(self._root, rows)
+        yaw = plain(np.arctan2(2 * (w * z + i * j), 1 - 2 * (j * j + z * z)))
+        vx, vy, *_, turn = columns(self._motion, rows)
+        for column, value in enumerate((x, y, yaw)):
+            self.pose[rows, column] = value
+        for column, value in enumerate((vx, vy, turn)):
+            self._velocity[rows, column] = value
+        self.speed[rows] = vx * plain(np.cos(yaw)) + vy * plain(np.sin(yaw))
 
     def update(self) -> None:
         """Read all after a step; a car closes in with the velocity that it had before the step.
 
         The point of contact p moves with v + w x (p - o): v and w are the velocity and the yaw rate at the rear axle o.
         """
-        vx, vy, w = self._velocity.T.copy()
+        rows = self._everyone
+        vx, vy, w = columns(self._velocity.copy(), rows)
         self.observe()
-        sensordata, handles = self._physics.sensordata, self._physics.handles
-        normal = sensordata[:, handles.contact_normal]
-        self.collision[:] = sensordata[:, handles.contact_found] > 0
-        arm = sensordata[:, handles.contact_place][:, :2] - self.pose[:, :2]
-        towards = (vx - w * arm[:, 1]) * normal[:, 0] + (vy + w * arm[:, 0]) * normal[:, 1]
-        self.closing_speed[:] = np.where(self.collision, np.maximum(towards, 0.0), 0.0)
+        found, x, y, _, nx, ny, _ = columns(self._contact, rows)
+        x0, y0, _ = columns(self.pose, rows)
+        collision = found > 0
+        towards = (vx - w * (y - y0)) * nx + (vy + w * (x - x0)) * ny
+        self.collision[rows] = collision
+        self.closing_speed[rows] = where(collision, maximum(towards, 0.0), 0.0)
