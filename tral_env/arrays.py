@@ -57,9 +57,24 @@ def plain(values: Any) -> Any:
     return values if isinstance(values, np.ndarray) else values.item()
 
 
+def negation(condition: Any) -> Any:
+    """`numpy.logical_not`, also for a bool."""
+    return not condition if type(condition) is bool else ~condition
+
+
+def number(values: Any) -> Any:
+    """The number of a car alone, also out of (1,)."""
+    return pick(values, ALONE)
+
+
 def as_rows(values: Any) -> Any:
     """Values (n,) again, from those or from the number of a car alone."""
     return values if isinstance(values, np.ndarray) else np.array([values])
+
+
+def spread(values: Any) -> Any:
+    """Values (k,) as (k, 1), beside arrays (k, m); a number stays one, beside (m,)."""
+    return values[:, None] if isinstance(values, np.ndarray) else values
 
 
 def where(condition: Any, yes: Any, no: Any) -> Any:

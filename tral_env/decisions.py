@@ -33,6 +33,9 @@ class Decisions:
         config = world.config.learner
         self.world, self._ticks = world, config.decision_ticks
         self._is_plain = config.observation == "readings" and config.history == 1
+        self._is_tick = self._is_plain and config.decision_ticks == 1 and config.action == "throttle"
+        self._is_tick &= config.drive_range is None
+        """Whether a decision is a tick, its action a command, and its observation the readings."""
         self._view = LearnerView(config, world.n, world.layout)
         self._actuation = Actuation(config, world.n)
         self._base: RowPolicy | None = None
@@ -77,6 +80,14 @@ class Decisions:
         """What the policies are told now, (n, size)."""
         return self._readings if self._is_plain else self._view.observation()
 
+    def step_alone(self, actions: NDArray[np.floating]) -> Step:
+        """`step` of a car alone, which may give its numbers as such."""
+        if not self._is_tick:
+            return self.step(actions)
+        step = self.world.tick(actions)
+        self._readings = step.observation
+        return step
+
     def step(self, actions: NDArray[np.floating], rows: Index | None = None) -> Step:
         """Hold one decision; a car whose episode ends in it stays where it is.
 
@@ -91,6 +102,10 @@ class Decisions:
             ConfigError: the cars have no courses yet.
             SimulationError: the physics of a car became unstable; it has to be reset.
         """
+        if self._is_tick and self._base is None:
+            step = self.world.step(actions, rows)
+            self._readings = step.observation
+            return step
         wanted = self._actuation.wanted(actions)
         driving = None if rows is None else self._mask(rows)
         total: Step | None = None

@@ -13,6 +13,7 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
+from tral_env.arrays import number
 from tral_env.checks import is_seed
 from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
@@ -231,20 +232,22 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
             ConfigError: the action is not two finite numbers, or there was no reset.
             SimulationError: the physics became unstable; the next reset mends it.
         """
-        step = self._decisions.step(as_command(action)[None])
+        step = self._decisions.step_alone(as_command(action)[None])
         info = self._info(step.info)
-        info["reward_terms"] = {name: values.item() for name, values in step.reward_terms.items()}
-        terminated, truncated = bool(step.terminated[0]), bool(step.truncated[0])
+        info["reward_terms"] = {name: number(values) for name, values in step.reward_terms.items()}
+        terminated, truncated = number(step.terminated), number(step.truncated)
         if terminated or truncated:
             info["is_success"] = info["success"]
-        return self._observation(step.observation[0]), float(step.reward[0]), terminated, truncated, info
+        return self._observation(step.observation[0]), number(step.reward), terminated, truncated, info
 
     def _observation(self, readings: NDArray[np.float32]) -> Any:
         return readings
 
     def _info(self, info: dict[str, Any]) -> dict[str, Any]:
         """Info of the only car as Python numbers and bools, and arrays that nobody else holds."""
-        single = {name: values.item() if values.ndim == 1 else values[0].copy() for name, values in info.items()}
+        pose = info["pose"]
+        single = {name: number(values) for name, values in info.items() if name != "pose"}
+        single["pose"] = pose if pose.ndim == 1 else pose[0].copy()
         # Not NaN, which is unequal to itself: Gymnasium's checker would call the env not deterministic.
         for name in ("clearance_left_m", "clearance_right_m"):
             if math.isnan(single[name]):

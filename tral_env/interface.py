@@ -15,6 +15,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
+from tral_env.arrays import number
 from tral_env.errors import ConfigError, nearest
 
 FloatArray = NDArray[np.floating]
@@ -247,10 +248,16 @@ class Layout:
         Raises:
             ConfigError: a name is not a field of this layout.
         """
-        packed = np.full((n, self.size), self._missing, np.float32)
         columns = self._columns
-        for name, value in values.items():
-            packed[:, columns[name] if name in columns else self.column(name)] = value
+        if n == 1:
+            row = self._missing.tolist()
+            for name, value in values.items():
+                row[columns[name] if name in columns else self.column(name)] = number(value)
+            packed = np.array([row], np.float32)
+        else:
+            packed = np.full((n, self.size), self._missing, np.float32)
+            for name, value in values.items():
+                packed[:, columns[name] if name in columns else self.column(name)] = value
         low, high = self._bounds
         return np.minimum(np.maximum(packed, low, out=packed), high, out=packed)
 

@@ -5,13 +5,28 @@ Every array has the cars along its first axis; n is the number of cars. Numbers:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+import operator
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
 
-from tral_env.arrays import Array, Flags, Index
+from tral_env.arrays import (
+    ALL,
+    ALONE,
+    Array,
+    Flags,
+    Index,
+    Rows,
+    columns,
+    is_any,
+    number,
+    pick,
+    plain,
+    spread,
+)
 from tral_env.config import CarConfig, TaskConfig
 from tral_env.course.plan import Plan, arc_length
 from tral_env.se2 import rotate_back
@@ -41,12 +56,9 @@ _NO_STRAIGHT = -1.0
 class Track:
     """The plans of n cars, padded to common shapes."""
 
-    route: Array
-    """(n, R, 2) points, m; the last one is repeated."""
-    route_s: Array
-    """(n, R) arc length at the points, m."""
-    route_unit: Array
-    """(n, R, 2) unit vector from each point to the next one; 0 at the end."""
+    segments: Array
+    """(n, R, 6) point of the route, m; unit vector from it to the next one, 0 at the end; arc length here and at the
+    next one, m. The last point is repeated."""
     last: Index
     """(n,) index of the last point."""
     gate_pose: Array
@@ -65,6 +77,22 @@ class Track:
     """(n, S, 2) cosine and sine of the straights' yaw."""
 
     @property
+    def route(self) -> Array:
+        """(n, R, 2) points, m."""
+        return self.segments[..., :2]
+
+    @property
+    def route_unit(self) -> Array:
+        """(n, R, 2) unit vector from each point to the next one; 0 at the end."""
+        return self.segments[..., 2:4]
+
+    @property
+    def route_s(self) -> Array:
+        """(n, R) arc length at the points, m."""
+        lengths: Array = self.segments[..., 4]
+        return lengths
+
+    @property
     def length(self) -> Array:
         """(n,) length of the routes, m."""
         lengths: Array = self.route_s[:, -1]
@@ -74,9 +102,7 @@ class Track:
 def empty_track(n: int) -> Track:
     """Track of n cars that have no courses yet."""
     return Track(
-        route=np.zeros((n, 2, 2)),
-        route_s=np.zeros((n, 2)),
-        route_unit=np.zeros((n, 2, 2)),
+        segments=np.zeros((n, 2, 6)),
         last=np.ones(n, np.int64),
         gate_pose=np.zeros((n, 0, 3)),
         gate_unit=np.zeros((n, 0, 2)),
@@ -95,20 +121,20 @@ def lay(track: Track, row: int, plan: Plan) -> None:
     """
     route, route_s, gate_s, gate_pose, gate_width = _laps(plan)
     points, gates, straights = len(route), len(gate_s), len(plan.straights)
-    track.route = _grown(track.route, points, edge=True)
-    track.route_s = _grown(track.route_s, points, edge=True)
-    track.route_unit = _grown(track.route_unit, points)
+    track.segments = _grown(track.segments, points, edge=True)
     track.gate_pose = _grown(track.gate_pose, gates, fill=np.nan)
     track.gate_unit = _grown(track.gate_unit, gates, fill=np.nan)
     track.gate_width = _grown(track.gate_width, gates)
     track.gate_s = _grown(track.gate_s, gates, fill=np.inf)
     track.straights = _grown(track.straights, straights, fill=_NO_STRAIGHT)
     track.straight_unit = _grown(track.straight_unit, straights)
-    track.route[row, :points], track.route[row, points:] = route, route[-1]
-    track.route_s[row, :points], track.route_s[row, points:] = route_s, route_s[-1]
     along = route[1:] - route[:-1]
-    track.route_unit[row] = 0.0
-    track.route_unit[row, : points - 1] = along / np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
+    laid = track.segments[row]
+    laid[:points, :2], laid[:points, 4] = route, route_s
+    laid[: points - 1, 2:4] = along / np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
+    laid[: points - 1, 5] = route_s[1:]
+    laid[points - 1, 2:] = 0.0, 0.0, route_s[-1], route_s[-1]
+    laid[points:] = laid[points - 1]
     track.last[row] = points - 1
     track.gate_pose[row], track.gate_pose[row, :gates] = np.nan, gate_pose
     track.gate_unit[row] = _unit(track.gate_pose[row, :, 2])
@@ -144,117 +170,161 @@ def _grown(array: Array, size: int, *, fill: float = 0.0, edge: bool = False) ->
     return np.pad(array, width, mode="edge") if edge else np.pad(array, width, constant_values=fill)
 
 
-def locate(track: Track, rows: Index, position: Array, index: Index) -> tuple[Array, Array, Index]:
+def locate(track: Track, rows: Rows, position: Array, index: Index) -> tuple[Array, Array, Index]:
     """Project positions onto the routes, near where the cars last were.
 
     Args:
         track: the routes.
-        rows: (k,) the cars.
+        rows: the cars, k.
         position: (k, 2) of the rear axle, m.
-        index: (k,) route segment where each car last was.
+        index: (k,) route segment where each car last was, or the number of a car alone.
 
     Returns:
-        (k,) arc length [m], (k,) signed distance to the route [m], left positive, (k,) segment.
+        (k,) arc length [m], (k,) signed distance to the route [m], left positive, (k,) segment; numbers of a car alone.
     """
     s, lateral, segment, _ = _nearest(track, rows, position, index, _NEARBY, same_way=False)
-    far = np.flatnonzero(np.abs(lateral) > CUT_M)
-    if len(far):
-        *found, distance = _nearest(track, rows[far], position[far], segment[far], _FAR, same_way=True)
-        across = distance < _CLEARLY * np.abs(lateral[far])
-        for values, there in zip((s, lateral, segment), found, strict=True):
-            values[far[across]] = there[across]
+    far = abs(lateral) > CUT_M
+    if not is_any(far):
+        return s, lateral, segment
+    if rows is ALONE:
+        return tuple(map(number, locate(track, np.zeros(1, np.int64), position, np.array([index]))))  # type: ignore[return-value]
+    far = np.flatnonzero(far)
+    cars = np.arange(len(position)) if rows is ALL else rows
+    *found, distance = _nearest(track, cars[far], position[far], segment[far], _FAR, same_way=True)
+    across = distance < _CLEARLY * np.abs(lateral[far])
+    for values, there in zip((s, lateral, segment), found, strict=True):
+        values[far[across]] = there[across]
     return s, lateral, segment
 
 
 def _nearest(
-    track: Track, rows: Index, position: Array, index: Index, around: Index, *, same_way: bool
+    track: Track, rows: Rows, position: Array, index: Index, around: Index, *, same_way: bool
 ) -> tuple[Array, Array, Index, Array]:
     """As `locate`, among the segments `around` the last one; and the distance, (k,) m.
 
     With `same_way` the segments that lead elsewhere do not count, see `_SAME_WAY`.
     """
-    # minimum and maximum: for a single car np.clip costs five times as much.
-    segment = np.minimum(np.maximum(index[:, None] + around, 0), track.last[rows, None] - 1)
-    # Taking from flat arrays costs a third of indexing by row and segment.
-    at = rows[:, None] * track.route.shape[1] + segment
-    start, unit = track.route.reshape(-1, 2).take(at, axis=0), track.route_unit.reshape(-1, 2).take(at, axis=0)
-    s, end = track.route_s.take(at), track.route_s.take(at + 1)
-    dx, dy = position[:, None, 0] - start[..., 0], position[:, None, 1] - start[..., 1]
-    ux, uy = unit[..., 0], unit[..., 1]
+    first, window = _window(track, rows, index, around)
+    x, y, ux, uy, s, end = window
+    px, py = columns(position, ALONE if rows is ALONE else ALL)
+    dx, dy = spread(px) - x, spread(py) - y
     t = np.minimum(np.maximum(dx * ux + dy * uy, 0.0), end - s)
-    square = (dx - ux * t) ** 2 + (dy - uy * t) ** 2
+    off_x, off_y = dx - ux * t, dy - uy * t
+    square = off_x * off_x + off_y * off_y
     if same_way:
         here = -around[:1]
         square = np.where(ux * ux[:, here] + uy * uy[:, here] < _SAME_WAY, np.inf, square)
-    pick = np.arange(len(rows)), square.argmin(axis=1)
-    lateral = ux[pick] * dy[pick] - uy[pick] * dx[pick]
-    return s[pick] + t[pick], lateral, segment[pick], np.sqrt(square[pick])
+    nearest = square.argmin(axis=-1)
+    at = int(nearest) if rows is ALONE else (np.arange(len(position)), nearest)
+    ux, uy, dx, dy, s, t, square = (plain(values[at]) for values in (ux, uy, dx, dy, s, t, square))
+    segment = first + at if rows is ALONE else first[at]
+    return s + t, ux * dy - uy * dx, segment, np.sqrt(square)
 
 
-def cross_gates(track: Track, before: Array, after: Array, s: Array, passed: Index) -> tuple[Flags, Flags]:
+def _window(track: Track, rows: Rows, index: Index, around: Index) -> tuple[Index, Array]:
+    """The segments around the last one, (k, W), and what `Track.segments` tells of them, (6, k, W).
+
+    For a car alone the number of the first segment, and (6, W): no segment is twice among them.
+    """
+    last = pick(track.last, rows) - 1
+    if rows is ALONE:
+        first = max(index + int(around[0]), 0)
+        return first, track.segments[ALONE, first : min(index + int(around[-1]), last) + 1].T
+    # minimum and maximum: np.clip costs five times as much.
+    segment = np.minimum(np.maximum(index[:, None] + around, 0), last[:, None])
+    # Taking from a flat array costs a third of indexing by row and segment.
+    _, points, values = track.segments.shape
+    row = np.arange(len(track.segments))[rows]
+    window = track.segments.reshape(-1, values).take(row[:, None] * points + segment, axis=0)
+    return segment, window.transpose(2, 0, 1)
+
+
+def cross_gates(
+    track: Track, before: Array, after: Array, s: Array, passed: Index, rows: Rows = ALL
+) -> tuple[Flags, Flags]:
     """Which cars passed their next gate in this tick, and which missed one.
 
     Args:
         track: the gates.
         before: (n, 2) rear axle a tick ago, m.
         after: (n, 2) rear axle now, m.
-        s: (n,) place on the route, m.
-        passed: (n,) gates passed so far.
+        s: (n,) place on the route, m, or the number of a car alone.
+        passed: (n,) gates passed so far, or a number.
+        rows: all cars.
 
     Returns:
         (n,) passed the next gate: crossed its plane forwards between the posts;
-        (n,) missed a gate: crossed a plane outside the posts, or backwards.
+        (n,) missed a gate: crossed a plane outside the posts, or backwards; bools of a car alone.
     """
-    n, gates = track.gate_s.shape
-    beside = np.abs(s[:, None] - track.gate_s) < GATE_ROUTE_REACH_M
-    if not beside.any():
-        return np.zeros(n, bool), np.zeros(n, bool)
-    x0, y0 = _gate_frame(track, before)
-    x1, y1 = _gate_frame(track, after)
+    beside = np.abs(spread(s) - track.gate_s[rows]) < GATE_ROUTE_REACH_M
+    if not np.count_nonzero(beside):
+        return (False, False) if rows is ALONE else (np.zeros(len(s), bool), np.zeros(len(s), bool))  # type: ignore[return-value]
+    x0, y0 = _gate_frame(track, before, rows)
+    x1, y1 = _gate_frame(track, after, rows)
     share = np.where(x1 != x0, -x0 / np.where(x1 != x0, x1 - x0, 1.0), 0.0)
     offset = np.abs(y0 + share * (y1 - y0))
     near = beside & (offset < GATE_REACH_M)
-    between = offset < track.gate_width / 2
+    between = offset < track.gate_width[rows] / 2
     forwards = near & (x0 < 0) & (x1 >= 0)
     backwards = near & (x0 >= 0) & (x1 < 0)
-    is_next = np.arange(gates) == passed[:, None]
-    through = (forwards & between & is_next).any(axis=1)
-    missed = (forwards & ~(between & is_next)).any(axis=1) | (backwards & between).any(axis=1)
-    return through, missed
+    is_next = np.arange(track.gate_s.shape[1]) == spread(passed)
+    through = (forwards & between & is_next).any(axis=-1)
+    missed = (forwards & ~(between & is_next)).any(axis=-1) | (backwards & between).any(axis=-1)
+    return plain(through), plain(missed)
 
 
-def _gate_frame(track: Track, position: Array) -> tuple[Array, Array]:
+def _gate_frame(track: Track, position: Array, rows: Rows) -> tuple[Array, Array]:
     """x and y of the cars as seen from each gate, (n, G) m."""
-    offset = position[:, None] - track.gate_pose[..., :2]
-    return rotate_back(track.gate_unit[..., 0], track.gate_unit[..., 1], offset[..., 0], offset[..., 1])
+    pose, unit = track.gate_pose[rows], track.gate_unit[rows]
+    x, y = columns(position, rows)
+    return rotate_back(unit[..., 0], unit[..., 1], spread(x) - pose[..., 0], spread(y) - pose[..., 1])
 
 
-def wall_clearance(track: Track, pose: Array, car: CarConfig) -> tuple[Array, Array]:
+def wall_clearance(track: Track, pose: Array, car: CarConfig, rows: Rows = ALL) -> tuple[Array, Array]:
     """True distance from the side ultrasonics to the walls beside plain straight stretches, square to the walls.
 
     Args:
         track: the stretches.
         pose: (n, 3) x, y [m], yaw [rad].
         car: where the ultrasonics stand.
+        rows: all cars.
 
     Returns:
         (n,) left, (n,) right, m; NaN where the car is on no such stretch, or turned by more than about 45 degrees.
+        Numbers of a car alone.
     """
+    place = columns(pose, rows)
+    if rows is ALONE:
+        for straight, unit in zip(track.straights[rows].tolist(), track.straight_unit[rows].tolist(), strict=True):
+            is_on, left, right = _clearances(place, straight, unit, car)
+            if is_on:
+                return left, right
+        return math.nan, math.nan  # type: ignore[return-value]
     n, count, _ = track.straights.shape
     if count == 0:
         return np.full(n, np.nan), np.full(n, np.nan)
-    x0, y0, yaw, length, width = track.straights.transpose(2, 0, 1)
-    cos, sin = track.straight_unit.transpose(2, 0, 1)
-    turn = pose[:, 2:] - yaw
-    cos_turn, half = np.cos(turn), width / 2
-    along, across = rotate_back(cos, sin, pose[:, :1] - x0, pose[:, 1:2] - y0)
-    x, y = along + car.middle_x * cos_turn, across + car.middle_x * np.sin(turn)
-    on = (x >= 0) & (x <= length) & (np.abs(y) < half) & (cos_turn > 0.7)
-    pick = np.arange(n), on.argmax(axis=1)
-    here, middle, side = on[pick], y[pick], car.sonar_side * cos_turn[pick]
-    left = np.where(here, half[pick] - middle - side, np.nan)
-    right = np.where(here, half[pick] + middle - side, np.nan)
-    return left, right
+    place = tuple(values[:, None] for values in place)
+    on, left, right = _clearances(
+        place, track.straights.transpose(2, 0, 1), track.straight_unit.transpose(2, 0, 1), car
+    )
+    first = np.arange(n), on.argmax(axis=1)
+    here = on[first]
+    return np.where(here, left[first], np.nan), np.where(here, right[first], np.nan)
+
+
+def _clearances(
+    pose: Sequence[Array], straight: Sequence[Array], unit: Sequence[Array], car: CarConfig
+) -> tuple[Flags, Array, Array]:
+    """Whether a car is on a stretch, and its clearances there, left and right, m; of a car and a stretch, or of many."""
+    x0, y0, yaw, length, width = straight
+    cos, sin = unit
+    turn, half = pose[2] - yaw, width / 2
+    cos_turn = plain(np.cos(turn))
+    along, across = rotate_back(cos, sin, pose[0] - x0, pose[1] - y0)
+    x, y = along + car.middle_x * cos_turn, across + car.middle_x * plain(np.sin(turn))
+    on = (x >= 0) & (x <= length) & (abs(y) < half) & (cos_turn > 0.7)
+    side = car.sonar_side * cos_turn
+    return on, half - y - side, half + y - side
 
 
 def time_limit(length: Array, config: TaskConfig) -> Array:
@@ -265,7 +335,7 @@ def time_limit(length: Array, config: TaskConfig) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outcome:
-    """What n cars did in a tick."""
+    """What n cars did in a tick, each (n,), or the numbers of a car alone."""
 
     advance: Array
     """(n,) distance gained along the route, m."""
@@ -287,31 +357,33 @@ def progress_term(outcome: Outcome, config: TaskConfig) -> Array:
 
 def gate_term(outcome: Outcome, config: TaskConfig) -> Array:
     """`gate_reward` in the tick in which the car passes its next gate."""
-    earned: Array = np.multiply(outcome.gate, config.gate_reward, dtype=np.float64)
+    earned: Array = outcome.gate * float(config.gate_reward)
     return earned
 
 
 def success_term(outcome: Outcome, config: TaskConfig) -> Array:
     """`success_reward` in the tick in which the car reaches the goal."""
-    earned: Array = np.multiply(outcome.success, config.success_reward, dtype=np.float64)
+    earned: Array = outcome.success * float(config.success_reward)
     return earned
 
 
 def failure_term(outcome: Outcome, config: TaskConfig) -> Array:
     """`failure_reward` in the tick in which the car touches something or misses a gate."""
-    earned: Array = np.multiply(outcome.failure, config.failure_reward, dtype=np.float64)
+    earned: Array = outcome.failure * float(config.failure_reward)
     return earned
 
 
 def steering_term(outcome: Outcome, config: TaskConfig) -> Array:
     """Minus `steering_cost` times the square of the steering command's change in the tick, 0 to 4."""
-    earned: Array = -(config.steering_cost * outcome.steering_change**2)
+    change = outcome.steering_change
+    earned: Array = -(config.steering_cost * (change * change))
     return earned
 
 
 def time_term(outcome: Outcome, config: TaskConfig) -> Array:
     """Minus `time_cost` in every tick of 1/80 s."""
-    return np.full(len(outcome.advance), -float(config.time_cost))
+    cost = -float(config.time_cost)
+    return np.full(len(outcome.advance), cost) if isinstance(outcome.advance, np.ndarray) else cost  # type: ignore[return-value]
 
 
 REWARD_TERMS: Mapping[str, Callable[[Outcome, TaskConfig], Array]] = {
@@ -333,5 +405,5 @@ def reward_terms(outcome: Outcome, config: TaskConfig) -> dict[str, Array]:
 
 def reward(terms: Mapping[str, Array]) -> Array:
     """What a tick earns, (n,): the terms added one after the other, so that the last bit is always the same."""
-    total: Array = reduce(np.add, terms.values())
+    total: Array = reduce(operator.add, terms.values())
     return total

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env import task
-from tral_env.arrays import Array, Flags, Index
+from tral_env.arrays import ALL, ALONE, Array, Flags, Index, as_rows, everyone, maximum, minimum, negation, pick
 from tral_env.checks import check_number, one_of
 from tral_env.course.generate import generate_plan
 from tral_env.course.geometry import build_plan
@@ -19,7 +19,7 @@ from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool
 from tral_env.errors import ConfigError, nearest
-from tral_env.interface import Layout
+from tral_env.interface import STEERING, Layout
 from tral_env.options import CorridorConfig, as_course, check_counts
 from tral_env.randomization import Randomization, level
 from tral_env.simulation.culling import LOCAL_BOXES, max_boxes_in_reach
@@ -79,7 +79,7 @@ class Drawn(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What n cars got in a tick, as arrays of (n, ...)."""
+    """What n cars got in a tick, as arrays of (n, ...); `World.tick` has numbers for a car alone."""
 
     observation: NDArray[np.float32]
     reward: Array
@@ -89,6 +89,19 @@ class Step:
     """Ground truth, name -> (n, ...)."""
     reward_terms: dict[str, Array]
     """What the reward is the sum of, name -> (n,)."""
+
+    def as_rows(self) -> Step:
+        """The same with arrays, also for a car alone."""
+        if isinstance(self.terminated, np.ndarray):
+            return self
+        told = dict(self.info)
+        told["pose"] = told["pose"][None]
+        return Step(
+            self.observation,
+            *map(as_rows, (self.reward, self.terminated, self.truncated)),
+            {name: as_rows(value) for name, value in told.items()},
+            {name: as_rows(value) for name, value in self.reward_terms.items()},
+        )
 
 
 def car_stream(rng: np.random.Generator) -> np.random.Generator:
@@ -131,7 +144,7 @@ class World:
         """Courses that were built so far, of those that `CorridorConfig.courses` keeps."""
         self.courses: list[Course | None] = [None] * n
         self.plans: list[Plan | None] = [None] * n
-        self._everyone = np.arange(n)
+        self._everyone = everyone(n)
         self._length = np.zeros(n)
         self._limit_s = np.zeros(n)
         self._segment = np.zeros(n, np.int64)
@@ -316,53 +329,72 @@ class World:
             ConfigError: the cars have no courses yet.
             SimulationError: the physics of a car became unstable; it has to be reset.
         """
+        return self.tick(command, rows).as_rows()
+
+    def tick(self, command: NDArray[np.floating], rows: Index | None = None) -> Step:
+        """`step`, which gives the numbers of a car alone as such."""
         if not self._started:
             raise ConfigError("step() before the first reset()")
-        sim, config = self.sim, self.config.task
+        sim, config, everyone = self.sim, self.config.task, self._everyone
         before = sim.pose[:, :2].copy()
         sim.step(np.asarray(command, np.float64), rows)
-        s, self._lateral, self._segment = task.locate(self.track, self._everyone, sim.pose[:, :2], self._segment)
-        through, missed = task.cross_gates(self.track, before, sim.pose[:, :2], s, self._passed)
-        self._passed = self._passed + through
-        arrived = s >= self._length - 1e-6
-        missed |= arrived & (self._passed < self.track.gates)
-        failure = sim.truth.collision | missed
-        success = arrived & ~failure
+        here = sim.pose[:, :2]
+        s, lateral, segment = task.locate(self.track, everyone, here, pick(self._segment, everyone))
+        passed = pick(self._passed, everyone)
+        through, missed = task.cross_gates(self.track, before, here, s, passed, everyone)
+        arrived = s >= pick(self._length, everyone) - 1e-6
+        missed |= arrived & (passed + through < pick(self.track.gates, everyone))
+        failure = pick(sim.truth.collision, everyone) | missed
+        success = arrived & negation(failure)
+        steering = pick(sim.command[:, STEERING], everyone)
         outcome = task.Outcome(
-            advance=s - self._s,
+            advance=s - pick(self._s, everyone),
             gate=through,
             success=success,
             failure=failure,
-            steering_change=sim.command[:, 0] - self._steering,
+            steering_change=steering - pick(self._steering, everyone),
         )
-        self._s, self._steering = s, sim.command[:, 0].copy()
+        self._passed[everyone] += through
+        self._s[everyone], self._steering[everyone] = s, steering
+        self._lateral[everyone], self._segment[everyone] = lateral, segment
         terminated = success | failure
-        truncated = (sim.time_s >= self._limit_s) & ~terminated
-        info = self.info(success, missed)
+        truncated = (pick(sim.time_s, everyone) >= pick(self._limit_s, everyone)) & negation(terminated)
         terms = task.reward_terms(outcome, config)
+        info = self._truth(success, missed)
         return Step(sim.observation(), task.reward(terms), terminated, truncated, info, terms)
 
-    def info(self, success: Flags | None = None, missed: Flags | None = None) -> dict[str, Array | Flags | Index]:
-        """The ground truth of all cars, which no policy sees."""
-        sim = self.sim
+    def info(self) -> dict[str, Array | Flags | Index]:
+        """The ground truth of all cars after a reset, which no policy sees; name -> (n, ...)."""
         no = np.zeros(self.n, bool)
-        left, right = task.wall_clearance(self.track, sim.pose, self.config.car)
-        crash = sim.truth.collision & (sim.truth.closing_speed >= self.config.task.touch_speed)
+        told = self._truth(no, no)
+        if self._everyone is ALONE:
+            told["pose"] = told["pose"][None]
+        return {name: as_rows(values) for name, values in told.items()}
+
+    def _truth(self, success: Flags, missed: Flags) -> dict[str, Any]:
+        """The ground truth, in arrays that nobody else holds, or in numbers of a car alone."""
+        sim, everyone = self.sim, self._everyone
+
+        def own(values: Any) -> Any:
+            return values.copy() if everyone is ALL else values.item(0)
+
+        left, right = task.wall_clearance(self.track, sim.pose, self.config.car, everyone)
+        collision, closing = own(sim.truth.collision), pick(sim.truth.closing_speed, everyone)
         return {
-            "success": no if success is None else success,
-            "collision": sim.truth.collision.copy(),
-            "crash": crash,
-            "missed_gate": no if missed is None else missed,
-            "progress": np.minimum(np.maximum(self._s / self._length, 0.0), 1.0),
-            "gates_passed": self._passed.copy(),
-            "gates_total": self.track.gates.copy(),
+            "success": success,
+            "collision": collision,
+            "crash": collision & (closing >= self.config.task.touch_speed),
+            "missed_gate": missed,
+            "progress": minimum(maximum(pick(self._s, everyone) / pick(self._length, everyone), 0.0), 1.0),
+            "gates_passed": own(self._passed),
+            "gates_total": own(self.track.gates),
             "clearance_left_m": left,
             "clearance_right_m": right,
-            "lateral_offset_m": self._lateral.copy(),
-            "pose": sim.pose.copy(),
-            "speed_mps": sim.truth.speed.copy(),
-            "time_s": sim.time_s.copy(),
-            "time_limit_s": self._limit_s.copy(),
+            "lateral_offset_m": own(self._lateral),
+            "pose": sim.pose[everyone].copy(),
+            "speed_mps": own(sim.truth.speed),
+            "time_s": own(sim.time_s),
+            "time_limit_s": own(self._limit_s),
         }
 
     def images(self) -> NDArray[np.uint8]:

@@ -24,7 +24,9 @@ def test_a_range_is_published_when_the_next_ranging_begins() -> None:
     assert ranging.range_m[0].tolist() == [1.0, 2.0, 3.0]
     ranging.fire(ROW, np.array([1]), np.array([2.6]), np.array([0.130]))
     assert ranging.range_m[0].tolist() == [1.0, 2.5, 3.0]
-    assert ranging.age(np.array([0.13]))[0].tolist() == pytest.approx([0.13, 0.065, 0.13])
+    told = ranging.readings(np.array([0.13]))
+    ages = [told[f"ultrasonic_{side}_age"] for side in ("left", "front", "right")]
+    assert ages == pytest.approx([0.13, 0.065, 0.13])
 
 
 def test_an_image_is_known_after_its_latency_and_grows_old() -> None:
@@ -33,10 +35,10 @@ def test_an_image_is_known_after_its_latency_and_grows_old() -> None:
     assert eyes.trigger(ROW, np.array([0.0])).tolist() == [0]
     eyes.expose(ROW, np.array([0.0]), sighting(3.0, 7.0))
     eyes.deliver(np.array([0.0375]))
-    assert eyes.readings(np.array([0.0375]))["gate_id"][0] == -1.0
+    assert eyes.readings(np.array([0.0375]))["gate_id"] == -1.0
     eyes.deliver(np.array([0.05]))
     seen = eyes.readings(np.array([0.0625]))
-    assert (seen["gate_id"][0], seen["marker_id"][0], seen["gate_age"][0]) == (3.0, 7.0, 0.0625)
+    assert (seen["gate_id"], seen["marker_id"], seen["gate_age"]) == (3.0, 7.0, 0.0625)
 
 
 @pytest.mark.parametrize("rate_hz", [15.0, 60.0])

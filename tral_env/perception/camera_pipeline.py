@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tral_env.arrays import Array, Index, Rows, is_any, pick
+from tral_env.arrays import Array, Index, Rows, columns, everyone, is_any, minimum, pick
 from tral_env.interface import MAX_AGE_S, NOTHING_SEEN_ID
 from tral_env.perception.gate import Detection
 
@@ -15,6 +15,7 @@ SUBJECTS = ("gate", "marker")
 """An image tells of these."""
 QUANTITIES = ("id", "x", "y", "heading")
 """An image tells this of each subject, m and rad."""
+_NAMES = tuple(f"{subject}_{quantity}" for subject in SUBJECTS for quantity in QUANTITIES)
 _NOBODY = np.zeros(0, np.int64)
 _EPSILON_S = 1e-9
 """Times that differ by less are equal."""
@@ -40,7 +41,7 @@ class CameraPipeline:
             rate_hz: images in a second.
         """
         self._period_s = 1.0 / rate_hz
-        self._row = np.arange(n)
+        self._row, self._everyone = np.arange(n), everyone(n)
         self._next_exposure = np.zeros(n)
         self._latency_s = np.zeros(n)
         self._known = np.zeros((n, len(SUBJECTS), len(QUANTITIES)))
@@ -123,10 +124,13 @@ class CameraPipeline:
         self._is_empty = bool(self._queue_exposed.min() == np.inf)
 
     def readings(self, time_s: Array) -> dict[str, Array]:
-        """``gate_id`` .. ``marker_age``, (n,) each, as the interface names them; `time_s`, (n,) s, is now."""
-        out = {}
-        for i, subject in enumerate(SUBJECTS):
-            for j, quantity in enumerate(QUANTITIES):
-                out[f"{subject}_{quantity}"] = self._known[:, i, j]
-            out[f"{subject}_age"] = np.minimum(time_s - self._known_exposed[:, i], MAX_AGE_S)
+        """``gate_id`` .. ``marker_age``, as the interface names them; `time_s`, (n,) s, is now.
+
+        Each (n,), or the number of a car alone.
+        """
+        rows = self._everyone
+        now, known = pick(time_s, rows), columns(self._known.reshape(len(self._known), -1), rows)
+        out = dict(zip(_NAMES, known, strict=True))
+        for subject, exposed in zip(SUBJECTS, columns(self._known_exposed, rows), strict=True):
+            out[f"{subject}_age"] = minimum(now - exposed, MAX_AGE_S)
         return out

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tral_env.arrays import Array, Index
+from tral_env.arrays import Array, Index, columns, everyone, minimum, pick
 from tral_env.interface import MAX_AGE_S, NO_ECHO_M
 
 SONARS = ("left", "front", "right")
@@ -22,6 +22,7 @@ class Ranging:
 
     def __init__(self, n: int) -> None:
         """Begin with no echo, of the greatest age."""
+        self._everyone = everyone(n)
         self.range_m = np.full((n, len(SONARS)), NO_ECHO_M)
         """(n, 3) ranges that can be read, m."""
         self._fired = np.full((n, len(SONARS)), -MAX_AGE_S)
@@ -46,7 +47,14 @@ class Ranging:
         self.range_m[at], self._fired[at] = self._pending_range[at], self._pending_fired[at]
         self._pending_range[at], self._pending_fired[at] = range_m, time_s
 
-    def age(self, time_s: Array) -> Array:
-        """Time since the published ranges were measured, (n, 3) s; `time_s`, (n,), is now."""
-        age: Array = np.minimum(time_s[:, None] - self._fired, MAX_AGE_S)
-        return age
+    def readings(self, time_s: Array) -> dict[str, Array]:
+        """``ultrasonic_left`` .. ``ultrasonic_right_age``; `time_s`, (n,) s, is now.
+
+        A range, m, and the time since it was measured, s: each (n,), or the number of a car alone.
+        """
+        rows, out = self._everyone, {}
+        now, ranges, fired = pick(time_s, rows), columns(self.range_m, rows), columns(self._fired, rows)
+        for side, range_m, fired_s in zip(SONARS, ranges, fired, strict=True):
+            out[f"ultrasonic_{side}"] = range_m
+            out[f"ultrasonic_{side}_age"] = minimum(now - fired_s, MAX_AGE_S)
+        return out

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tral_env.arrays import Array, Index
+from tral_env.arrays import Array, Index, columns, everyone, is_any, pick
 from tral_env.config import UltrasonicConfig
 from tral_env.noise import NoiseTape
 from tral_env.se2 import rotate_n
@@ -35,6 +35,8 @@ class Sonars:
         self._parameters, self._noise = parameters, noise
         self.ranging = Ranging(n)
         self._last_fired = np.zeros((n, len(SONARS)))
+        self._everyone = everyone(n)
+        self._clocks = [physics.history[:, clock] for clock in physics.handles.sonar_clocks.tolist()]
 
     def reset(self, rows: Index) -> None:
         """Range once at time 0; then the sonars of cars (k,) fire in turn, or together, each in its cadence."""
@@ -50,11 +52,12 @@ class Sonars:
 
     def update(self) -> None:
         """Take over the rays that were cast since the last call."""
-        physics = self._physics
+        physics, last = self._physics, columns(self._last_fired, self._everyone)
+        cast = (pick(clock, self._everyone) > before for clock, before in zip(self._clocks, last, strict=True))
+        if not any(map(is_any, cast)):
+            return
         fired_at = physics.history[:, physics.handles.sonar_clocks]
         rows, sonars = np.nonzero(fired_at > self._last_fired)
-        if not len(rows):
-            return
         time_s = fired_at[rows, sonars]
         self._last_fired[rows, sonars] = time_s
         self.ranging.fire(rows, sonars, self._measure(rows, sonars, physics.time_s[rows] - time_s), time_s)
@@ -84,8 +87,4 @@ class Sonars:
 
     def readings(self) -> dict[str, Array]:
         """``ultrasonic_left`` .. ``ultrasonic_right_age``, (n,) each."""
-        age, values = self.ranging.age(self._physics.time_s), {}
-        for i, side in enumerate(SONARS):
-            values[f"ultrasonic_{side}"] = self.ranging.range_m[:, i]
-            values[f"ultrasonic_{side}_age"] = age[:, i]
-        return values
+        return self.ranging.readings(self._physics.time_s)
