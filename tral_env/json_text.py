@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+
+from tral_env.errors import TralError, problem_report
 
 BYTE_ORDER_MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 """Bytes at the beginning of a file -> its encoding."""
@@ -31,15 +33,58 @@ def read(path: str | Path) -> str:
     return content.decode(next(marked, "utf-8"))
 
 
-def repeated_keys(text: str) -> list[str]:
-    """JSON pointers of the keys that stand more than once in their object, in the order of the text.
+class NotJsonError(ValueError):
+    """A text is no JSON, or none that can be read."""
+
+    def __init__(self, told: str, line: int = 0, column: int = 0) -> None:
+        """Tell what is wrong, and in which line and column; 0: in no single place."""
+        super().__init__(f"{told} at line {line}, column {column}" if line else told)
+        self.told, self.place = told, f":{line}:{column}" if line else ""
+
+
+def loads(text: str, source: str, failure: type[TralError]) -> Any:
+    """Value of a JSON text in which every key stands once in its object.
+
+    Args:
+        text: JSON; a byte order mark before it is skipped.
+        source: name of the file in error messages.
+        failure: class of the errors.
 
     Raises:
-        json.JSONDecodeError: the text is no JSON.
-        ValueError: it has a whole number of thousands of digits.
-        RecursionError: it is nested too deeply.
+        failure: the text is no JSON, or keys stand more than once; the message says where.
     """
-    return list(_pointers(json.loads(text, object_pairs_hook=_members), ""))
+    try:
+        value, repeated = parse(text)
+    except NotJsonError as error:
+        raise failure(f"{source}{error.place}: {error.told}") from error
+    if repeated:
+        rule = "is there more than once. Allowed: each key once"
+        raise failure(problem_report(source, [f"{pointer[:80]}: {rule}" for pointer in repeated]))
+    return value
+
+
+def parse(text: str, constant: Callable[[str], Any] | None = None) -> tuple[Any, list[str]]:
+    """Value of a JSON text, and the JSON pointers of the keys that stand more than once, in the order of the text.
+
+    Args:
+        text: JSON; a byte order mark before it is skipped.
+        constant: gives the value of NaN, Infinity and -Infinity; None: a float.
+
+    Raises:
+        NotJsonError: the text is empty, no JSON, nested too deeply, or has a whole number of thousands of digits.
+    """
+    text = text.removeprefix("\ufeff")
+    if not text.strip():
+        raise NotJsonError("not JSON: it is empty")
+    try:
+        value = json.loads(text, object_pairs_hook=_members, parse_constant=constant)
+        return value, list(_pointers(value, ""))
+    except json.JSONDecodeError as error:
+        raise NotJsonError(f"not JSON: {error.msg}{reason(error)}", error.lineno, error.colno) from error
+    except RecursionError as error:
+        raise NotJsonError("not readable: nested too deeply") from error
+    except ValueError as error:
+        raise NotJsonError("not readable: a whole number of thousands of digits") from error
 
 
 def reason(error: json.JSONDecodeError) -> str:

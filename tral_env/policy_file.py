@@ -218,11 +218,9 @@ def _content(path: Path) -> dict[str, Any]:
     raw = _read(path, MAX_JSON_BYTES, "")
     try:
         text = raw.decode("utf-8")
-        twice, content = json_text.repeated_keys(text), json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise PolicyFileError(f"{path}: no JSON: {error}") from error
-    if twice:
-        raise PolicyFileError(f"{path}: {twice[0][:80]} stands twice")
+    except UnicodeDecodeError as error:
+        raise PolicyFileError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from error
+    content = json_text.loads(text, str(path), PolicyFileError)
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise PolicyFileError(f'{path}: no policy: expected an object with "format": "{FORMAT}"')
     if content.get("version") != VERSION or isinstance(content["version"], bool):

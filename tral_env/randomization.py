@@ -11,7 +11,6 @@ A level of one's own is a `Randomization`, or a file that `read_level` reads.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -280,25 +279,11 @@ def _content(path: str | Path) -> dict[str, Any]:
     except (OSError, UnicodeDecodeError) as error:
         told = getattr(error, "strerror", None) or error
         raise ConfigError(f"randomization {path}: cannot be read: {told}") from error
-    content = _json(text, path) if str(path).lower().endswith(".json") else _yaml(text, path)
+    is_json = str(path).lower().endswith(".json")
+    content = json_text.loads(text, str(path), BadFileError) if is_json else _yaml(text, path)
     if not isinstance(content, dict) or not content:
         got = "list" if isinstance(content, list) else type(content).__name__
         raise BadFileError(f"{path}: got {got}: expected parameters and their ranges, such as friction: [0.4, 0.6]")
-    return content
-
-
-def _json(text: str, path: str | Path) -> Any:
-    try:
-        repeated = json_text.repeated_keys(text)
-        content = json.loads(text)
-    except json.JSONDecodeError as error:
-        place = f"{path}:{error.lineno}:{error.colno}"
-        raise BadFileError(f"{place}: not JSON: {error.msg}{json_text.reason(error)}") from error
-    except (ValueError, RecursionError) as error:  # an integer of thousands of digits, endless nesting
-        raise BadFileError(f"{path}: not readable: {error}") from error
-    if repeated:
-        twice = ", ".join(pointer.removeprefix("/") for pointer in repeated)
-        raise BadFileError(f"{path}: {twice}: there more than once. Allowed: each name once")
     return content
 
 

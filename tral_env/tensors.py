@@ -75,13 +75,12 @@ def _header(content: bytes, source: str) -> tuple[dict[str, Any], memoryview]:
     length = struct.unpack("<Q", content[:8])[0] if len(content) >= 8 else 0
     if not 2 <= length <= min(MAX_HEADER_BYTES, len(content) - 8):
         raise PolicyFileError(f"{source}: no safetensors file: its header would have {length} of {len(content)} bytes")
+    where = f"{source}: header"
     try:
         text = content[8 : 8 + length].decode("utf-8")
-        twice, header = json_text.repeated_keys(text), json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise PolicyFileError(f"{source}: no safetensors file: its header is no JSON: {error}") from error
-    if twice:
-        raise PolicyFileError(f"{source}: {twice[0][:40]} stands twice in its header")
+    except UnicodeDecodeError as error:
+        raise PolicyFileError(f"{where}: not UTF-8 text: {error.reason} at byte {error.start}") from error
+    header = json_text.loads(text, where, PolicyFileError)
     if not isinstance(header, dict):
         raise PolicyFileError(f"{source}: no safetensors file: its header is no JSON object")
     header.pop("__metadata__", None)

@@ -86,7 +86,7 @@ def test_a_file_that_holds_no_level_is_refused(tmp_path: Path, text: str, told: 
     [
         ("friction: 1\n", r"level\.json:1:1: not JSON: Expecting value"),
         ('{"friction": 0,5}', r"level\.json:1:16: not JSON: .*: a decimal comma\? JSON writes 0\.8"),
-        ('{"friction": 1, "friction": 2}', "friction: there more than once"),
+        ('{"friction": 1, "friction": 2}', "/friction: is there more than once. Allowed: each key once"),
         ("[" * 100_000, "level.json: not readable: "),
         ('{"friction": "0.5"}', "friction = '0.5': expected a finite number"),
     ],

@@ -62,8 +62,8 @@ def test_a_key_that_stands_twice_is_told_with_its_place():
     twice = '{"name": "a", "segments": [{"length": 9, "gates": [{"id": 1, "at": 3}], "gates": []}], "name": "b"}'
     assert problems(twice) == [
         "file.json: 2 problems",
-        "/name: is there twice. Allowed: each key once",
-        "/segments/0/gates: is there twice. Allowed: each key once",
+        "/name: is there more than once. Allowed: each key once",
+        "/segments/0/gates: is there more than once. Allowed: each key once",
     ]
 
 
@@ -159,7 +159,7 @@ def test_a_missing_member_is_named_beside_those_there_may_be():
 
 
 def test_text_that_is_no_json_is_located():
-    assert problems('{"name": }') == ["file.json: not JSON: Expecting value at line 1, column 10"]
+    assert problems('{"name": }') == ["file.json:1:10: not JSON: Expecting value"]
 
 
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity"])
@@ -276,3 +276,8 @@ def test_what_is_longer_than_its_segment_is_refused(segment: dict[str, Any], exp
 def test_a_course_file_may_name_its_schema_for_editors() -> None:
     text = json.dumps({"$schema": "course.schema.json", "name": "a", "segments": [{"length": 5.0}]})
     assert Course.parse(text).to_json() == Course(name="a", segments=(Segment(length=5.0),)).to_json()
+
+
+def test_a_state_machine_is_no_course_and_the_one_line_says_what_takes_it():
+    told = "file.json: a state machine, not a course: `tral drive --policy` takes it"
+    assert problems('{"root": 0, "states": [], "transitions": []}') == [told]

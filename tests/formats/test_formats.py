@@ -24,7 +24,7 @@ class TestWhichFormat:
 
     def test_the_suffix_decides_where_the_content_tells_nothing(self) -> None:
         assert "not XML: no element found" in message("", ".uxf")
-        assert "not JSON: Expecting value" in message("", ".json")
+        assert "not JSON: it is empty" in message("", ".json")
         assert "not JSON: Expecting value" in message("fsm", "")
 
     def test_each_suffix_is_written_in_one_format(self) -> None:

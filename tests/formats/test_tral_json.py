@@ -230,3 +230,16 @@ def test_a_parameter_of_an_earlier_version_is_read_and_noted(tmp_path: Path, sta
 def test_each_key_that_stands_twice_is_told_with_its_place() -> None:
     text = '{"root": 0, "states": [{"id": 0, "type": "Idle", "id": 1, "type": "Stop"}], "root": 1}'
     assert {"/root", "/states/0/id", "/states/0/type"} <= problems(text).keys()
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ('{"name": "x", "segments": []}', "a course, which `tral drive --course` takes, not a machine"),
+        ('{"format": "x", "network": {}}', "the policy.json of a training, which `tral drive --policy` takes, not a machine"),
+    ],
+)
+def test_a_file_of_another_kind_is_named_in_one_line(text: str, told: str) -> None:
+    with pytest.raises(FormatError) as error:
+        loads(text)
+    assert [problem.message for problem in error.value.problems] == [told]

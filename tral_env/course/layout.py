@@ -201,18 +201,11 @@ class Course(Part):
         Raises:
             CourseError: as for `load`.
         """
-        text = text.removeprefix("\ufeff")
+        value = json_text.loads(text, source, CourseError)
+        if isinstance(value, dict) and "states" in value and "segments" not in value:
+            raise CourseError(f"{source}: a state machine, not a course: `tral drive --policy` takes it")
         try:
-            repeated = json_text.repeated_keys(text)
-        except json.JSONDecodeError as error:
-            place = f"line {error.lineno}, column {error.colno}{json_text.reason(error)}"
-            raise CourseError(f"{source}: not JSON: {error.msg} at {place}") from None
-        except (ValueError, RecursionError) as error:  # an integer of thousands of digits, endless nesting
-            raise CourseError(f"{source}: not readable: {error}") from None
-        if repeated:
-            raise _report(source, (f"{pointer}: is there twice. Allowed: each key once" for pointer in repeated))
-        try:
-            course = cls.model_validate_json(text, strict=True)
+            course = cls.model_validate_json(text.removeprefix("\ufeff"), strict=True)
         except ValidationError as error:
             raise _report(source, map(_sentence, filter(_is_cause, error.errors()))) from None
         return course.checked(source)

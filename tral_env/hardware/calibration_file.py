@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
@@ -69,20 +68,16 @@ def parse_calibration(text: str, where: str) -> CarCalibration:
     """
     text = text.removeprefix("\ufeff")
     try:
-        repeated = json_text.repeated_keys(text)
-        if not repeated:
-            return CarCalibration.model_validate_json(text)
-    except json.JSONDecodeError as error:
-        told = f"{error.msg}{json_text.reason(error)}"
-        raise CalibrationError(f"{where}:{error.lineno}:{error.colno}: not JSON: {told}") from error
-    except RecursionError as error:
-        raise CalibrationError(f"{where}: nested too deeply") from error
+        repeated = json_text.parse(text)[1]
+    except json_text.NotJsonError as error:
+        raise CalibrationError(f"{where}{error.place}: {error.told}") from error
+    if repeated:
+        raise _report(where, [f"{pointer[1:].replace('/', '.')}: is there twice" for pointer in repeated])
+    try:
+        return CarCalibration.model_validate_json(text)
     except ValidationError as error:
         problems = [problem for detail in error.errors() for problem in _problems(detail)]
         raise _report(where, problems) from error
-    except ValueError as error:  # an integer of thousands of digits
-        raise CalibrationError(f"{where}: not readable: {error}") from error
-    raise _report(where, [f"{pointer[1:].replace('/', '.')}: is there twice" for pointer in repeated])
 
 
 def _report(where: str, problems: list[str]) -> CalibrationError:

@@ -47,19 +47,26 @@ def parse(text: str, problems: Problems) -> Any:
         return 0.0
 
     try:
-        value = json.loads(text, parse_constant=constant)
-        for pointer in json_text.repeated_keys(text):
-            key = pointer.rpartition("/")[2]
-            problems.complain(pointer, f"got the key {key!r} twice in one object: delete one of them")
-        return value
-    except json.JSONDecodeError as error:
-        place = f"line {error.lineno}, column {error.colno}"
-        problems.complain("", f"not JSON: {error.msg} at {place}{json_text.reason(error)}")
-    except RecursionError:
-        problems.complain("", "nested too deeply")
-    except ValueError:
-        problems.complain("", "not readable: a whole number of thousands of digits")
-    return None
+        value, repeated = json_text.parse(text, constant)
+    except json_text.NotJsonError as error:
+        problems.complain("", str(error))
+        return None
+    for pointer in repeated:
+        key = pointer.rpartition("/")[2]
+        problems.complain(pointer, f"got the key {key!r} twice in one object: delete one of them")
+    if isinstance(value, dict) and "states" not in value:
+        other = next((told for key, told in _OTHER_FILES.items() if key in value), "")
+        if other:
+            problems.complain("", f"{other}, not a machine")
+            return None
+    return value
+
+
+_OTHER_FILES = {
+    "segments": "a course, which `tral drive --course` takes",
+    "network": "the policy.json of a training, which `tral drive --policy` takes",
+}
+"""A key that no machine has, but a file of another kind -> what that file is."""
 
 
 def plain(value: Any, problems: Problems) -> Plain:
