@@ -97,7 +97,7 @@ def test_states_and_transitions_of_the_policy_are_recorded(tmp_path: Path):
 
 def test_what_came_from_the_sensors_is_recorded_before_anything_is_made_of_it(tmp_path: Path):
     clock = Clock()
-    bus = FakeSmbus({address: Srf08Fake(clock, units) for address, units in zip((0x70, 0x71, 0x72), (300, 400, 500))})
+    bus = FakeSmbus({address: Srf08Fake(clock, metres) for address, metres in ((0x70, 1.0), (0x71, 2.0), (0x72, 3.0))})
     hall = HallCounter(clock=clock)
     sensors = SensorGroup(SonarArray(bus, sleep=clock.sleep), hall)
     env = TralCarEnv(clock=clock, sleep=clock.sleep, record=tmp_path / "drive.mcap", sensors=sensors)
