@@ -19,9 +19,11 @@ from tral_env.randomization import level
 from tral_env.recording.read import Recording
 from tral_env.recording.recorder import Recorder
 from tral_env.world import Step
+from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.episode import Episode, Tick, TickRecorder
 from tral_fsm.evaluation.loop import DriveLoop, Observer, Pair
 from tral_fsm.evaluation.own_policy import files_of
+from tral_fsm.formats import read as read_machine
 from tral_fsm.formats import write
 from tral_fsm.runtime.machine import Trace, Transit
 from tral_fsm.runtime.policy import MachinePolicy
@@ -142,6 +144,12 @@ def course_of(recording: Recording) -> Course | None:
     """The course that a recording keeps; None: it keeps none."""
     text = recording.files.get(COURSE)
     return None if text is None else Course.parse(text.decode())
+
+
+def machine_of(recording: Recording) -> MachineDefinition | None:
+    """The machine that drove, if the recording keeps one."""
+    text = recording.files.get(MACHINE)
+    return None if text is None else read_machine(text, str(recording.path), ".json")
 
 
 def episode_of(recording: Recording, on_step: Observer | None = None) -> Episode:
