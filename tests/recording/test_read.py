@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import Writer
+from recorded_drives import observations
 
-from tests.recording.drives import observations
 from tral_env.errors import BadFileError, ConfigError
 from tral_env.interface import CORE_LAYOUT
 from tral_env.recording import topics

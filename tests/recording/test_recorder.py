@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from recorded_drives import observations, record
 
-from tests.recording.drives import observations, record
 from tral_env.errors import ConfigError
 from tral_env.recording import recorder as recorder_module
 from tral_env.recording.file import RecordingFile, free_path

@@ -62,31 +62,40 @@ def write_dataset(recordings: Sequence[Recording], folder: Path, task: str = "")
     _pyarrow()
     _check(recordings, folder)
     tasks: dict[str, int] = {}
-    rows, stats, first, size = [], [], 0, None
+    rows, stats, size = [], [], None
     for index, recording in enumerate(recordings):
-        number = tasks.setdefault(task or _task(recording), len(tasks))
-        columns = _columns(recording, index, first, number)
-        told = {name: _stats(values) for name, values in columns.items()}
+        words = task or _task(recording)
+        first = rows[-1]["dataset_to_index"] if rows else 0
+        columns = _columns(recording, index, first, tasks.setdefault(words, len(tasks)))
         place = {"chunk_index": index // _CHUNK, "file_index": index % _CHUNK}
         _write_table(folder / _DATA_PATH.format(**place), columns)
-        frames = len(recording.tick)
-        row = {
-            "episode_index": index,
-            "tasks": [task or _task(recording)],
-            "length": frames,
-            "dataset_from_index": first,
-            "dataset_to_index": first + frames,
-            **{f"data/{name}": value for name, value in place.items()},
-            **{f"meta/episodes/{name}": 0 for name in place},
-        }
+        told, row = (
+            {name: _stats(values) for name, values in columns.items()},
+            _row(index, words, first, columns, place),
+        )
         if next(recording.pictures(), None) is not None:
             size, told[VIDEO] = _write_video(recording, folder / _VIDEO_PATH.format(video_key=VIDEO, **place))
-            row |= {f"videos/{VIDEO}/{name}": value for name, value in place.items()}
-            row |= {f"videos/{VIDEO}/from_timestamp": 0.0, f"videos/{VIDEO}/to_timestamp": frames / FPS}
+            seconds = {"from_timestamp": 0.0, "to_timestamp": row["length"] / FPS}
+            row |= {f"videos/{VIDEO}/{name}": value for name, value in {**place, **seconds}.items()}
         rows.append(row)
         stats.append(told)
-        first += frames
     _write_meta(folder, recordings[0], rows, stats, tasks, size)
+
+
+def _row(
+    index: int, task: str, first: int, columns: Mapping[str, NDArray[Any]], place: Mapping[str, int]
+) -> dict[str, Any]:
+    """What the table of the episodes tells of one."""
+    frames = len(columns[_STATE])
+    return {
+        "episode_index": index,
+        "tasks": [task],
+        "length": frames,
+        "dataset_from_index": first,
+        "dataset_to_index": first + frames,
+        **{f"data/{name}": value for name, value in place.items()},
+        **{f"meta/episodes/{name}": 0 for name in place},
+    }
 
 
 def _pyarrow() -> Any:

@@ -59,11 +59,12 @@ def _table_of_residuals(report: Mapping[str, Any]) -> Table:
 
 
 def _table_of_answers(report: Mapping[str, Any]) -> Table:
-    drove = "it drove" if report["drove"] else "it did not drive, and the car did not obey it"
-    title = f"answers of {report['policy']} ({drove}): {report['different']} of {report['ticks']} ticks differ"
-    table = narrow_table(title)
-    for heading in ("command", "RMS", "largest"):
+    drove = "the machine that drove" if report["drove"] else "another one drove"
+    table = narrow_table(f"answers of {report['policy']} minus the recorded ones", drove)
+    for heading in ("command", "RMS", "largest", "ticks that differ"):
         table.add_column(heading, justify="left" if heading == "command" else "right", no_wrap=True)
     for name in ("steering", "throttle"):
-        table.add_row(name, f"{report[name]['rms']:.4f}", f"{report[name]['largest']:.4f}")
+        found = report[name]
+        differ = f"{found['different']} of {report['ticks']}"
+        table.add_row(name, f"{found['rms']:.4f}", f"{found['largest']:.4f}", differ)
     return table

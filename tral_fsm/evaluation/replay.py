@@ -219,10 +219,13 @@ class OpenLoop:
         size = np.abs(self.difference)
         return {
             "ticks": len(size),
-            "different": int((size > 0).any(axis=1).sum()),
             "drove": self.drove,
             **{
-                name: {"rms": float(np.sqrt(np.mean(column**2))), "largest": float(column.max())}
+                name: {
+                    "rms": float(np.sqrt(np.mean(column**2))),
+                    "largest": float(column.max()),
+                    "different": int(np.count_nonzero(column)),
+                }
                 for name, column in zip(("steering", "throttle"), size.T, strict=True)
             },
         }
