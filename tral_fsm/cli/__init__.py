@@ -1,4 +1,4 @@
-"""The `tral` command: drive, courses, fsm, tune, train, calibrate, detect, print, doctor, bench.
+"""The `tral` command: drive, replay, courses, fsm, tune, train, calibrate, detect, print, doctor, bench.
 
 Each subcommand has a file; heavy modules are imported when a command needs them.
 """
@@ -19,6 +19,7 @@ from tral_fsm.cli.doctor import command as doctor_command
 from tral_fsm.cli.drive import command as drive_command
 from tral_fsm.cli.fsm import app as fsm_app
 from tral_fsm.cli.print import app as print_app
+from tral_fsm.cli.replay import command as replay_command
 from tral_fsm.cli.train import command as train_command
 from tral_fsm.cli.tune import command as tune_command
 
@@ -31,6 +32,7 @@ app = typer.Typer(
     epilog="Exit codes: 0 success, 1 an episode failed or a file is bad, 2 bad usage, 3 the computer lacks something.",
 )
 app.command("drive")(drive_command)
+app.command("replay")(replay_command)
 app.command("courses")(courses_command)
 app.command("compare")(compare_command)
 app.command("tune")(tune_command)
