@@ -1,0 +1,91 @@
+"""Reading: a file without an end is read up to where it is torn; what is no recording is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.writer import Writer
+
+from tests.recording.drives import observations
+from tral_env.errors import BadFileError, ConfigError
+from tral_env.interface import CORE_LAYOUT
+from tral_env.recording import topics
+from tral_env.recording.file import RecordingFile
+from tral_env.recording.messages import Encoder, RecordedTick
+from tral_env.recording.read import read
+from tral_env.recording.recorder import ABOUT
+
+
+@pytest.fixture(scope="module")
+def chunks(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, list[int]]:
+    """A file of ten ticks, each in a chunk of its own, and how long it is after each of them."""
+    path = tmp_path_factory.mktemp("recording") / "drive.mcap"
+    file, encoder, ends = RecordingFile(path), Encoder(CORE_LAYOUT, 0), []
+    file.metadata(ABOUT, {"source": "car", "fields": list(CORE_LAYOUT.names), "configuration": {}})
+    for k, row in enumerate(observations(10)):
+        tick = RecordedTick(
+            k, k / 80, k / 80, row.tobytes(), np.zeros(2).tobytes(), None, None, 0, 0.0, "", None, (), None
+        )
+        for topic, data in encoder.messages(tick):
+            file.message(topic, data, k, k)
+        file.sync()
+        ends.append(path.stat().st_size)
+    file.finish()
+    return path.read_bytes(), ends
+
+
+@settings(deadline=None, max_examples=60)
+@given(data=st.data())
+def test_a_torn_file_gives_all_ticks_before_the_tear(
+    chunks: tuple[bytes, list[int]], tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+):
+    whole, ends = chunks
+    cut = data.draw(st.integers(600, len(whole)), label="cut")
+    tail = data.draw(st.sampled_from([b"", bytes(300), b"\x06" * 40, b"\xff" * 900]), label="tail")
+    path = tmp_path_factory.mktemp("torn") / "torn.mcap"
+    path.write_bytes(whole[:cut] + tail)
+    found = read(path)
+    assert len(found.tick) >= sum(end <= cut for end in ends)
+    np.testing.assert_array_equal(found.observation, observations(10)[: len(found.tick)])
+    assert bool(found.damage) or cut > ends[-1]
+
+
+def test_a_damaged_chunk_does_not_hide_those_behind_it(chunks: tuple[bytes, list[int]], tmp_path: Path):
+    whole, ends = chunks
+    # The last bytes before the end of a chunk are its index, so the middle of it is content.
+    middle = (ends[4] + ends[5]) // 2 - 100
+    (tmp_path / "drive.mcap").write_bytes(whole[:middle] + bytes(8) + whole[middle + 8 :])
+    found = read(tmp_path / "drive.mcap")
+    assert found.tick.tolist() == [0, 1, 2, 3, 4, 6, 7, 8, 9]
+    assert "torn" in found.damage
+
+
+def test_a_file_that_is_no_mcap_is_refused(tmp_path: Path):
+    (tmp_path / "a.mcap").write_bytes(b"no recording at all")
+    with pytest.raises(BadFileError, match=r"a\.mcap: expected a recording"):
+        read(tmp_path / "a.mcap")
+
+
+def test_a_recording_of_something_else_is_refused(tmp_path: Path):
+    with (tmp_path / "a.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2")
+        writer.finish()
+    with pytest.raises(BadFileError, match="expected a recording"):
+        read(tmp_path / "a.mcap")
+
+
+def test_a_missing_file_is_told(tmp_path: Path):
+    with pytest.raises(ConfigError, match="No such file"):
+        read(tmp_path / "a.mcap")
+
+
+def test_the_schemas_name_what_foxglove_knows():
+    known = [topic.schema_name for topic in (topics.IMAGE, topics.POSE, topics.LOG)]
+    assert known == ["foxglove.CompressedImage", "foxglove.PoseInFrame", "foxglove.Log"]
+    assert topics.IMAGE.schema["required"] == ["timestamp", "frame_id", "data", "format"]
+    assert topics.IMAGE.schema["properties"]["data"]["contentEncoding"] == "base64"
