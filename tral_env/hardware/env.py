@@ -17,11 +17,12 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from tral_env.checks import check_number
-from tral_env.errors import ConfigError, HardwareError, nearest
+from tral_env.errors import CarStoppedError, ConfigError, HardwareError, nearest
 from tral_env.hardware.actuator.client import ActuatorProcess
 from tral_env.hardware.actuator.settings import Limits
 from tral_env.hardware.calibration_file import load_calibration
 from tral_env.hardware.commands import Commands, PulseCommands, actuator_settings
+from tral_env.hardware.faults import FaultLimits, FaultWatch, Look
 from tral_env.hardware.i2c import BusName, Smbus, named
 from tral_env.hardware.pulses import CarCalibration
 from tral_env.hardware.pwm import Pca9685, PulseOutput, Recorder
@@ -64,6 +65,9 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     stopped or is killed. An output or a bus that is an object is driven by this process, without that protection. A
     calibration whose clock was never measured is warned of: neutral may drive then, see docs/safety.md.
 
+    In each step the car is watched for the faults of `tral_env.hardware.faults`. One that stops it raises a
+    `CarStoppedError`, after the stop; the others stand in the info.
+
     ## Action Space
     `Box(-1, 1, (2,), float32)`:
 
@@ -104,6 +108,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     | `late_ticks` | | number of steps that came too late |
     | `steering_us` | us | pulse of the servo that was sent last; 0: none |
     | `throttle_us` | us | pulse of the motor controller that was sent last; 0: none |
+    | `warnings` | | if there are any: the faults that are only told, a text each |
     | `armed_again_after` | | of `reset` alone, if the actuator's process had stopped the car: why, in words |
 
     ## Arguments
@@ -120,6 +125,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     | `sensors` | `None` | `"srf08"`: three ultrasonics. An object of your own, see `tral_env.hardware.sensors.Sensors`. `None`: no reading. |
     | `bus` | `1` | I2C bus of what is opened by name: a number, a path, or an object like `smbus2.SMBus`. |
     | `limits` | `None` | When the actuator's process stops the car: `tral_env.hardware.actuator.settings.Limits`. `None`: its defaults, without `evidence_s` for a car without sensors. Refused where no such process is started. |
+    | `faults` | `None` | By which numbers faults are noticed: `tral_env.hardware.faults.FaultLimits`. `None`: its defaults where the actuator's process drives; elsewhere no fault stops the car, because a car that is not driven does not move. |
     | `groups` | `()` | Optional groups of readings behind the core ones; the sensors must name all of them in `provided_readings`. |
     | `max_duration_s` | `60.0` | Length of an episode, s, above 0. |
     | `clock` | `time.monotonic` | Gives a time that never goes back, s. |
@@ -140,6 +146,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         sensors: str | Sensors | None = None,
         bus: BusName | Smbus = 1,
         limits: Limits | None = None,
+        faults: FaultLimits | None = None,
         groups: Iterable[str] = (),
         max_duration_s: float = 60.0,
         clock: Callable[[], float] = time.monotonic,
@@ -168,6 +175,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._max_duration_s, self._clock, self._sleep = max_duration_s, clock, sleep
         self._running, self._closed = False, False
         self._episode = _Episode()
+        self._readings: Mapping[str, float] = {}
         opened = named(bus)
         _check_limits(limits, output, opened)
         if limits is None:
@@ -184,6 +192,9 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
                 self.sensors.stop()
             self.output.close()
             raise
+        self._watch: FaultWatch | None = None
+        if faults is not None or isinstance(self.output, ActuatorProcess):
+            self._watch = FaultWatch(provided_by(self.sensors) or frozenset(), faults)
 
     @property
     def provided_readings(self) -> frozenset[str] | None:
@@ -214,6 +225,8 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
                 self.sensors.start()
             self._commands.resume()
             self._episode = _Episode(start_s=self._clock(), evidence=self._episode.evidence)
+            if self._watch is not None:
+                self._watch.reset()
             observation = self._observe()
         self._running = True
         return observation, self._info() | ({"armed_again_after": stopped_by} if stopped_by else {})
@@ -227,6 +240,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         Raises:
             ConfigError: the action has another shape, or is not finite; neutral has been commanded.
             HardwareError: a device failed; neutral has been commanded.
+            CarStoppedError: a fault was noticed, and the car was stopped.
             ResetNeeded: there was no reset, or the episode is over.
         """
         if not self._running:
@@ -236,11 +250,23 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             self._pace()
             self._commands.check()
             observation = self._observe()
+            self._stop_at_a_fault()
             truncated = self._clock() - self._episode.start_s >= self._max_duration_s
             if truncated:
                 self._running = False
                 self._commands.neutral()
         return observation, 0.0, False, truncated, self._info()
+
+    def stop(self) -> None:
+        """Stop the car at once, in an emergency; only `reset` arms it again.
+
+        With the actuator's process it brakes, if `Limits.brake` says so; otherwise it goes to neutral.
+
+        Raises:
+            HardwareError: a device does not answer.
+        """
+        self._running = False
+        self._commands.stop()
 
     def close(self) -> None:
         """Send neutral, then let go of all devices; a second call does nothing.
@@ -282,18 +308,38 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             if not np.isfinite(value):
                 raise HardwareError(f"the sensors say {name} = {value!r}: expected a finite number")
         self._episode.weigh(readings)
+        self._readings = readings
         steering, throttle = self._commands.applied
         observation: Observation = self._layout.pack({**readings, "steering": steering, "throttle": throttle}, 1)[0]
         return observation
 
+    def _stop_at_a_fault(self) -> None:
+        """Look at the car after a tick; a fault that stops it is an error.
+
+        Raises:
+            CarStoppedError: the car was stopped.
+        """
+        if self._watch is None:
+            return
+        episode, commands = self._episode, self._commands
+        look = Look(
+            self._clock(), self._readings, commands.applied[1],
+            retries=commands.retries, late_ticks=episode.late_ticks, ticks=episode.tick,
+        )  # fmt: skip
+        if fault := self._watch.update(look):
+            commands.stop()
+            raise CarStoppedError(str(fault))
+
     def _info(self) -> dict[str, Any]:
         steering_us, throttle_us = self._commands.pulses_us
-        return {
+        info = {
             "tick": self._episode.tick,
             "late_ticks": self._episode.late_ticks,
             "steering_us": steering_us,
             "throttle_us": throttle_us,
         }
+        warned = self._watch.warnings if self._watch is not None else ()
+        return info | ({"warnings": tuple(map(str, warned))} if warned else {})
 
     @contextmanager
     def _neutral_if_it_fails(self) -> Iterator[None]:

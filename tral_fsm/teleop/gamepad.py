@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 from tral_env.errors import ConfigError, HardwareError, MissingExtraError, SourceLostError
 from tral_fsm.teleop.hands import Hands
@@ -90,9 +90,7 @@ class Gamepad:
             raise SourceLostError(
                 f"{self.name} has said nothing for {self._max_quiet_s:g} s while its trigger is held: out of reach?"
             )
-        return Hands(
-            -self._axes[_STEERING], throttle, self._holds, _ARM in pressed, _STOP in pressed, _END in pressed
-        )
+        return Hands(-self._axes[_STEERING], throttle, self._holds, _ARM in pressed, _STOP in pressed, _END in pressed)
 
     def close(self) -> None:
         """See `Device.close`."""
@@ -132,9 +130,9 @@ def open_gamepad(path: str | None = None) -> Gamepad:
             continue
         has = device.capabilities(absinfo=False)
         if {_STEERING, _BACKWARD, _FORWARD} <= set(has.get(_ABS, ())) and _HOLD in has.get(_KEY, ()):
-            return Gamepad(device)
+            return Gamepad(cast("EventDevice", device))
         found.append(f"{each}: {device.name} is no XBOX pad")
         device.close()
     raise HardwareError(
-        f"no gamepad: {'; '.join(found) or 'no file /dev/input/event*'}. Plug it in, and add the user to the group input"
+        f"no gamepad: {'; '.join(found) or 'no file /dev/input/event*'}. Plug it in; its user is in the group input"
     )

@@ -95,6 +95,11 @@ class ActuatorProcess(Physical):
         return self._reply.steering_us, self._reply.throttle_us
 
     @property
+    def retries(self) -> int:
+        """Number of transactions with the board that were tried again."""
+        return 0 if self._reply is None else self._reply.retries
+
+    @property
     def reply(self) -> Reply | None:
         """What the worker told last."""
         return self._reply
