@@ -16,7 +16,18 @@ from pathlib import Path
 Imports = Mapping[str, Set[str]]
 Rule = Callable[[Imports], list[str]]
 
-PLAIN = ("interface", "geometry", "se2", "errors", "checks", "json_text", "validation_text", "arrays", "speed_control")
+PLAIN = (
+    "interface",
+    "geometry",
+    "se2",
+    "errors",
+    "checks",
+    "json_text",
+    "toml_text",
+    "validation_text",
+    "arrays",
+    "speed_control",
+)
 WAIST = {f"tral_env.{room}" for room in PLAIN}
 WAIST_NEEDS = {"numpy", "gymnasium.spaces"}
 

@@ -11,9 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tral_env.errors import ConfigError
+from tral_env.hardware.car_file import BatteryLimits
 from tral_env.hardware.faults import FAULTS, Decision, FaultLimits, FaultWatch, Finding, Look
 from tral_env.hardware.faults.laws import STOPPING, stopping_m
 from tral_env.interface import CONTROL_PERIOD_S, CORE_FIELDS, NO_ECHO_M
+from tral_fsm.control.speed import MOVING_MPS
 from tral_fsm.runtime.watch import MAX_SILENCE_S, MIN_THROTTLE
 
 ALL = frozenset(field.name for field in CORE_FIELDS) | {"battery"}
@@ -168,11 +170,11 @@ def test_the_mean_voltage_warns_and_stops_and_a_dip_does_neither() -> None:
     assert watch.warnings == ()
     assert drive(FaultWatch(frozenset({"battery"})), 20.0, lambda now: {"battery": 0.0}) is None  # not measured yet
     low = FaultWatch(frozenset({"battery"}))
-    assert drive(low, 20.0, lambda now: {"battery": 5.8}) is None
+    assert drive(low, 20.0, lambda now: {"battery": 6.4}) is None
     assert [warning.fault.name for warning in low.warnings] == ["battery low"]
     empty = FaultWatch(frozenset({"battery"}))
-    assert drive(empty, 20.0, lambda now: {"battery": 5.8 if now < 5.0 else 5.2}) == pytest.approx(7.2, abs=0.2)
-    assert str(empty.stopped).startswith("STOP battery empty: 5.4 V in the mean, below 5.4 V")
+    assert drive(empty, 20.0, lambda now: {"battery": 6.4 if now < 5.0 else 5.8}) == pytest.approx(7.2, abs=0.2)
+    assert str(empty.stopped).startswith("STOP battery empty: 6.0 V in the mean, below 6 V")
 
 
 def test_something_ahead_stops_the_car_while_the_brake_is_still_enough() -> None:
@@ -275,3 +277,9 @@ def test_each_fault_has_its_name_its_limits_and_a_law() -> None:
 def test_numbers_that_the_machines_watch_has_too_are_the_same() -> None:
     assert FaultLimits().silent_s == MAX_SILENCE_S
     assert FaultLimits().driving_throttle == MIN_THROTTLE
+    assert FaultLimits().moving_mps == MOVING_MPS
+
+
+def test_numbers_that_a_car_file_has_too_are_the_same() -> None:
+    assert FaultLimits().battery_empty_v == BatteryLimits().stop_v
+    assert FaultLimits().battery_low_v == BatteryLimits().warn_v

@@ -136,7 +136,7 @@ def _check_container(settings: Settings) -> None:
     Raises:
         ConfigError: this is a container, and the settings do not say that this is meant.
     """
-    if settings.driver == "pca9685" and not settings.in_container and rights.in_container():
+    if settings.driver != "log" and not settings.in_container and rights.in_container():
         raise ConfigError(
             "the car's program runs in a container (a PID namespace): when its first process ends, the kernel kills "
             "the actuator's process too, and the last pulses stand. Run it outside. If the pin OE of the board ends "

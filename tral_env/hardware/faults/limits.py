@@ -31,11 +31,10 @@ class FaultLimits:
     """And for so many echoes, so that a car that outruns its ultrasonics is no fault. Source: choice."""
     image_s: float | None = 0.5
     """The newest image may be so old, s. Source: that of an ultrasonic."""
-    battery_empty_v: float | None = 5.4
-    """Voltage under load of an empty battery, V: 0.9 V for each of six cells of NiMH. Source: makers give 0.9 to
-    1.0 V as the end of a discharge."""
-    battery_low_v: float | None = 6.0
-    """Voltage under load below which to warn, V: 1.0 V for each cell. Source: as above."""
+    battery_empty_v: float | None = 6.0
+    """Voltage under load of an empty battery, V. Source: that of a car file."""
+    battery_low_v: float | None = 6.6
+    """Voltage under load below which to warn, V. Source: that of a car file."""
     battery_s: float = 2.0
     """The voltage is a mean over this time, s: a start pulls it down for an instant. Source: choice."""
     reaction_s: float | None = 0.03
