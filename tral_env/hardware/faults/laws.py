@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple, Protocol
 
+from tral_env.geometry import FRONT_SONAR_FROM_MIDDLE_M, LENGTH_M
 from tral_env.hardware.faults.limits import FaultLimits
 from tral_env.hardware.faults.look import Look
 from tral_env.interface import NO_ECHO_M
@@ -18,6 +19,8 @@ _RESPONSE_S = 0.3
 """Time in which the car reaches 63 % of the speed that a throttle stands for, s. Source: docs/car.md."""
 _MAX_STEP_S = 0.1
 """A look after a longer pause counts as one after this time, s: nobody drove in the pause."""
+_BUMPER_M = LENGTH_M / 2 - FRONT_SONAR_FROM_MIDDLE_M
+"""The bumper is so far ahead of the front ultrasonic, m."""
 STOPPING = (
     (0.0, 0.0), (0.26, 0.05), (0.52, 0.13), (1.05, 0.34), (1.58, 0.58), (1.98, 0.78), (2.38, 1.01),
 )  # fmt: skip
@@ -209,7 +212,7 @@ class TooNear:
         if self._limits.reaction_s is None or echo_m is None:
             return ""
         passed_s = look.readings["ultrasonic_front_age"] + self._limits.reaction_s
-        left_m, needed_m = echo_m - speed * passed_s, stopping_m(speed)
+        left_m, needed_m = echo_m - _BUMPER_M - speed * passed_s, stopping_m(speed)
         is_near = look.throttle >= 0.0 and speed > 0.0 and left_m < needed_m
         self._count = self._count + 1 if is_near else 0
         if self._count < self._limits.echoes:

@@ -25,7 +25,7 @@ class FaultLimits:
     `benchmarks/false_alarms.py`."""
     silent_s: float | None = 0.5
     """An ultrasonic may be silent for so long, s. Source: `tral_fsm.runtime.watch.MAX_SILENCE_S`."""
-    frozen_m: float | None = 3.0
+    frozen_m: float | None = 2.0
     """An ultrasonic may give the same range for so long a way of the car, m. Source: measured, as above."""
     frozen_echoes: int = 10
     """And for so many echoes, so that a car that outruns its ultrasonics is no fault. Source: choice."""
@@ -37,8 +37,9 @@ class FaultLimits:
     """Voltage under load below which to warn, V. Source: that of a car file."""
     battery_s: float = 2.0
     """The voltage is a mean over this time, s: a start pulls it down for an instant. Source: choice."""
-    reaction_s: float | None = 0.03
-    """From a decision to the next pulse, s: a tick and a period of the board."""
+    reaction_s: float | None = 0.1
+    """From the first echo that is too near to the next pulse, s: an echo that confirms it, a tick, a period of the
+    board."""
     echoes: int = 2
     """So many echoes one after the other have to be too near: a single one may be an outlier. Source: choice."""
     retries: int | None = 10
