@@ -186,4 +186,5 @@ def test_a_register_is_read_as_the_simulated_ranger_reads_an_echo_there(units, m
     config = UltrasonicConfig(mode=mode)
     echo = np.array([units * (0.01 if mode == "cm" else config.metres_per_us)])
     neither_jitter_nor_outlier = np.array([[0.5, 1.0, 0.0, 0.0]])
-    assert Srf08(Register(units), config).range_m() == measure(echo, neither_jitter_nor_outlier, config)[0]
+    ranger = Srf08(Register(units), config)
+    assert ranger.range_m(ranger.first_echo()) == measure(echo, neither_jitter_nor_outlier, config)[0]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +19,13 @@ from tral_env.errors import CarStoppedError, ConfigError, HardwareError
 from tral_env.hardware.actuator.client import ActuatorProcess
 from tral_env.hardware.actuator.settings import Limits
 from tral_env.hardware.car_file import CarFile
+from tral_env.hardware.episode import Episode, episode_recorder
 from tral_env.hardware.faults import FaultLimits, Look
 from tral_env.hardware.i2c import BusName, Smbus
 from tral_env.hardware.opening import OUTPUTS, SENSORS, Wanted, open_parts
 from tral_env.hardware.pulses import CarCalibration
 from tral_env.hardware.pwm import PulseOutput
-from tral_env.hardware.sensors import Sensors, provided_by
+from tral_env.hardware.sensors import Sensors, provided_by, watch_frames
 from tral_env.interface import (
     CONTROL_PERIOD_S,
     CONTROL_RATE_HZ,
@@ -120,6 +120,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     | `faults` | `None` | By which numbers faults are noticed: `tral_env.hardware.faults.FaultLimits`. `None`: its defaults, and the battery of the car file, where the actuator's process drives; elsewhere no fault stops the car, because a car that is not driven does not move. |
     | `groups` | `()` | Optional groups of readings behind the core ones; the sensors must name all of them in `provided_readings`. |
     | `max_duration_s` | `60.0` | Length of an episode, s, above 0. |
+    | `record` | `None` | Each episode is recorded into this file, or beside it if it exists: `drive.mcap`, `drive-2.mcap`. See `watch`. `None`: nothing is. |
     | `clock` | `time.monotonic` | Gives a time that never goes back, s. |
     | `sleep` | `time.sleep` | Waits some seconds. |
     | `render_mode` | `None` | The real car draws no pictures: nothing else is allowed. |
@@ -142,6 +143,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         faults: FaultLimits | None = None,
         groups: Iterable[str] = (),
         max_duration_s: float = 60.0,
+        record: str | Path | None = None,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
         render_mode: None = None,
@@ -166,7 +168,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         self.action_space: spaces.Box = action_space()  # type: ignore[assignment]
         self._max_duration_s, self._clock, self._sleep = max_duration_s, clock, sleep
         self._running, self._closed = False, False
-        self._episode = _Episode()
+        self._episode = Episode()
         self._readings: Mapping[str, float] = {}
         self.calibration, self.output, self._commands, self.sensors, self._watch = open_parts(
             Wanted(
@@ -182,12 +184,26 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
                 sleep=sleep,
             )
         )
+        self.recording = episode_recorder(
+            record, self._layout, clock, self.calibration, output=output, sensors=sensors, max_duration_s=max_duration_s
+        )
+        """Records the episodes, or nothing without `record`."""
+        watch_frames(self.sensors, self.recording.frame)
 
     @property
     def provided_readings(self) -> frozenset[str] | None:
         """Names of the fields that the car measures; None: its sensors do not say. See `interface.check_readings`."""
         provided = provided_by(self.sensors)
         return None if provided is None else provided | {"steering", "throttle"}
+
+    def watch(self, policy: Any, files: Mapping[str, bytes] | None = None) -> None:
+        """Record the states and transitions of the policy that drives, too; without `record` nothing happens.
+
+        Args:
+            policy: what it tells by `active_states`, `wanted_clearance` and `trace` is recorded, if it has them.
+            files: files of the policy that a recording keeps, name -> content; from the next reset on.
+        """
+        self.recording.watch(policy, files)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -206,12 +222,13 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             super().reset(seed=seed)
             if options:
                 raise ConfigError(f"unknown reset option(s) {', '.join(options)}: the real car has none")
+            self.recording.begin()  # it may wait for the disk, so before the car is armed
             # The board first here too: one that lost its supply answers to the address of the first ultrasonic again.
             stopped_by = self._commands.arm()
             if self.sensors is not None:
                 self.sensors.start()
             self._commands.resume()
-            self._episode = _Episode(start_s=self._clock(), evidence=self._episode.evidence)
+            self._episode = Episode(start_s=self._clock(), evidence=self._episode.evidence)
             if self._watch is not None:
                 self._watch.reset()
             observation = self._observe()
@@ -236,7 +253,16 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             self._apply(action)
             self._pace()
             self._commands.check()
+            told = self._episode.observation
             observation = self._observe()
+            self.recording.tick(
+                told,
+                action,
+                applied=self._commands.applied,
+                pulses_us=self._commands.pulses_us,
+                late_ticks=self._episode.late_ticks,
+                lateness_s=self._episode.lateness_s,
+            )
             self._stop_at_a_fault()
             truncated = self._clock() - self._episode.start_s >= self._max_duration_s
             if truncated:
@@ -269,6 +295,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         finally:
             if self.sensors is not None:
                 self.sensors.stop()
+            self.recording.close()
         self._closed = True
 
     def _apply(self, action: NDArray[np.floating]) -> None:
@@ -280,8 +307,10 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     def _pace(self) -> None:
         """Sleep until the period is over; periods follow each other without drift until one is late."""
         episode, now = self._episode, self._clock()
+        episode.lateness_s = 0.0
         if episode.deadline_s is not None and now > episode.deadline_s:
             episode.late_ticks += 1
+            episode.lateness_s = now - episode.deadline_s
             episode.deadline_s = None
         deadline_s = now + CONTROL_PERIOD_S if episode.deadline_s is None else episode.deadline_s
         if now < deadline_s:
@@ -298,6 +327,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._readings = readings
         steering, throttle = self._commands.applied
         observation: Observation = self._layout.pack({**readings, "steering": steering, "throttle": throttle}, 1)[0]
+        self._episode.observation = observation
         return observation
 
     def _stop_at_a_fault(self) -> None:
@@ -315,6 +345,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         )  # fmt: skip
         if fault := self._watch.update(look):
             commands.stop()
+            self.recording.say(str(fault), "error")
             raise CarStoppedError(str(fault))
 
     def _info(self) -> dict[str, Any]:
@@ -339,26 +370,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
                 self._commands.neutral()
             except Exception as second:
                 error.add_note(f"Neutral could not be commanded either ({second}): cut the power of the motor.")
+            self.recording.say(f"{type(error).__name__}: {error}", "error")
             if isinstance(error, OSError) and not isinstance(error, HardwareError):
                 raise HardwareError(f"a device of the car failed, neutral was commanded: {error}") from error
             raise
-
-
-@dataclass(kw_only=True, eq=False)
-class _Episode:
-    """What an episode counts up."""
-
-    start_s: float = 0.0
-    deadline_s: float | None = None
-    """The period that runs ends at this time; None: the next step begins the schedule."""
-    tick: int = 0
-    late_ticks: int = 0
-    evidence: int = 0
-    """Number of observations that differed from the one before, in all episodes."""
-    measured: Mapping[str, float] = field(default_factory=dict)
-
-    def weigh(self, readings: Mapping[str, float]) -> None:
-        """Count an observation if a sensor measured something else than before; its age alone does not count."""
-        measured = {name: value for name, value in readings.items() if not name.endswith("_age")}
-        self.evidence += measured != self.measured
-        self.measured = measured

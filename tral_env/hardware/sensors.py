@@ -13,12 +13,16 @@ from tral_env.config import HallConfig
 from tral_env.hardware.physical import Physical
 from tral_env.sensors.hall import EdgeSpeed
 
+FrameWatcher = Callable[[str, bytes], None]
+"""Called with the name of a sensor and the bytes that came from it, before anything is made of them."""
+
 
 class Sensors(Protocol):
     """A source of readings, named as in `tral_env.interface.CORE_FIELDS` and `OPTIONAL_GROUPS`.
 
     It should also have `provided_readings`, the names of all readings that it may give, as a frozenset: then
-    `tral_env.interface.check_readings` can refuse a policy that needs more.
+    `tral_env.interface.check_readings` can refuse a policy that needs more. With `watch_frames(watcher)`, which takes a
+    `FrameWatcher`, a recording has what it received, too.
     """
 
     def start(self) -> None:
@@ -51,6 +55,13 @@ def provided_by(sensors: Sensors | None) -> frozenset[str] | None:
     return provided
 
 
+def watch_frames(sensors: Sensors | None, watcher: FrameWatcher) -> None:
+    """Call a watcher for each frame of sensors from now on; those without frames call nothing."""
+    watch: Callable[[FrameWatcher], None] | None = getattr(sensors, "watch_frames", None)
+    if watch is not None:
+        watch(watcher)
+
+
 class SensorGroup(Physical):
     """Several sensors as one."""
 
@@ -64,6 +75,11 @@ class SensorGroup(Physical):
         named = [provided_by(member) for member in self._members]
         known = [names for names in named if names is not None]
         return frozenset().union(*known) if len(known) == len(named) else None
+
+    def watch_frames(self, watcher: FrameWatcher) -> None:
+        """Call a watcher for each frame of each sensor."""
+        for member in self._members:
+            watch_frames(member, watcher)
 
     def start(self) -> None:
         """Begin anew with each sensor."""
@@ -108,6 +124,11 @@ class HallCounter(Physical):
         """
         self._clock, self._lock = clock, threading.Lock()
         self._edges = EdgeSpeed(1, config or HallConfig())
+        self._watcher: FrameWatcher | None = None
+
+    def watch_frames(self, watcher: FrameWatcher) -> None:
+        """Call a watcher for each edge, as the byte 1 of "hall"; it is called by the thread that watches the pin."""
+        self._watcher = watcher
 
     def start(self) -> None:
         """Count from zero."""
@@ -119,6 +140,8 @@ class HallCounter(Physical):
         now = self._clock()
         with self._lock:
             self._edges.edge(_PASSED, now)
+        if self._watcher is not None:
+            self._watcher("hall", b"\1")
 
     def read(self, now: float) -> Mapping[str, float]:
         """Give the distance since the start, m, and the speed, m/s, at a time, s."""

@@ -10,6 +10,7 @@ from tral_env.config import UltrasonicConfig
 from tral_env.errors import ConfigError, HardwareError
 from tral_env.hardware.i2c import Bus, BusName, Device, Smbus
 from tral_env.hardware.physical import Physical
+from tral_env.hardware.sensors import FrameWatcher
 from tral_env.interface import NO_ECHO_M
 from tral_env.sensors.ultrasonic import limits, readable, resolution
 
@@ -67,9 +68,13 @@ class Srf08(Physical):
         """Whether it is still listening: it does not drive the bus then, which reads as version 0xFF."""
         return self._device.read(_COMMAND)[0] == _BUSY
 
-    def range_m(self) -> float:
-        """Range of the first echo, m; `NO_ECHO_M` without one."""
-        high, low = self._device.read(_FIRST_ECHO, 2)
+    def first_echo(self) -> bytes:
+        """Registers of the first echo."""
+        return bytes(self._device.read(_FIRST_ECHO, 2))
+
+    def range_m(self, echo: bytes) -> float:
+        """Range of a first echo, m; `NO_ECHO_M` without one."""
+        high, low = echo
         metres = resolution(self._config) * (high << 8 | low)
         return metres if readable(metres, self._config) else NO_ECHO_M
 
@@ -119,12 +124,17 @@ class SonarArray(Physical):
             for side, address in addresses.items()
         }
         self._together, self._sleep = firing == "together", sleep
+        self._watcher: FrameWatcher | None = None
         self._forget()
 
     @property
     def provided_readings(self) -> frozenset[str]:
         """Names of the ranges and ages of the rangers."""
         return frozenset(f"ultrasonic_{side}{what}" for side in self._rangers for what in ("", "_age"))
+
+    def watch_frames(self, watcher: FrameWatcher) -> None:
+        """Call a watcher with the two registers of each first echo that is read."""
+        self._watcher = watcher
 
     def start(self) -> None:
         """Configure each ranger, which may have to finish a ranging first, and forget all readings."""
@@ -192,13 +202,16 @@ class SonarArray(Physical):
                 if self._rangers[side].busy():
                     self._check_patience(side, now)
                     continue
-                self._latest[side] = self._rangers[side].range_m(), self._fired
+                echo = self._rangers[side].first_echo()
+                self._latest[side] = self._rangers[side].range_m(echo), self._fired
             except HardwareError:
                 # Some bus drivers report the silence of a busy ranger as an error instead of 0xFF.
                 if now - self._fired > _PATIENCE_S:
                     raise
                 continue
             self._listening.discard(side)
+            if self._watcher is not None:
+                self._watcher(f"ultrasonic_{side}", echo)
 
     def _check_patience(self, side: str, now: float) -> None:
         """Raise an error if a ranger has been busy for too long."""

@@ -222,6 +222,19 @@ def read(path: Path | str) -> Recording:
     return Recording(path=path, about=about, files=files, damage=scan.damage, messages=messages)
 
 
+class _Bounded:
+    """A file that gives no more than it has: a torn length may ask for more than the memory of the computer."""
+
+    def __init__(self, stream: IO[bytes], size: int) -> None:
+        self._stream, self._left = stream, size
+
+    def read(self, length: int) -> bytes:
+        """Read so many bytes, or those that are left."""
+        data = self._stream.read(min(length, self._left))
+        self._left -= len(data)
+        return data
+
+
 class Scan:
     """Goes through the records of a file, from the first to the last that is whole."""
 
@@ -242,8 +255,8 @@ class Scan:
         Raises:
             BadFileError: the file is no recording.
         """
-        size = self._path.stat().st_size
-        found = iter(StreamReader(self._stream, emit_chunks=True, record_size_limit=max(size, 1)).records)
+        bounded: Any = _Bounded(self._stream, self._path.stat().st_size)
+        found = iter(StreamReader(bounded, emit_chunks=True, record_size_limit=None).records)
         first = self._next(found)
         if not isinstance(first, Header) or first.profile != PROFILE:
             raise BadFileError(f"{self._path}: expected a recording, a file of `Recorder`")

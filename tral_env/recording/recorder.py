@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import json
 import logging
 import threading
 import time
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from tral_env.checks import one_of
 from tral_env.interface import CORE_LAYOUT, Layout
-from tral_env.recording.about import versions
+from tral_env.recording.about import digest, versions
 from tral_env.recording.file import RecordingFile
 from tral_env.recording.messages import Encoder, Frame, Image, Item, RecordedTick, Word
 from tral_env.recording.topics import LEVELS
@@ -106,6 +105,7 @@ class Recorder:
         self._file = open_file(self.path)
         about = {"source": source, "fields": list(layout.names), "start_s": start_s, "start_ns": start_ns}
         self._file.metadata(ABOUT, {**about, "versions": versions(), "configuration": dict(configuration or {})})
+        self._file.metadata("sha256", {name: digest(data) for name, data in (files or {}).items()})
         for name, data in (files or {}).items():
             self._file.attach(name, data, _media_type(name), start_ns)
         self._ends, self._closed = threading.Event(), False
@@ -263,8 +263,3 @@ class Recorder:
 
 def _media_type(name: str) -> str:
     return "application/json" if name.endswith(".json") else "application/octet-stream"
-
-
-def as_text(content: object) -> bytes:
-    """A value as a JSON file, for `files`."""
-    return (json.dumps(content, indent=2) + "\n").encode()

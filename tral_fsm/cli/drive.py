@@ -25,6 +25,7 @@ def command(
     video: options.Video = True,
     lens: options.Lens = "default",
     trace: options.Trace = False,
+    record: options.Record = False,
     as_json: options.AsJson = False,
 ) -> None:
     """Let a policy drive.
@@ -46,6 +47,7 @@ def command(
         video=video,
         lens=lens,
         trace=trace,
+        record=record,
         car=options.car_parameters(car or []),
     )
     report = run(arguments, out, DriveProgress)

@@ -44,6 +44,9 @@ Lens = Annotated[
     str, typer.Option(help="Lens of the camera: default, wide, or a camera_info file of `tral calibrate`.")
 ]
 Trace = Annotated[bool, typer.Option("--trace", help="Write trace.csv: each tick, and why each transition fired.")]
+Record = Annotated[
+    bool, typer.Option("--record", help="Write drive.mcap: all ticks, for `tral replay` and for Foxglove.")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print summary.json and nothing else; the files are written too.")]
 
 

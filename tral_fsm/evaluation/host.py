@@ -5,12 +5,10 @@ from __future__ import annotations
 import os
 import platform
 import subprocess
-import sys
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-_PACKAGES = ("tral-env", "mujoco", "gymnasium", "numpy", "opencv-python-headless")
+from tral_env.recording.about import versions
 
 
 def host() -> dict[str, Any]:
@@ -22,12 +20,6 @@ def host() -> dict[str, Any]:
         "versions": versions(),
         "commit": _commit(),
     }
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python and of the packages on which a drive depends."""
-    python = ".".join(str(part) for part in sys.version_info[:3])
-    return {"python": python, **{name: metadata.version(name) for name in _PACKAGES}}
 
 
 def _cpu() -> str:

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tral_env.errors import ConfigError
+from tral_env.recording.about import versions
 from tral_fsm.evaluation.files import prepare_folder, write_figure, write_json
-from tral_fsm.evaluation.host import versions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -13,19 +13,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tral_env.perception import opengl
+from tral_env.recording.about import versions
 from tral_fsm.evaluation.choices import Camera, check_families
 from tral_fsm.evaluation.files import prepare_folder, write_json
-from tral_fsm.evaluation.host import versions
 
 if TYPE_CHECKING:
     import gymnasium as gym
 
     from tral_env.interface import Policy
     from tral_fsm.evaluation.episode import Episode, Tick
+    from tral_fsm.evaluation.recording import DriveRecorder
 
 SUMMARY = "summary.json"
 """The file of the numbers; a folder that holds it is the folder of a drive."""
-_PICTURES = ("trajectory.png", "trace.csv", "drive.mp4", "drive.part.mp4")
+RECORDING = "drive.mcap"
+"""The file of a recorded episode."""
+_PICTURES = ("trajectory.png", "trace.csv", RECORDING, "drive.mp4", "drive.part.mp4")
 """Files of an episode."""
 
 
@@ -50,6 +53,8 @@ class DriveArguments:
     lens: str = "default"
     trace: bool = False
     """Whether trace.csv is written."""
+    record: bool = False
+    """Whether drive.mcap is written."""
     car: dict[str, float] = field(default_factory=dict)
     """Parameters of the car that are set, not drawn."""
 
@@ -158,6 +163,8 @@ def _drive_one(
             watchers.append(stack.enter_context(DriveVideo(folder / "drive.mp4", world, tones)))
         if arguments.trace:
             watchers.append(stack.enter_context(TraceFile(folder / "trace.csv")))
+        if arguments.record:
+            watchers.append(stack.enter_context(_recorder(env, policy, seed, folder, arguments)))
 
         def on_step(tick: Tick) -> None:
             for watch in watchers:
@@ -167,3 +174,18 @@ def _drive_one(
         episode = drive(env, policy, seed, options, on_step, scenario=arguments.name)
     save_trajectory(episode, world.plan, folder / "trajectory.png", tones)
     return episode
+
+
+def _recorder(
+    env: gym.Env[Any, Any], policy: Policy, seed: int, folder: Path, arguments: DriveArguments
+) -> DriveRecorder:
+    from tral_fsm.evaluation.recording import DriveRecorder, files_of_policy
+
+    return DriveRecorder(
+        folder / RECORDING,
+        env,
+        seed=seed,
+        scenario=arguments.name,
+        policy=arguments.policy,
+        files=files_of_policy(arguments.policy, policy),
+    )

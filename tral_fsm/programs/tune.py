@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 from tral_env.perception import opengl
+from tral_env.recording.about import versions
 from tral_fsm.evaluation.files import prepare_folder, write_json
 from tral_fsm.evaluation.folder import held
-from tral_fsm.evaluation.host import versions
 from tral_fsm.tuning.folder import MACHINE, NUMBERS, PAGE, RESULTS, STUDY
 
 if TYPE_CHECKING:
