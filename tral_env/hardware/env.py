@@ -29,6 +29,7 @@ from tral_env.hardware.sensors import Sensors, provided_by, watch_frames
 from tral_env.interface import (
     CONTROL_PERIOD_S,
     CONTROL_RATE_HZ,
+    OPTIONAL_GROUPS,
     Layout,
     action_space,
     as_command,
@@ -38,6 +39,7 @@ from tral_env.interface import (
 __all__ = ["OUTPUTS", "SENSORS", "TralCarEnv"]
 
 Observation = NDArray[np.float32]
+_ALL_NAMES = Layout.of(OPTIONAL_GROUPS).names
 
 
 class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
@@ -169,7 +171,8 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._max_duration_s, self._clock, self._sleep = max_duration_s, clock, sleep
         self._running, self._closed = False, False
         self._episode = Episode()
-        self._readings: Mapping[str, float] = {}
+        self.readings: Mapping[str, float] = {}
+        """What the sensors told last, by name; also what the observation has no field for."""
         self.calibration, self.output, self._commands, self.sensors, self._watch = open_parts(
             Wanted(
                 config=config,
@@ -185,8 +188,10 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             )
         )
         self.recording = episode_recorder(
-            record, self._layout, clock, self.calibration, output=output, sensors=sensors, max_duration_s=max_duration_s
-        )
+            record, self._layout, clock, self.calibration,
+            config=str(config) if isinstance(config, str | Path) else config, output=output, sensors=sensors,
+            max_duration_s=max_duration_s,
+        )  # fmt: skip
         """Records the episodes, or nothing without `record`."""
         watch_frames(self.sensors, self.recording.frame)
 
@@ -204,6 +209,11 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             files: files of the policy that a recording keeps, name -> content; from the next reset on.
         """
         self.recording.watch(policy, files)
+
+    @property
+    def retries(self) -> int:
+        """Number of transactions with the board that were tried again."""
+        return self._commands.retries
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -324,9 +334,10 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             if not np.isfinite(value):
                 raise HardwareError(f"the sensors say {name} = {value!r}: expected a finite number")
         self._episode.weigh(readings)
-        self._readings = readings
+        self.readings = readings
         steering, throttle = self._commands.applied
-        observation: Observation = self._layout.pack({**readings, "steering": steering, "throttle": throttle}, 1)[0]
+        told = {name: value for name, value in readings.items() if name in self._layout.names or name not in _ALL_NAMES}
+        observation: Observation = self._layout.pack({**told, "steering": steering, "throttle": throttle}, 1)[0]
         self._episode.observation = observation
         return observation
 
@@ -340,7 +351,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             return
         episode, commands = self._episode, self._commands
         look = Look(
-            self._clock(), self._readings, commands.applied[1],
+            self._clock(), self.readings, commands.applied[1],
             retries=commands.retries, late_ticks=episode.late_ticks, ticks=episode.tick,
         )  # fmt: skip
         if fault := self._watch.update(look):

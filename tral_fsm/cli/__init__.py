@@ -1,4 +1,4 @@
-"""The `tral` command: drive, courses, fsm, tune, train, calibrate, detect, print, doctor, bench.
+"""The `tral` command: drive, deploy, teleop, courses, fsm, tune, train, calibrate, detect, print, doctor, bench.
 
 Each subcommand has a file; heavy modules are imported when a command needs them.
 """
@@ -14,11 +14,13 @@ from tral_fsm.cli.calibrate import command as calibrate_command
 from tral_fsm.cli.compare import command as compare_command
 from tral_fsm.cli.console import Guarded
 from tral_fsm.cli.courses import command as courses_command
+from tral_fsm.cli.deploy import command as deploy_command
 from tral_fsm.cli.detect import command as detect_command
 from tral_fsm.cli.doctor import command as doctor_command
 from tral_fsm.cli.drive import command as drive_command
 from tral_fsm.cli.fsm import app as fsm_app
 from tral_fsm.cli.print import app as print_app
+from tral_fsm.cli.teleop import command as teleop_command
 from tral_fsm.cli.train import command as train_command
 from tral_fsm.cli.tune import command as tune_command
 
@@ -31,6 +33,8 @@ app = typer.Typer(
     epilog="Exit codes: 0 success, 1 an episode failed or a file is bad, 2 bad usage, 3 the computer lacks something.",
 )
 app.command("drive")(drive_command)
+app.command("deploy")(deploy_command)
+app.command("teleop")(teleop_command)
 app.command("courses")(courses_command)
 app.command("compare")(compare_command)
 app.command("tune")(tune_command)

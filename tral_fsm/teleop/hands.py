@@ -40,10 +40,3 @@ class Device(Protocol):
 
     def close(self) -> None:
         """Let go of the device; a second call does nothing."""
-
-
-def together(hands: Hands, other: Hands) -> Hands:
-    """Two devices as one: the first steers; each of both may arm, stop and end."""
-    return hands._replace(
-        arm=hands.arm or other.arm, stop=hands.stop or other.stop, end=hands.end or other.end
-    )  # fmt: skip
