@@ -18,6 +18,7 @@ Gamepad = Annotated[
 GamepadFile = Annotated[
     str | None, typer.Option(help="File of the gamepad, such as /dev/input/event5, instead of the first one.")
 ]
+_STDERR = 2
 _WITHOUT_TERMINAL_S = 2.0
 """Where the status is no line that is renewed, a new one comes this often, s."""
 
@@ -28,7 +29,7 @@ class TerminalConsole:
     def __init__(self) -> None:
         from tral_fsm.terminal import StatusLine
 
-        self._line = StatusLine(sys.stderr.fileno(), time.monotonic, _WITHOUT_TERMINAL_S)
+        self._line = StatusLine(_STDERR, time.monotonic, _WITHOUT_TERMINAL_S)
 
     def status(self, text: str) -> None:
         """Show the line of the moment."""
