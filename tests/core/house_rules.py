@@ -237,6 +237,10 @@ def policies_are_built_floor_by_floor(imports: Imports) -> list[str]:
     ]
 
 
+def a_person_at_the_wheel_knows_the_waist_alone(imports: Imports) -> list[str]:
+    return _outside(imports, {"tral_fsm.teleop"}, WAIST)
+
+
 def pictures_of_machines_know_the_definition_alone(imports: Imports) -> list[str]:
     return _among(imports, {"tral_fsm.draw"}, POLICY - {"tral_fsm.definition"})
 
@@ -326,6 +330,7 @@ RULES: tuple[Rule, ...] = (
     the_environment_knows_no_state_machine,
     policies_know_the_waist_alone,
     policies_are_built_floor_by_floor,
+    a_person_at_the_wheel_knows_the_waist_alone,
     pictures_of_machines_know_the_definition_alone,
     nobody_imports_what_comes_last,
     report_drives_nothing,

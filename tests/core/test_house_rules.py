@@ -50,6 +50,7 @@ BROKEN: dict[Rule, Imports] = {
     rules.the_environment_knows_no_state_machine: {"tral_env.course.plan": {"tral_fsm.control.laws"}},
     rules.policies_know_the_waist_alone: {"tral_fsm.states.wall": {"tral_env.config"}},
     rules.policies_are_built_floor_by_floor: {"tral_fsm.runtime.driver": {"tral_fsm.formats.library"}},
+    rules.a_person_at_the_wheel_knows_the_waist_alone: {"tral_fsm.teleop.pilot": {"tral_env.hardware.env"}},
     rules.pictures_of_machines_know_the_definition_alone: {"tral_fsm.draw.picture": {"tral_fsm.runtime.machine"}},
     rules.nobody_imports_what_comes_last: {
         "tral_fsm.programs.tune": {"tral_fsm.report.tuning.page"},
