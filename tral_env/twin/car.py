@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +16,7 @@ from tral_env.sensors.hall import EdgeSpeed
 from tral_env.sensors.ranging import SONARS
 from tral_env.world import World
 
-_KEPT_S = 1.0
+_KEPT_S = 0.3
 """Rangings are kept so long."""
 _MAX_BOUNCES = 3
 """A wall is heard so often: once, and again after each return of the sound to it. Source: choice."""
@@ -54,7 +53,7 @@ class TwinCar:
     def __init__(self, config: CorridorConfig) -> None:
         """Build the world; `reset` must come first."""
         self._world = World(1, config)
-        self._rangings: deque[tuple[float, tuple[float, ...]]] = deque()
+        self._rangings: tuple[tuple[float, tuple[float, ...]], ...] = ()
         self._edges = _EdgeLog()
         self.outcome: Outcome | None = None
         """How this drive ended, once it has; the car drives on."""
@@ -78,7 +77,7 @@ class TwinCar:
         self.outcome = None
         self._started_s = now_s
         self._note(world.info())
-        self._rangings.clear()
+        self._rangings = ()
         self._keep(now_s)
 
     @property
@@ -133,7 +132,7 @@ class TwinCar:
             self.outcome = Outcome(_ended(step.info), float(self.info["time_s"]), float(self.info["progress"]))
         self._keep(now_s)
         time_s = float(world.sim.time_s[0])
-        return [now_s - time_s + edge_s for edge_s in self._edges.new]
+        return [now_s - time_s + edge_s for edge_s in sorted(self._edges.new)]
 
     def echoes(self, side: str, fired_s: float) -> list[float] | None:
         """Ranges of the echoes of a ranging that was fired at a time, m; None: the car has not come there yet."""
@@ -150,9 +149,9 @@ class TwinCar:
         sim = self._world.sim
         # What can be read now was measured a tick ago.
         fired_s = now_s - float(sim.sonars.ranging.age(sim.time_s)[0].max())
-        self._rangings.append((fired_s, tuple(sim.sonars.ranging.range_m[0].tolist())))
-        while self._rangings[0][0] < now_s - _KEPT_S:
-            self._rangings.popleft()
+        new = fired_s, tuple(sim.sonars.ranging.range_m[0].tolist())
+        # A new tuple: the bus looks at it from its own thread.
+        self._rangings = (*(old for old in self._rangings if old[0] >= now_s - _KEPT_S), new)
 
     def _note(self, info: dict[str, Any]) -> None:
         self.info = {name: values[0].item() for name, values in info.items() if values.ndim == 1}

@@ -166,13 +166,19 @@ def _answer_all(line: socket.socket, answer: Callable[[bytes], bytes]) -> None:
             packet = line.recv(_MAX_PACKET)
             if not packet:
                 return
-            try:
-                reply = _ERRNO.pack(0) + answer(packet)
-            except OSError as error:
-                reply = _ERRNO.pack(error.errno or errno.EIO)
-            line.send(reply)
+            line.send(_reply(packet, answer))
         except OSError:
             return
+        except BaseException:
+            line.close()  # nobody waits for an answer that does not come
+            raise
+
+
+def _reply(packet: bytes, answer: Callable[[bytes], bytes]) -> bytes:
+    try:
+        return _ERRNO.pack(0) + answer(packet)
+    except OSError as error:
+        return _ERRNO.pack(error.errno or errno.EIO)
 
 
 def _transfer(bus: I2cBus, packet: bytes) -> bytes:

@@ -24,17 +24,20 @@ _SWITCH_S = 0.0005
 _END_S = 10.0
 
 
-def serve(settings: TwinSettings, ready: Callable[[dict[str, Any]], None]) -> None:
-    """Run a twin until it is told to end, by the control socket or by a signal.
+def serve(
+    settings: TwinSettings, ready: Callable[[dict[str, Any]], None], ended: threading.Event | None = None
+) -> None:
+    """Run a twin until it is told to end, by the control socket, by a signal or by an event.
 
     Args:
         settings: of the twin.
         ready: is told the first status, when everything stands.
+        ended: ends it too.
 
     Raises:
         TralError: it cannot be built.
     """
-    ended = threading.Event()
+    ended = threading.Event() if ended is None else ended
     before = [(number, signal.signal(number, lambda *_: ended.set())) for number in (signal.SIGINT, signal.SIGTERM)]
     interval = sys.getswitchinterval()
     sys.setswitchinterval(_SWITCH_S)
@@ -65,7 +68,12 @@ def _commands(twin: Twin, ended: threading.Event) -> dict[str, Answer]:
         ended.set()
         return {}
 
-    return {"status": lambda request: twin.status(), "reset": reset, "down": down}
+    return {
+        "status": lambda request: twin.status(),
+        "outcome": lambda request: twin.outcome(),
+        "reset": reset,
+        "down": down,
+    }
 
 
 class TwinProcess(Physical):
@@ -109,6 +117,11 @@ class TwinProcess(Physical):
         found: dict[str, Any] = self.ask("status")
         return found
 
+    def outcome(self) -> dict[str, Any] | None:
+        """How the drive ended, see `Twin.outcome`; None: it goes on."""
+        found: dict[str, Any] | None = self.ask("outcome")
+        return found
+
     def reset(self, seed: int) -> None:
         """Put the car at the start of the course of a seed."""
         self.ask("reset", seed=seed)
@@ -136,20 +149,19 @@ class TwinProcess(Physical):
 def main(arguments: list[str]) -> int:
     """Be the process of `TwinProcess`: it ends with its standard input, and tells its status on standard output."""
 
+    ended = threading.Event()
+
     def tell(content: dict[str, Any]) -> None:
         sys.stdout.write(json.dumps(content) + "\n")
         sys.stdout.flush()
 
     def end_with_the_starter() -> None:
         os.read(sys.stdin.fileno(), 1)
-        signal.raise_signal(signal.SIGTERM)
+        ended.set()
 
-    def ready(status: dict[str, Any]) -> None:
-        threading.Thread(target=end_with_the_starter, daemon=True).start()
-        tell(status)
-
+    threading.Thread(target=end_with_the_starter, daemon=True).start()
     try:
-        serve(TwinSettings.from_json(arguments[0]), ready)
+        serve(TwinSettings.from_json(arguments[0]), tell, ended)
     except TralError as error:
         tell({"error": str(error)})
         return 1

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
 
@@ -17,6 +18,8 @@ from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.twin.bus import I2cBus, TwinSmbus
 from tral_env.twin.car import TwinCar
 from tral_env.twin.devices import DeviceFiles, why_no_files
+from tral_env.twin.hall import SOCKET as HALL
+from tral_env.twin.hall import HallPin
 from tral_env.twin.lateness import Lateness
 from tral_env.twin.pca9685 import Pca9685Chip
 from tral_env.twin.pulse_log import PulseLog
@@ -57,6 +60,7 @@ class Twin(Physical):
         self.bus.after = self.pulses.note
         self.lateness = Lateness()
         self.files: DeviceFiles | None = None
+        self.hall: HallPin | None = None
         self.why_no_files = "" if settings.files else "the settings ask for none"
         self._lock, self._running = threading.RLock(), threading.Event()
         self._stack = ExitStack()
@@ -83,7 +87,10 @@ class Twin(Physical):
 
     def start(self) -> Self:
         """Show the files, if this computer can, and run in real time in a thread of its own."""
+        self.settings.run_folder.mkdir(parents=True, exist_ok=True)
         self._open_files()
+        self.hall = HallPin(self.settings.run_folder / HALL)
+        self._stack.callback(self.hall.close)
         self._running.set()
         self._next_s = self._clock() + CONTROL_PERIOD_S
         thread = threading.Thread(target=self._run, daemon=True)
@@ -116,20 +123,26 @@ class Twin(Physical):
             raise ConfigError(f"the twin's bus is no file: {self.why_no_files}. Its bus is the object `smbus`")
         return self.files.i2c_path
 
+    def outcome(self) -> dict[str, Any] | None:
+        """How the drive ended: ``ended``, ``time_s`` and ``progress``; None: it goes on."""
+        outcome = self.car.outcome
+        return None if outcome is None else asdict(outcome)
+
     def status(self) -> dict[str, Any]:
         """What the twin is and how it does, for people and tests."""
         with self._lock:
-            outcome, info = self.car.outcome, dict(self.car.info)
+            info = dict(self.car.info)
             steering_us, throttle_us = self._standing_us()
         return {
             "seed": self.seed,
             "i2c": None if self.files is None else str(self.i2c_path),
             "why_no_files": self.why_no_files,
+            "hall": str(self.settings.run_folder / HALL),
             "oscillator_hz": self.pca9685.oscillator_hz,
             "steering_us": steering_us,
             "throttle_us": throttle_us,
             "controller_armed": self.controller.armed,
-            "outcome": None if outcome is None else vars(outcome),
+            "outcome": self.outcome(),
             "truth": info,
             "transactions": self.bus.transactions,
             "lateness": dict(self.lateness.record()),
@@ -153,7 +166,9 @@ class Twin(Physical):
             if now_s < self._next_s:
                 self._sleep(self._next_s - now_s)
             self._late(self._clock() - self._next_s)
-            self.tick(self._next_s)
+            edges_s = self.tick(self._next_s)
+            if edges_s and self.hall is not None:
+                self.hall.send(edges_s)
             self._next_s += CONTROL_PERIOD_S
 
     def _late(self, late_s: float) -> None:
