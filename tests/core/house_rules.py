@@ -38,6 +38,7 @@ LEARNED = {f"tral_env.{room}" for room in ("learner", "learned", "policy_file", 
 ON_THE_CAR = LEARNED | {f"tral_env.{room}" for room in ("hardware", "recording", "ros")}
 ACTUATOR = "tral_env.hardware.actuator"
 CAR_NEEDS = WAIST | ON_THE_CAR | LAWS - {"tral_env.task"} | {"tral_env.perception", "tral_env.atomic"}
+TWIN_NEEDS = WAIST | {f"tral_env.{room}" for room in ("world", "options", "config", "sensors", "course", "hardware")}
 OPTIONS_NEED = {
     f"tral_env.{room}" for room in ("config", "randomization", "course", "perception", "calibration", "learner")
 }
@@ -204,6 +205,10 @@ def simulation_knows_no_world(imports: Imports) -> list[str]:
     return _outside(imports, {"tral_env.simulation"}, SIMULATION_NEEDS)
 
 
+def the_twin_knows_the_world_and_the_car(imports: Imports) -> list[str]:
+    return _outside(imports, {"tral_env.twin"}, TWIN_NEEDS)
+
+
 def shells_know_the_world_and_not_the_simulation(imports: Imports) -> list[str]:
     return _among(imports, SHELLS, {"tral_env.simulation"})
 
@@ -325,6 +330,7 @@ RULES: tuple[Rule, ...] = (
     the_world_knows_the_simulation_and_no_shell,
     the_actuator_reaches_the_standard_library_and_the_buses_alone,
     simulation_knows_no_world,
+    the_twin_knows_the_world_and_the_car,
     shells_know_the_world_and_not_the_simulation,
     the_two_environments_do_not_know_each_other,
     the_environment_knows_no_state_machine,

@@ -45,6 +45,7 @@ BROKEN: dict[Rule, Imports] = {
         "tral_env.hardware.i2c": {"numpy.linalg"},
     },
     rules.simulation_knows_no_world: {"tral_env.simulation.sim": {"tral_env.task"}},
+    rules.the_twin_knows_the_world_and_the_car: {"tral_env.twin.car": {"tral_env.vector_env"}},
     rules.shells_know_the_world_and_not_the_simulation: {"tral_env.env": {"tral_env.simulation.sim"}},
     rules.the_two_environments_do_not_know_each_other: {"tral_env.vector_env": {"tral_env.env"}},
     rules.the_environment_knows_no_state_machine: {"tral_env.course.plan": {"tral_fsm.control.laws"}},

@@ -1,4 +1,4 @@
-"""The `tral` command: drive, deploy, teleop, courses, fsm, tune, train, calibrate, detect, print, doctor, bench.
+"""The `tral` command: drive, deploy, teleop, courses, fsm, tune, train, calibrate, detect, print, doctor, bench, twin.
 
 Each subcommand has a file; heavy modules are imported when a command needs them.
 """
@@ -23,6 +23,7 @@ from tral_fsm.cli.print import app as print_app
 from tral_fsm.cli.teleop import command as teleop_command
 from tral_fsm.cli.train import command as train_command
 from tral_fsm.cli.tune import command as tune_command
+from tral_fsm.cli.twin import app as twin_app
 
 app = typer.Typer(
     name="tral",
@@ -45,6 +46,7 @@ app.command("doctor")(doctor_command)
 app.add_typer(fsm_app, name="fsm")
 app.add_typer(print_app, name="print")
 app.add_typer(bench_app, name="bench")
+app.add_typer(twin_app, name="twin")
 
 
 def _show_version(wanted: bool) -> None:
