@@ -109,21 +109,31 @@ _MAX_LINE = 1024
 _MAX_GROUP = 19
 _RANGES = {"USF": "front", "USL": "left", "USR": "right"}
 _NOTHING = "[---]"
+_BATTERY_S = 0.1
+"""The later board measures its batteries this often, s. Source: choice."""
+
+
+def _version(channel: str, readings: BoardReadings, now_s: float) -> int:
+    """A number that changes when a channel has a new value."""
+    if channel in _RANGES:
+        return readings.ranging
+    return readings.ticks if channel.startswith("HALL") else int(now_s / _BATTERY_S)
 
 
 @dataclass
 class _Group:
     channels: tuple[str, ...]
     period_s: float | None
-    """Time between two messages, s; None: one for each ranging."""
+    """Time between two messages, s; None: one for each new value."""
     active: bool = True
     due_s: float = 0.0
-    ranging: int = -1
+    sent: tuple[int, ...] = ()
+    """Which values the last message had, as `_version` tells them apart."""
 
 
 @dataclass
-class TextBoard:
-    """The later board, with the commands that drivers of the cars use; measuring groups are readable text alone."""
+class Ucboard:
+    """The later board (ucboard), with the commands that drivers of the cars use; measuring groups are readable text alone."""
 
     calibration: CarCalibration
     """Pulses of its servo and motor controller."""
@@ -263,7 +273,8 @@ class TextBoard:
 
     def _is_due(self, group: _Group, readings: BoardReadings, now_s: float) -> bool:
         if group.period_s is None:
-            fresh, group.ranging = readings.ranging != group.ranging, readings.ranging
+            versions = tuple(_version(channel, readings, now_s) for channel in group.channels)
+            fresh, group.sent = versions != group.sent, versions
             return fresh
         if now_s < group.due_s:
             return False

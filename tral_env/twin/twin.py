@@ -27,7 +27,7 @@ from tral_env.twin.pca9685 import Pca9685Chip
 from tral_env.twin.pulse_log import PulseLog
 from tral_env.twin.pwm_chip import PwmChip
 from tral_env.twin.receivers import MotorController, Servo
-from tral_env.twin.serial_boards import Board2016, SerialBoard, TextBoard
+from tral_env.twin.serial_boards import Board2016, SerialBoard, Ucboard
 from tral_env.twin.serial_port import SerialPort
 from tral_env.twin.settings import TwinSettings
 from tral_env.twin.srf08 import Srf08Chip
@@ -61,7 +61,7 @@ class Twin(Physical):
         self.rangers = {side: Srf08Chip(address, self._echoes_of(side), clock) for side, address in ADDRESSES.items()}
         self.bus = I2cBus([self.pca9685, *self.rangers.values()])
         self.smbus = TwinSmbus(self.bus)
-        self.boards: dict[str, SerialBoard] = {"board2016": Board2016(calibration), "text": TextBoard(calibration)}
+        self.boards: dict[str, SerialBoard] = {"board2016": Board2016(calibration), "ucboard": Ucboard(calibration)}
         self.pwm = PwmChip()
         self.pulses = PulseLog(self._standing_us, clock)
         self.bus.after = self.pwm.after = self.pulses.note
