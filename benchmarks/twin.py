@@ -32,32 +32,36 @@ _PATIENCE_S = 5.0
 """Ticks go on for so long after the twin's drive has ended, at most."""
 
 
-def drive_twin(twin: TwinProcess, machine: str, seed: int) -> dict[str, Any]:
-    """One drive on the twin."""
-    twin.reset(seed)  # its status tells the time limit
-    status = twin.status()
+def _open_car(status: dict[str, Any]) -> gym.Env[Any, Any]:
+    """The car's own environment at a twin, with a calibration that knows the clock of the twin's board."""
     calibration = load_calibration("tt01").model_copy(
         update={"oscillator_hz": float(status["oscillator_hz"]), "clock_measured": True}
     )
-    limit_s = status["truth"]["time_limit_s"]
-    car = gym.make(
+    return gym.make(
         "tral_env:TralCar-v0",
         calibration=calibration,
         output="pca9685",
         sensors=SensorGroup(SonarArray(bus=status["i2c"]), TwinHall(Path(status["hall"]))),
         bus=status["i2c"],
-        max_duration_s=limit_s + _PATIENCE_S,
+        max_duration_s=status["truth"]["time_limit_s"] + _PATIENCE_S,
     )
+
+
+def drive_twin(twin: TwinProcess, machine: str, seed: int) -> dict[str, Any]:
+    """One drive on the twin."""
+    twin.reset(seed)  # its status tells the time limit
+    car = _open_car(twin.status())
     policy = load_policy(machine)
     policy.reset()
-    late, begun, outcome, ended, ticks = [], time.monotonic(), None, False, 0
+    took_s, outcome, ended, ticks = [], None, False, 0
     try:
         observation, _ = car.reset()
         twin.reset(seed)  # arming took a second of the drive's time
+        begun = time.monotonic()
         while not ended and outcome is None:
             before = time.monotonic()
             observation, _, _, ended, info = car.step(policy.act(observation))
-            late.append(time.monotonic() - before)
+            took_s.append(time.monotonic() - before)
             ticks = info["tick"]
             if ticks % 20 == 0:
                 outcome = twin.outcome()
@@ -70,9 +74,9 @@ def drive_twin(twin: TwinProcess, machine: str, seed: int) -> dict[str, Any]:
         **(outcome or {"ended": "time is up"}),
         "ticks": ticks,
         "late_ticks": late_ticks,
-        "step_p50_ms": float(np.median(late)) * 1e3,
-        "step_p99_ms": float(np.quantile(late, 0.99)) * 1e3,
-        "step_max_ms": max(late) * 1e3,
+        "step_p50_ms": float(np.median(took_s)) * 1e3,
+        "step_p99_ms": float(np.quantile(took_s, 0.99)) * 1e3,
+        "step_max_ms": max(took_s) * 1e3,
         "rate_hz": ticks / (time.monotonic() - begun),
         "twin": twin.status()["lateness"],
     }

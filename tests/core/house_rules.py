@@ -38,7 +38,10 @@ LEARNED = {f"tral_env.{room}" for room in ("learner", "learned", "policy_file", 
 ON_THE_CAR = LEARNED | {f"tral_env.{room}" for room in ("hardware", "recording", "ros")}
 ACTUATOR = "tral_env.hardware.actuator"
 CAR_NEEDS = WAIST | ON_THE_CAR | LAWS - {"tral_env.task"} | {"tral_env.perception", "tral_env.atomic"}
-TWIN_NEEDS = WAIST | {f"tral_env.{room}" for room in ("world", "options", "config", "sensors", "course", "hardware")}
+TWIN_NEEDS = WAIST | {
+    f"tral_env.{room}"
+    for room in ("world", "options", "config", "sensors", "course", "hardware", "simulation", "perception")
+}
 OPTIONS_NEED = {
     f"tral_env.{room}" for room in ("config", "randomization", "course", "perception", "calibration", "learner")
 }

@@ -1,7 +1,7 @@
 """Device files of the twin, as a program of its own: FUSE on one side, a socket to the twin on the other.
 
-``device_files.py MOUNT I2C_NAME I2C_SOCKET TREE_SOCKET LIFE_SOCKET [LINK]``. It runs by path, without this package, and
-holds no model: each transaction goes to the twin. When the twin ends, however it ends, this program takes the mount
+``device_files.py MOUNT I2C_NAME I2C_SOCKET TREE_SOCKET LIFE_SOCKET LINK DISK``. It runs by path, without this package,
+and holds no model: each transaction goes to the twin. When the twin ends, however it ends, this program takes the mount
 away. The requests of i2c-dev are those of the kernel's documentation, Documentation/i2c/dev-interface.rst.
 """
 
@@ -31,6 +31,7 @@ MAX_PACKET = 65536
 STAT, LIST, READ, WRITE = b"S", b"L", b"R", b"W"
 """Requests about the tree of files, before the path; behind the path of `WRITE` a zero byte and the bytes."""
 READY = b"ready"
+DISK_SIZE = b"size=64m"
 _RETRIES, _TIMEOUT, _SLAVE, _TENBIT, _FUNCS, _SLAVE_FORCE, _RDWR, _PEC, _SMBUS = (
     0x0701, 0x0702, 0x0703, 0x0704, 0x0705, 0x0706, 0x0707, 0x0708, 0x0720,
 )  # fmt: skip
@@ -251,42 +252,73 @@ class Files(mfusepy.Operations):  # type: ignore[misc]
         return self._i2c.ioctl(fi.fh, cmd & 0xFFFFFFFF, arg or 0, mfusepy.fuse_get_context()[2])
 
 
-def take_away(mount: str, link: str | None = None) -> None:
-    """Take a mount away, also one whose program is dead, with its folder and the link into it."""
-    _libc.umount2(mount.encode(), _MNT_DETACH)
-    with suppress(OSError):
-        os.rmdir(mount)  # noqa: PTH106 (a dead mount fails in Path.exists)
+def take_away(mount: str, link: str, disk: str) -> None:
+    """Take the mounts away, also those whose program is dead, with their folders and the link into them."""
+    for folder in filter(None, (mount, disk)):
+        while _libc.umount2(folder.encode(), _MNT_DETACH) == 0:
+            pass
+        with suppress(OSError):
+            os.rmdir(folder)  # noqa: PTH106 (a dead mount fails in Path.exists)
     if link:
         with suppress(OSError):
             if os.readlink(link).startswith(mount):  # noqa: PTH115
                 os.unlink(link)  # noqa: PTH108
 
 
+def mount_disk(disk: str) -> None:
+    """Mount a small disk in memory.
+
+    Raises:
+        OSError: the kernel refuses.
+    """
+    os.makedirs(disk, exist_ok=True)  # noqa: PTH103
+    if _libc.mount(b"tral-twin", disk.encode(), b"tmpfs", 0, DISK_SIZE) != 0:
+        raise OSError(ctypes.get_errno(), f"no disk at {disk}")
+
+
+def quietly(begin: Callable[[Callable[[], None]], object], ready: Callable[[], object]) -> None:
+    """Run a FUSE loop without what libfuse says at its start: it warns of its own default number of threads."""
+    told = os.dup(2)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    os.close(nowhere)
+
+    def speak_again() -> None:
+        os.dup2(told, 2)
+        ready()
+
+    begin(speak_again)
+
+
 def main(arguments: list[str]) -> None:
     """Show the files until the twin ends."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    mount, name, *numbers = arguments[:5]
-    link = arguments[5] if len(arguments) > 5 else None
+    mount, name, *numbers, link, disk = arguments
     i2c, tree = (Line(int(number)) for number in numbers[:2])
     life = socket.socket(fileno=int(numbers[2]))
 
     def end_with_the_twin() -> None:
         with suppress(OSError):
             life.recv(1)
-        take_away(mount, link)
+        take_away(mount, link, disk)
         os._exit(0)
 
-    take_away(mount)  # of a twin that died together with this program
+    take_away(mount, "", disk)  # of a twin that died together with this program
     os.makedirs(mount, exist_ok=True)  # noqa: PTH103
     threading.Thread(target=end_with_the_twin, daemon=True).start()
     try:
-        mfusepy.FUSE(
-            Files(name, I2cFile(i2c), tree, lambda: life.sendall(READY)),
-            mount, foreground=True, raw_fi=True, allow_other=True, fsname="tral-twin", max_threads=8,
+        if disk:
+            mount_disk(disk)
+        quietly(
+            lambda ready: mfusepy.FUSE(
+                Files(name, I2cFile(i2c), tree, ready), mount,
+                foreground=True, raw_fi=True, allow_other=True, fsname="tral-twin",
+            ),
+            lambda: life.sendall(READY),
         )  # fmt: skip
     finally:
-        take_away(mount, link)
+        take_away(mount, link, disk)
 
 
 if __name__ == "__main__":

@@ -93,6 +93,7 @@ class DeviceFiles:
         i2c_name: str = "i2c-1",
         tree: FileTree | None = None,
         link: Path | None = None,
+        disk: Path | None = None,
     ) -> None:
         """Mount.
 
@@ -102,6 +103,7 @@ class DeviceFiles:
             i2c_name: name of the file.
             tree: files beside it.
             link: a link to the bus's file that is made too, such as /dev/i2c-7.
+            disk: folder that becomes a small disk of its own.
 
         Raises:
             HardwareError: this computer cannot show device files, or the place is taken.
@@ -117,7 +119,7 @@ class DeviceFiles:
         program = Path(__file__).with_name("device_files.py")
         numbers = [str(each.fileno()) for each in theirs]
         self._process = subprocess.Popen(
-            [sys.executable, "-P", str(program), str(mount), i2c_name, *numbers, *([str(link)] if link else [])],
+            [sys.executable, "-P", str(program), str(mount), i2c_name, *numbers, str(link or ""), str(disk or "")],
             pass_fds=[each.fileno() for each in theirs], stdin=subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip
         for each in theirs:

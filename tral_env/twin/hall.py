@@ -11,7 +11,7 @@ import select
 import socket
 import struct
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,8 +24,10 @@ SOCKET = "hall"
 """Name of the socket in the twin's folder."""
 _EVENT = struct.Struct("=QIIII24x")
 """Of struct gpio_v2_line_event: timestamp_ns, id, offset, seqno, line_seqno."""
-FALLING = 2
-"""Identity of an event: the pin has a pull-up, and a magnet pulls it down."""
+NEAR, AWAY = 1, 2
+"""Identities of events, those of a rising and a falling edge: a pin that is active while a magnet is near."""
+NEAR_S = 0.0005
+"""A magnet is near for so long, s. Source: choice; the shortest that a magnet of 3 mm takes is 1.2 ms."""
 _NS = 1_000_000_000
 
 
@@ -35,6 +37,8 @@ class EdgeEvent:
 
     timestamp_ns: int
     """Time of the edge on CLOCK_MONOTONIC, ns."""
+    event_type: int
+    """`NEAR` or `AWAY`, the numbers of gpiod's ``EdgeEvent.Type``."""
     line_offset: int
     global_seqno: int
     line_seqno: int
@@ -43,8 +47,7 @@ class EdgeEvent:
     @classmethod
     def unpack(cls, data: bytes) -> EdgeEvent:
         """An event from the kernel's structure."""
-        timestamp_ns, _, offset, seqno, line_seqno = _EVENT.unpack(data)
-        return cls(timestamp_ns, offset, seqno, line_seqno)
+        return cls(*_EVENT.unpack(data))
 
 
 class HallPin:
@@ -67,11 +70,12 @@ class HallPin:
         threading.Thread(target=self._accept, daemon=True).start()
 
     def send(self, edges_s: Sequence[float]) -> None:
-        """Tell edges by their times, s; a slow reader loses some, as with a full FIFO of the kernel."""
+        """Tell when magnets came near, s; a slow reader loses edges, as with a full FIFO of the kernel."""
+        events = sorted((edge_s + late_s, kind) for edge_s in edges_s for late_s, kind in ((0.0, NEAR), (NEAR_S, AWAY)))
         with self._lock:
-            for edge_s in edges_s:
+            for when_s, kind in events:
                 self._count += 1
-                event = _EVENT.pack(round(edge_s * _NS), FALLING, self._offset, self._count, self._count)
+                event = _EVENT.pack(round(when_s * _NS), kind, self._offset, self._count, self._count)
                 self._readers = [reader for reader in self._readers if _send(reader, event)]
 
     def close(self) -> None:
@@ -152,8 +156,20 @@ class LineRequest(Physical):
         return EdgeEvent.unpack(data)
 
 
+@dataclass(frozen=True, kw_only=True)
+class TwinHallOptions:
+    """The pin of a twin as a sensor of a car file."""
+
+    path: str
+    """Path of the pin's socket, as `tral twin up` tells it."""
+
+    def open(self, clock: Callable[[], float], sleep: Callable[[float], None]) -> TwinHall:
+        """Connect; see `TwinHall`."""
+        return TwinHall(Path(self.path))
+
+
 class TwinHall(HallCounter):
-    """`HallCounter` at the pin of a twin: it counts each edge with the edge's own time."""
+    """`HallCounter` at the pin of a twin: it counts each magnet, with the time of its edge."""
 
     def __init__(self, path: Path) -> None:
         """Connect; a thread hears the edges.
@@ -177,5 +193,6 @@ class TwinHall(HallCounter):
             except (OSError, ValueError):  # released, or the twin is gone
                 return
             for event in events:
-                self._edge_s = event.timestamp_ns / _NS
-                self.edge()
+                if event.event_type == NEAR:
+                    self._edge_s = event.timestamp_ns / _NS
+                    self.edge()

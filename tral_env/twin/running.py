@@ -68,7 +68,21 @@ def _commands(twin: Twin, ended: threading.Event) -> dict[str, Answer]:
         ended.set()
         return {}
 
+    def fault(request: Request) -> dict[str, Any]:
+        name = str(request.get("name"))
+        if request.get("off"):
+            twin.faults.end(name)
+        else:
+            seconds = request.get("seconds")
+            twin.faults.begin(
+                name,
+                rate=float(request.get("rate") or 0.1),
+                seconds=float("inf") if seconds is None else float(seconds),
+            )
+        return {}
+
     return {
+        "fault": fault,
         "status": lambda request: twin.status(),
         "outcome": lambda request: twin.outcome(),
         "reset": reset,
@@ -121,6 +135,10 @@ class TwinProcess(Physical):
         """How the drive ended, see `Twin.outcome`; None: it goes on."""
         found: dict[str, Any] | None = self.ask("outcome")
         return found
+
+    def fault(self, name: str, **how: Any) -> None:
+        """Begin a fault now, with `rate` and `seconds` as in `Faults.begin`; ``off=True`` ends it."""
+        self.ask("fault", name=name, **how)
 
     def reset(self, seed: int) -> None:
         """Put the car at the start of the course of a seed."""

@@ -17,8 +17,8 @@ from tral_env.options import CorridorConfig
 
 SLOWEST_HZ, FASTEST_HZ = 24.0e6, 28.7e6
 """Clocks of PCA9685 boards that owners measured."""
-BOARDS = ("pca9685", "pwm", "board2016", "text")
-"""Who sends the pulses to servo and motor controller."""
+BOARDS = ("pca9685", "sysfs-pwm", "board2016", "ucboard")
+"""Who sends the pulses to servo and motor controller: the PWM board, the kernel's PWM chip, or a serial board."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -43,6 +43,10 @@ class Srf08Chip:
             clock: gives the time, s.
         """
         self.address, self._echoes, self._clock = address, echoes, clock
+        self.silent = False
+        """Whether it answers nobody: a broken wire."""
+        self.frozen = False
+        """Whether its echoes stay what they were, however often it ranges."""
         self.power_cycle()
 
     def power_cycle(self) -> None:
@@ -53,7 +57,7 @@ class Srf08Chip:
 
     def answers_to(self, address: int) -> bool:
         """Whether the ranger listens to an address: its own and the general call."""
-        return address in (self.address, GENERAL_CALL)
+        return not self.silent and address in (self.address, GENERAL_CALL)
 
     @property
     def busy(self) -> bool:
@@ -100,6 +104,8 @@ class Srf08Chip:
     def _keep(self, heard: Sequence[float]) -> None:
         """Fill the echo registers: what lies within the range register and within the reach of the gain."""
         self._fired_s = None
+        if self.frozen:
+            return
         reach = min((self._range + 1) * RANGE_STEP_M, HEARS_M * (ANALOGUE_GAIN[self._gain] / ANALOGUE_GAIN[-1]) ** 0.5)
         kept = [min(round(metres / _METRES[self._unit]), 0xFFFF) for metres in sorted(heard) if metres <= reach]
         self._registers = (kept + [0] * ECHOES)[:ECHOES]

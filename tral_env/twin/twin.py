@@ -16,14 +16,19 @@ from tral_env.hardware.physical import Physical
 from tral_env.hardware.sonar import ADDRESSES
 from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.twin.bus import I2cBus, TwinSmbus
+from tral_env.twin.camera import Camera, Exposure
 from tral_env.twin.car import TwinCar
 from tral_env.twin.devices import DeviceFiles, why_no_files
+from tral_env.twin.faults import Faults, bouncing
 from tral_env.twin.hall import SOCKET as HALL
 from tral_env.twin.hall import HallPin
 from tral_env.twin.lateness import Lateness
 from tral_env.twin.pca9685 import Pca9685Chip
 from tral_env.twin.pulse_log import PulseLog
+from tral_env.twin.pwm_chip import PwmChip
 from tral_env.twin.receivers import MotorController, Servo
+from tral_env.twin.serial_boards import Board2016, SerialBoard, Ucboard
+from tral_env.twin.serial_port import SerialPort
 from tral_env.twin.settings import TwinSettings
 from tral_env.twin.srf08 import Srf08Chip
 
@@ -47,7 +52,7 @@ class Twin(Physical):
             clock: gives the time, s.
             sleep: waits some seconds.
         """
-        self.settings, self._clock, self._sleep = settings, clock, sleep
+        self.settings, self.clock, self._sleep = settings, clock, sleep
         calibration = load_calibration(settings.calibration)
         self._outputs = calibration.steering.channel, calibration.throttle.channel
         self.car = TwinCar(settings.corridor())
@@ -56,11 +61,18 @@ class Twin(Physical):
         self.rangers = {side: Srf08Chip(address, self._echoes_of(side), clock) for side, address in ADDRESSES.items()}
         self.bus = I2cBus([self.pca9685, *self.rangers.values()])
         self.smbus = TwinSmbus(self.bus)
+        self.boards: dict[str, SerialBoard] = {"board2016": Board2016(calibration), "ucboard": Ucboard(calibration)}
+        self.pwm = PwmChip()
         self.pulses = PulseLog(self._standing_us, clock)
-        self.bus.after = self.pulses.note
+        self.bus.after = self.pwm.after = self.pulses.note
         self.lateness = Lateness()
+        self.camera: Camera | None = None
         self.files: DeviceFiles | None = None
         self.hall: HallPin | None = None
+        self.ports: dict[str, SerialPort] = {}
+        self.hall_off = self.hall_bounces = False
+        self.camera_gone = self.camera_frozen = False
+        self.faults = Faults(self)
         self.why_no_files = "" if settings.files else "the settings ask for none"
         self._lock, self._running = threading.RLock(), threading.Event()
         self._stack = ExitStack()
@@ -71,11 +83,14 @@ class Twin(Physical):
         """Put the car at the start of the course of a seed; boards and files stay as they are."""
         with self._lock:
             self.seed = seed
-            self.car.reset(seed, self._clock())
+            self.car.reset(seed, self.clock())
+            if self.camera is not None:
+                self.camera.place(self.car.scene())
 
     def tick(self, now_s: float) -> list[float]:
         """Do one control period that ends at a time, s; gives back the times of the hall sensor's edges, s."""
         with self._lock:
+            self.faults.turn(now_s)
             steering, throttle, total_s = 0.0, 0.0, 0.0
             for seconds, (steering_us, throttle_us) in self.pulses.take():
                 share = max(seconds, 1e-9)
@@ -83,16 +98,27 @@ class Twin(Physical):
                 throttle += share * self.controller.hear(throttle_us, now_s)
                 total_s += share
             listening = sum(ranger.fired_s is not None for ranger in self.rangers.values())
-            return self.car.tick(steering / total_s, throttle / total_s, now_s, together=listening > 1)
+            edges_s = self.car.tick(steering / total_s, throttle / total_s, now_s, together=listening > 1)
+            for port in self.ports.values():
+                port.turn(self.car.board_readings, now_s)
+            if self.camera is not None and self.camera.is_due(now_s):
+                self.camera.expose(self._exposure(now_s))
+        if self.hall_off:
+            return []
+        return bouncing(edges_s) if self.hall_bounces else edges_s
 
     def start(self) -> Self:
         """Show the files, if this computer can, and run in real time in a thread of its own."""
         self.settings.run_folder.mkdir(parents=True, exist_ok=True)
         self._open_files()
+        self._open_ports()
+        if self.settings.camera:
+            self.camera = Camera(self.car.scene(), self._exposure(self.clock()))
+            self._stack.callback(self.camera.close)
         self.hall = HallPin(self.settings.run_folder / HALL)
         self._stack.callback(self.hall.close)
         self._running.set()
-        self._next_s = self._clock() + CONTROL_PERIOD_S
+        self._next_s = self.clock() + CONTROL_PERIOD_S
         thread = threading.Thread(target=self._run, daemon=True)
         thread.start()
         self._stack.callback(thread.join)
@@ -123,6 +149,11 @@ class Twin(Physical):
             raise ConfigError(f"the twin's bus is no file: {self.why_no_files}. Its bus is the object `smbus`")
         return self.files.i2c_path
 
+    @property
+    def disk(self) -> Path:
+        """Folder that is a small disk of its own, for what may fill a disk; only where the twin has device files."""
+        return self.settings.run_folder / "disk"
+
     def outcome(self) -> dict[str, Any] | None:
         """How the drive ended: ``ended``, ``time_s`` and ``progress``; None: it goes on."""
         outcome = self.car.outcome
@@ -137,6 +168,10 @@ class Twin(Physical):
             "seed": self.seed,
             "i2c": None if self.files is None else str(self.i2c_path),
             "why_no_files": self.why_no_files,
+            "serial": {name: str(port.path) for name, port in self.ports.items()},
+            "camera": None if self.camera is None else self.camera.url,
+            "faults": {name: end_s if end_s < float("inf") else None for name, end_s in self.faults.active.items()},
+            "battery_v": self.car.battery_v,
             "hall": str(self.settings.run_folder / HALL),
             "oscillator_hz": self.pca9685.oscillator_hz,
             "steering_us": steering_us,
@@ -157,15 +192,27 @@ class Twin(Physical):
             return
         number = settings.bus if settings.bus is not None else 1
         link = None if settings.bus is None else Path(f"/dev/i2c-{settings.bus}")
-        self.files = DeviceFiles(settings.run_folder / "dev", self.bus, i2c_name=f"i2c-{number}", link=link)
+        folder, name = settings.run_folder / "dev", f"i2c-{number}"
+        self.files = DeviceFiles(folder, self.bus, i2c_name=name, tree=self.pwm, link=link, disk=self.disk)
         self._stack.callback(self.files.close)
+
+    def _exposure(self, now_s: float) -> Exposure:
+        return self.car.exposure(now_s, gone=self.camera_gone, frozen=self.camera_frozen)
+
+    def _open_ports(self) -> None:
+        if not self.settings.serial:
+            return
+        for number, (name, board) in enumerate(self.boards.items()):
+            port = SerialPort(self.settings.run_folder / f"tty-{name}", board, seed=self.seed + number)
+            self.ports[name] = port
+            self._stack.callback(port.unplug)
 
     def _run(self) -> None:
         while self._running.is_set():
-            now_s = self._clock()
+            now_s = self.clock()
             if now_s < self._next_s:
                 self._sleep(self._next_s - now_s)
-            self._late(self._clock() - self._next_s)
+            self._late(self.clock() - self._next_s)
             edges_s = self.tick(self._next_s)
             if edges_s and self.hall is not None:
                 self.hall.send(edges_s)
@@ -178,7 +225,11 @@ class Twin(Physical):
             self._next_s += late_s
 
     def _standing_us(self) -> tuple[float, float]:
-        return tuple(self.pca9685.pulse_us(output) for output in self._outputs)  # type: ignore[return-value]
+        kind, (steering, throttle) = self.settings.board, self._outputs
+        if kind in self.boards:
+            return self.boards[kind].pulses_us(self.clock())
+        chip = self.pca9685 if kind == "pca9685" else self.pwm
+        return chip.pulse_us(steering), chip.pulse_us(throttle)
 
     def _echoes_of(self, side: str) -> Callable[[float], list[float] | None]:
         return lambda fired_s: self.car.echoes(side, fired_s)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
 app = typer.Typer(no_args_is_help=True, help="Run the simulated car behind files that behave as the car's devices do.")
 
 Name = Annotated[str, typer.Option(help="Name of the twin; several can run at once.")]
+Board = Literal["pca9685", "sysfs-pwm", "board2016", "ucboard"]
 
 
 @app.command("up")
@@ -23,6 +24,8 @@ def up(
     oscillator: Annotated[
         float | None, typer.Option(help="Clock of the PWM board, Hz; without it, drawn from 24.0 to 28.7 MHz.")
     ] = None,
+    board: Annotated[Board, typer.Option(help="Who is wired to servo and motor controller.")] = "pca9685",
+    camera: Annotated[bool, typer.Option(help="Serve the camera's images, which needs OpenGL.")] = False,
     bus: Annotated[int, typer.Option(min=0, max=999, help="Number N of the bus: root gets /dev/i2c-N.")] = 7,
     name: Name = "twin",
 ) -> None:
@@ -37,6 +40,8 @@ def up(
         seed=seed,
         randomization=randomization,
         oscillator_hz=oscillator,
+        board=board,
+        camera=camera,
         bus=bus,
     )
     serve(settings, _show_start)
@@ -46,6 +51,24 @@ def up(
 def status(name: Name = "twin") -> None:
     """Print what a twin is and how it does, as JSON."""
     typer.echo(json.dumps(_ask(name, do="status"), indent=2))
+
+
+@app.command("fault")
+def fault(
+    fault: Annotated[str, typer.Argument(help="Name of the fault, or `list`.", metavar="NAME")],
+    rate: Annotated[float, typer.Option(help="Share of what fails, for faults that have one.")] = 0.1,
+    seconds: Annotated[float | None, typer.Option(help="The fault ends by itself after so long.")] = None,
+    off: Annotated[bool, typer.Option("--off", help="End the fault.")] = False,
+    name: Name = "twin",
+) -> None:
+    """Begin or end a fault of a running twin; `list` prints all faults."""
+    if fault == "list":
+        from tral_env.twin.faults import FAULTS
+
+        for each, what in FAULTS.items():
+            typer.echo(f"{each:17} {what.told}")
+        return
+    _ask(name, do="fault", name=fault, rate=rate, seconds=seconds, off=off)
 
 
 @app.command("reset")
@@ -60,15 +83,21 @@ def down(name: Name = "twin") -> None:
     _ask(name, do="down")
 
 
-def _ask(name: str, **request: Any) -> Any:
+def _ask(twin: str, **request: Any) -> Any:
     from tral_env.twin.control import ask
     from tral_env.twin.settings import runtime_folder
 
-    return ask(runtime_folder(name), **request)
+    return ask(runtime_folder(twin), **request)
 
 
 def _show_start(status: dict[str, Any]) -> None:
-    bus = status["i2c"] or f"no file ({status['why_no_files']})"
-    typer.echo(f"I2C bus: {bus}")
-    typer.echo(f"Clock of the PWM board: {status['oscillator_hz'] / 1e6:.3f} MHz")
+    rows = {
+        "I2C bus": status["i2c"] or f"no file: {status['why_no_files']}",
+        "clock of the PWM board": f"{status['oscillator_hz'] / 1e6:.3f} MHz",
+        "hall sensor": status["hall"],
+        **{f"serial port of {board}": path for board, path in status["serial"].items()},
+        "camera": status["camera"] or "off: --camera",
+    }
+    for what, where in rows.items():
+        typer.echo(f"{what}: {where}")
     typer.echo("The twin runs. Ctrl-C ends it.")
