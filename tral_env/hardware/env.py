@@ -28,6 +28,7 @@ from tral_env.hardware.sensors import Sensors, provided_by
 from tral_env.interface import (
     CONTROL_PERIOD_S,
     CONTROL_RATE_HZ,
+    OPTIONAL_GROUPS,
     Layout,
     action_space,
     as_command,
@@ -157,6 +158,9 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._layout = Layout.of(groups)
         self.observation_space: spaces.Box = self._layout.space()  # type: ignore[assignment]
         self.action_space: spaces.Box = action_space()  # type: ignore[assignment]
+        self._unasked = {field.name for fields in OPTIONAL_GROUPS.values() for field in fields} - {*self._layout.names}
+        self.readings: Mapping[str, float] = {}
+        """What the sensors told last, also what the observation has no field for, such as the battery."""
         self._max_duration_s, self._clock, self._sleep = max_duration_s, clock, sleep
         self._running, self._closed = False, False
         self._episode = _Episode()
@@ -272,7 +276,9 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
                 raise HardwareError(f"the sensors say {name} = {value!r}: expected a finite number")
         self._episode.weigh(readings)
         steering, throttle = self._commands.applied
-        observation: Observation = self._layout.pack({**readings, "steering": steering, "throttle": throttle}, 1)[0]
+        self.readings = readings
+        asked = {name: value for name, value in readings.items() if name not in self._unasked}
+        observation: Observation = self._layout.pack({**asked, "steering": steering, "throttle": throttle}, 1)[0]
         return observation
 
     def _info(self) -> dict[str, Any]:

@@ -189,12 +189,11 @@ def open_sensors(car: CarFile, clock: Callable[[], float], sleep: Callable[[floa
         HardwareError: a device does not answer; those that did were let go.
         MissingExtraError: a library is not installed.
     """
-    if car.camera is not None:
-        raise ConfigError("[camera]: the camera cannot be opened yet; leave the table out")
     opened: list[Sensors] = []
+    camera = [] if car.camera is None or not car.camera.lens else [car.camera]
     try:
-        for each in car.sensors:
-            opened.append(each.options.open(clock, sleep))
+        for options in [*(each.options for each in car.sensors), *camera]:
+            opened.append(options.open(clock, sleep))
     except BaseException:
         for sensor in opened:
             with suppress(OSError):
