@@ -98,7 +98,7 @@ def started(webcam: Webcam, lens: str) -> Iterator[Callable[..., tuple[Any, Cloc
 
     def start(**options: Any) -> tuple[Any, Clock]:
         clock = Clock()
-        made = CameraOptions(lens=lens, **options).open(clock, clock.sleep)
+        made = Camera(CameraOptions(lens=lens, **options), clock)
         made.start()
         cameras.append(made)
         return made, clock

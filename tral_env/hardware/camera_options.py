@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from tral_env.calibration.camera_info import load_lens
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.errors import ConfigError
 from tral_env.hardware.actuator.options import check_quantities, quantity
-from tral_env.hardware.sensors import Sensors
 from tral_env.interface import CONTROL_RATE_HZ
 
 
@@ -52,10 +50,3 @@ class CameraOptions:
                 f"{self.width} x {self.height}: calibrate it with such images, by `tral calibrate`"
             )
         return replace(lens, rate_hz=self.rate_hz, marker_size=self.marker_size)
-
-    def open(self, clock: Callable[[], float], sleep: Callable[[float], None]) -> Sensors:
-        """Open the camera; see `tral_env.hardware.sensor_drivers.SensorOptions.open`."""
-        del sleep
-        from tral_env.hardware.camera import Camera
-
-        return Camera(self, clock)

@@ -190,10 +190,13 @@ def open_sensors(car: CarFile, clock: Callable[[], float], sleep: Callable[[floa
         MissingExtraError: a library is not installed.
     """
     opened: list[Sensors] = []
-    camera = [] if car.camera is None or not car.camera.lens else [car.camera]
     try:
-        for options in [*(each.options for each in car.sensors), *camera]:
-            opened.append(options.open(clock, sleep))
+        for each in car.sensors:
+            opened.append(each.options.open(clock, sleep))
+        if car.camera is not None and car.camera.lens:
+            from tral_env.hardware.camera import Camera  # OpenCV is for cars with a camera
+
+            opened.append(Camera(car.camera, clock))
     except BaseException:
         for sensor in opened:
             with suppress(OSError):
