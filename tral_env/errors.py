@@ -80,6 +80,7 @@ class MissingExtraError(TralError, ImportError):
     """An optional package is not installed."""
 
     def __init__(self, package: str, extra: str, purpose: str) -> None:
+        self.missing = (package, extra, purpose)
         super().__init__(
             f"{purpose} needs the package '{package}', which is not installed: "
             f"in the clone of the repository, run: pip install '.[{extra}]'"

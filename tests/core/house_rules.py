@@ -37,7 +37,12 @@ LAWS = {f"tral_env.{room}" for room in ("sensors", "actuation", "task", "noise",
 LEARNED = {f"tral_env.{room}" for room in ("learner", "learned", "policy_file", "tensors")}
 ON_THE_CAR = LEARNED | {f"tral_env.{room}" for room in ("hardware", "recording", "ros")}
 ACTUATOR = "tral_env.hardware.actuator"
-CAR_NEEDS = WAIST | ON_THE_CAR | LAWS - {"tral_env.task"} | {"tral_env.perception", "tral_env.atomic"}
+CAR_NEEDS = (
+    WAIST
+    | ON_THE_CAR
+    | LAWS - {"tral_env.task"}
+    | {f"tral_env.{room}" for room in ("perception", "calibration", "yaml_text", "atomic")}
+)
 TWIN_NEEDS = WAIST | {
     f"tral_env.{room}"
     for room in ("world", "options", "config", "sensors", "course", "hardware", "simulation", "perception")

@@ -11,15 +11,16 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 
 from tral_env import toml_text
+from tral_env.calibration.camera_info import LENSES
 from tral_env.errors import BadFileError, CalibrationError, ConfigError
 from tral_env.hardware.actuator.drivers import BoardOptions, board_class
 from tral_env.hardware.actuator.options import check_quantities, quantity
 from tral_env.hardware.actuator.settings import Limits, Settings
 from tral_env.hardware.calibration_file import calibration_problems, load_calibration
+from tral_env.hardware.camera_options import CameraOptions
 from tral_env.hardware.pulses import CarCalibration
 from tral_env.hardware.sensor_drivers import SensorOptions, sensor_class
 from tral_env.hardware.tables import Tables
-from tral_env.interface import CONTROL_RATE_HZ
 from tral_env.toml_text import Path_, TomlText
 
 VERSION = 1
@@ -42,32 +43,6 @@ class Sensor(NamedTuple):
 
     driver: str
     options: SensorOptions
-
-
-@dataclass(frozen=True, kw_only=True)
-class CameraOptions:
-    """The camera that looks ahead."""
-
-    device: int | str = quantity(0, 0, 63)
-    """Number (0 is /dev/video0), path, or URL of the camera."""
-    width: int = quantity(640, 16, 8192, "px")
-    """Width of its images, px."""
-    height: int = quantity(480, 16, 8192, "px")
-    """Height of its images, px."""
-    rate_hz: float = quantity(30.0, 1.0, CONTROL_RATE_HZ, "Hz")
-    """Images in a second."""
-    lens: str = ""
-    """Path of the lens file that `tral calibrate` wrote. Empty: not calibrated yet, and the camera tells nothing."""
-    marker_size: float = quantity(0.18, 0.005, 2.0, "m")
-    """Edge of a marker's black square, m."""
-    forward: float = quantity(0.23, -0.5, 1.0, "m")
-    """The camera stands this far ahead of the rear axle, m."""
-    latency_s: float = quantity(0.0, 0.0, 1.0, "s")
-    """Time from the exposure of an image until the computer has it, s: it is added to the age of what is seen."""
-
-    def __post_init__(self) -> None:
-        """Check the values."""
-        check_quantities(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -245,7 +220,7 @@ def _limits(tables: Tables, value: Any) -> Limits | None:
 
 def _camera(tables: Tables, value: Any, folder: Path) -> CameraOptions | None:
     camera: CameraOptions | None = _section(tables, CameraOptions, ("camera",), value)
-    if camera is None or not camera.lens:
+    if camera is None or not camera.lens or camera.lens in LENSES:
         return camera
     return replace(camera, lens=str(folder / camera.lens))
 

@@ -39,7 +39,6 @@ from tral_env.interface import (
 __all__ = ["OUTPUTS", "SENSORS", "TralCarEnv"]
 
 Observation = NDArray[np.float32]
-_ALL_NAMES = Layout.of(OPTIONAL_GROUPS).names
 
 
 class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
@@ -168,11 +167,12 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._layout = Layout.of(groups)
         self.observation_space: spaces.Box = self._layout.space()  # type: ignore[assignment]
         self.action_space: spaces.Box = action_space()  # type: ignore[assignment]
+        self._unasked = {field.name for fields in OPTIONAL_GROUPS.values() for field in fields} - {*self._layout.names}
+        self.readings: Mapping[str, float] = {}
+        """What the sensors told last, also what the observation has no field for, such as the battery."""
         self._max_duration_s, self._clock, self._sleep = max_duration_s, clock, sleep
         self._running, self._closed = False, False
         self._episode = Episode()
-        self.readings: Mapping[str, float] = {}
-        """What the sensors told last, by name; also what the observation has no field for."""
         self.calibration, self.output, self._commands, self.sensors, self._watch = open_parts(
             Wanted(
                 config=config,
@@ -336,8 +336,8 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._episode.weigh(readings)
         self.readings = readings
         steering, throttle = self._commands.applied
-        told = {name: value for name, value in readings.items() if name in self._layout.names or name not in _ALL_NAMES}
-        observation: Observation = self._layout.pack({**told, "steering": steering, "throttle": throttle}, 1)[0]
+        asked = {name: value for name, value in readings.items() if name not in self._unasked}
+        observation: Observation = self._layout.pack({**asked, "steering": steering, "throttle": throttle}, 1)[0]
         self._episode.observation = observation
         return observation
 

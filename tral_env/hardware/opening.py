@@ -205,12 +205,14 @@ def open_sensors(car: CarFile, clock: Callable[[], float], sleep: Callable[[floa
         HardwareError: a device does not answer; those that did were let go.
         MissingExtraError: a library is not installed.
     """
-    if car.camera is not None:
-        raise ConfigError("[camera]: the camera cannot be opened yet; leave the table out")
     opened: list[Sensors] = []
     try:
         for each in car.sensors:
             opened.append(each.options.open(clock, sleep))
+        if car.camera is not None and car.camera.lens:
+            from tral_env.hardware.camera import Camera  # OpenCV is for cars with a camera
+
+            opened.append(Camera(car.camera, clock))
     except BaseException:
         for sensor in opened:
             with suppress(OSError):

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib.metadata import entry_points
-from typing import Any, Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol
 
 from tral_env.config import UltrasonicConfig
 from tral_env.errors import ConfigError, nearest
 from tral_env.hardware.actuator.options import check_quantities, quantity
 from tral_env.hardware.actuator.settings import MAX_ADDRESS, MIN_ADDRESS
+from tral_env.hardware.hall_line import HallOptions
 from tral_env.hardware.sensors import Sensors
-from tral_env.hardware.sonar import ADDRESSES, SonarArray
+from tral_env.hardware.serial_sensors import Board2016SensorOptions, UcboardSensorOptions
+from tral_env.hardware.sonar import ADDRESSES, SonarArray, Srf02, Srf08
 
 GROUP = "tral_env.sensors"
 """Entry point group of sensors of other distributions: an entry names a class as in `SENSORS`."""
@@ -41,6 +43,7 @@ class SensorOptions(Protocol):
 class Srf08Options:
     """Three SRF08 ultrasonics on an I2C bus."""
 
+    ranger: ClassVar[type[Srf08]] = Srf08
     bus: int | str = quantity(1, 0, 255)
     """I2C bus by number or path; 1 is /dev/i2c-1."""
     addresses: Mapping[str, int] = field(default_factory=lambda: dict(ADDRESSES))
@@ -59,8 +62,16 @@ class Srf08Options:
 
     def open(self, clock: Clock, sleep: Sleep) -> Sensors:
         """Open the bus; see `SensorOptions.open`."""
-        config = replace(UltrasonicConfig(), mode=self.mode, cadence_s=self.cadence_s)
-        return SonarArray(self.bus, config, self.addresses, self.firing, sleep)
+        del clock
+        config = UltrasonicConfig(mode=self.mode, cadence_s=self.cadence_s)
+        return SonarArray(self.bus, config, self.addresses, self.firing, sleep, self.ranger)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Srf02Options(Srf08Options):
+    """Three SRF02 ultrasonics on an I2C bus; they hear nothing nearer than 0.15 m or more, see their data sheet."""
+
+    ranger: ClassVar[type[Srf08]] = Srf02
 
 
 def check_addresses(where: str, addresses: Mapping[str, int]) -> None:
@@ -83,7 +94,13 @@ def check_addresses(where: str, addresses: Mapping[str, int]) -> None:
         raise ConfigError(f"{where}.addresses: two sides have one address")
 
 
-SENSORS: Mapping[str, type[SensorOptions]] = {"srf08": Srf08Options}
+SENSORS: Mapping[str, type[SensorOptions]] = {
+    "srf08": Srf08Options,
+    "srf02": Srf02Options,
+    "hall": HallOptions,
+    "board2016": Board2016SensorOptions,
+    "ucboard": UcboardSensorOptions,
+}
 """Sensors of this package by name."""
 
 

@@ -135,11 +135,15 @@ class HallCounter(Physical):
         with self._lock:
             self._edges.reset(_WHEEL)
 
-    def edge(self) -> None:
-        """Count a magnet that has passed now; another thread may call it."""
-        now = self._clock()
+    def edge(self, when: float | None = None) -> None:
+        """Count a magnet that has passed; another thread may call it.
+
+        Args:
+            when: time of its edge on the environment's clock, s; None: now.
+        """
+        stamp = self._clock() if when is None else when
         with self._lock:
-            self._edges.edge(_PASSED, now)
+            self._edges.edge(_PASSED, stamp)
         if self._watcher is not None:
             self._watcher("hall", b"\1")
 

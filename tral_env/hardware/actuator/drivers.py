@@ -13,7 +13,9 @@ from tral_env.errors import ConfigError
 from tral_env.hardware.actuator.laws import clamped
 from tral_env.hardware.actuator.options import check_quantities, quantity
 from tral_env.hardware.actuator.pca9685 import Board
+from tral_env.hardware.actuator.serial_boards import Board2016Options, UcboardOptions
 from tral_env.hardware.actuator.settings import MAX_ADDRESS, MIN_ADDRESS, Settings
+from tral_env.hardware.actuator.sysfs_pwm import SysfsPwmOptions
 from tral_env.hardware.i2c import Bus
 
 if TYPE_CHECKING:
@@ -145,7 +147,13 @@ class LogDriver:
         os.write(self._file, f"{time.monotonic_ns()} {steering_us:g} {throttle_us:g}\n".encode())
 
 
-BOARDS: Mapping[str, type[BoardOptions]] = {"pca9685": Pca9685Options, "log": LogOptions}
+BOARDS: Mapping[str, type[BoardOptions]] = {
+    "pca9685": Pca9685Options,
+    "sysfs-pwm": SysfsPwmOptions,
+    "board2016": Board2016Options,
+    "ucboard": UcboardOptions,
+    "log": LogOptions,
+}
 """Boards of this package by name."""
 
 
