@@ -16,6 +16,7 @@ from tral_env.config import CarConfig
 from tral_env.errors import ConfigError, HardwareError
 from tral_env.hardware.camera_options import CameraOptions
 from tral_env.hardware.physical import Physical
+from tral_env.hardware.sensors import ImageTimes
 from tral_env.perception.aruco import Detector, marker_poses
 from tral_env.perception.camera_pipeline import QUANTITIES, SUBJECTS, CameraPipeline
 from tral_env.perception.gate import nearest_in_image
@@ -84,6 +85,12 @@ class Camera(Physical):
         if waited_s > _PATIENCE_S + self._options.latency_s:
             raise HardwareError(f"the camera {self._options.device} has given no image for {waited_s:.1f} s")
         return {name: float(values[0]) for name, values in readings.items()}
+
+    @property
+    def image_times(self) -> ImageTimes:
+        """Times of the images."""
+        with self._lock:
+            return ImageTimes(self.exposed_s, self.changed_s)
 
     def stop(self) -> None:
         """End the thread and let go of the camera; a second call does nothing."""

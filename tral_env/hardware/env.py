@@ -25,7 +25,7 @@ from tral_env.hardware.i2c import BusName, Smbus
 from tral_env.hardware.opening import OUTPUTS, SENSORS, Wanted, open_parts
 from tral_env.hardware.pulses import CarCalibration
 from tral_env.hardware.pwm import PulseOutput
-from tral_env.hardware.sensors import Sensors, provided_by, watch_frames
+from tral_env.hardware.sensors import Sensors, image_times, provided_by, watch_frames
 from tral_env.interface import (
     CONTROL_PERIOD_S,
     CONTROL_RATE_HZ,
@@ -350,8 +350,10 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         if self._watch is None:
             return
         episode, commands = self._episode, self._commands
+        image = image_times(self.sensors)
         look = Look(
             self._clock(), self.readings, commands.applied[1],
+            image_s=image and image.exposed_s, changed_s=image and image.changed_s,
             retries=commands.retries, late_ticks=episode.late_ticks, ticks=episode.tick,
         )  # fmt: skip
         if fault := self._watch.update(look):

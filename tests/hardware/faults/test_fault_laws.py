@@ -154,14 +154,21 @@ def test_a_frozen_ultrasonic_needs_echoes_and_not_only_way() -> None:
 
 def test_an_old_image_stops_the_car_and_no_camera_does_not() -> None:
     watch = FaultWatch(HALL)
-    when = drive(watch, 5.0, rolling(1.0), image_age_s=lambda now: 0.1 if now < 2.0 else now - 1.9)
+    when = drive(watch, 5.0, rolling(1.0), image_s=lambda now: min(now, 2.0) - 0.1)
     assert when == pytest.approx(2.4, abs=0.03)
     assert stopped_by(watch) == "camera stale"
-    assert drive(FaultWatch(HALL), 5.0, rolling(1.0), image_age_s=lambda now: None) is None
+    assert drive(FaultWatch(HALL), 5.0, rolling(1.0), image_s=lambda now: None) is None
 
 
 def test_a_camera_has_half_a_second_for_its_first_image() -> None:
-    assert drive(FaultWatch(HALL), 5.0, rolling(1.0), image_age_s=lambda now: 1e9) == pytest.approx(0.5, abs=0.03)
+    assert drive(FaultWatch(HALL), 5.0, rolling(1.0), image_s=lambda now: -1e9) == pytest.approx(0.5, abs=0.03)
+
+
+def test_one_image_again_and_again_stops_a_car_that_moves() -> None:
+    watch, times = FaultWatch(HALL), {"image_s": lambda now: now, "changed_s": lambda now: min(now, 2.0)}
+    assert drive(watch, 5.0, rolling(1.0), **times) == pytest.approx(2.5, abs=0.03)
+    assert stopped_by(watch) == "camera frozen"
+    assert drive(FaultWatch(HALL), 5.0, standing, throttle=0.0, **times) is None
 
 
 def test_the_mean_voltage_warns_and_stops_and_a_dip_does_neither() -> None:
@@ -254,7 +261,10 @@ def test_each_law_can_be_switched_off() -> None:
     ages = {name: 9.0 for name in ALL if name.endswith("_age")}
     for tick in range(2000):
         now = tick * CONTROL_PERIOD_S
-        assert watch.update(Look(now, readings | ages | {"ultrasonic_front": 0.1}, 0.9, 9.0, tick, tick, tick)) is None
+        assert (
+            watch.update(Look(now, readings | ages | {"ultrasonic_front": 0.1}, 0.9, -9.0, -9.0, tick, tick, tick))
+            is None
+        )
     assert watch.warnings == ()
 
 

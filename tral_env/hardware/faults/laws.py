@@ -54,6 +54,8 @@ def laws_for(provided: frozenset[str], limits: FaultLimits) -> Iterator[Watched]
             yield Watched("sonar silent", SonarSilent(limits, side))
             yield Watched("sonar frozen", SonarFrozen(limits, side))
     yield Watched("camera stale", CameraStale(limits))
+    if "speed" in provided:
+        yield Watched("camera frozen", CameraFrozen(limits))
     if "battery" in provided:
         yield Watched("battery empty", Battery(limits.battery_empty_v, limits.battery_s))
         yield Watched("battery low", Battery(limits.battery_low_v, limits.battery_s))
@@ -164,8 +166,27 @@ class CameraStale:
     def update(self, look: Look) -> str:
         """See `Law.update`."""
         self._begun_s = look.time_s if self._begun_s is None else self._begun_s
-        stale_s = min(0.0 if look.image_age_s is None else look.image_age_s, look.time_s - self._begun_s)
+        newest_s = look.time_s if look.image_s is None else max(look.image_s, self._begun_s)
+        stale_s = look.time_s - newest_s
         return f"the newest image is {stale_s:.1f} s old" if stale_s > self._limit_s else ""
+
+
+class CameraFrozen:
+    """Images come, and are one and the same to the last bit, while the car moves on."""
+
+    def __init__(self, limits: FaultLimits) -> None:
+        self._limit_s, self._moving_mps, self._steps = _or_never(limits.image_s), limits.moving_mps, _Steps()
+        self._changed_s: float | None = None
+        self._same_s = 0.0
+
+    def update(self, look: Look) -> str:
+        """See `Law.update`."""
+        step_s = self._steps(look.time_s)
+        if look.changed_s != self._changed_s:
+            self._changed_s, self._same_s = look.changed_s, 0.0
+        elif look.changed_s is not None and look.readings.get("speed", 0.0) >= self._moving_mps:
+            self._same_s += step_s
+        return f"one image for {self._same_s:.1f} s of driving" if self._same_s > self._limit_s else ""
 
 
 class Battery:

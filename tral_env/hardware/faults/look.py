@@ -15,8 +15,10 @@ class Look(NamedTuple):
     """By the names of `tral_env.interface`; one that is not there has not come yet."""
     throttle: float
     """As applied since the look before."""
-    image_age_s: float | None = None
-    """Age of the newest image that differs from the one before, s; None: no camera."""
+    image_s: float | None = None
+    """Time of the newest image on the same clock; None: no camera."""
+    changed_s: float | None = None
+    """Time of the newest image that differed from the one before it."""
     retries: int = 0
     """Transactions with the board that were tried again until now."""
     late_ticks: int = 0
