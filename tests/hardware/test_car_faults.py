@@ -87,7 +87,7 @@ def test_a_camera_is_watched_wherever_it_is_among_the_sensors() -> None:
     assert image_times(SensorGroup(Told())) is None
     assert image_times(None) is None
     env, _ = car(SensorGroup(Told(), Eye()))
-    with pytest.raises(CarStoppedError, match="STOP camera stale: the newest image is 0.5 s old"):
+    with pytest.raises(CarStoppedError, match=r"STOP camera stale: the newest image is 0\.5 s old"):
         drive(env, 80)
     env.close()
 
