@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Flags
-from tral_env.checks import check_rows, one_of
+from tral_env.checks import check_rows, is_number, one_of
 from tral_env.errors import ConfigError
 from tral_env.interface import CORE_FIELDS, CORE_LAYOUT
 from tral_env.learner import Actuation, LearnerConfig, LearnerView
@@ -47,13 +47,13 @@ class Correction:
     """Largest correction of steering and throttle."""
 
     def __post_init__(self) -> None:
-        within = isinstance(self.bounds, tuple) and len(self.bounds) == 2 and all(map(_is_bound, self.bounds))
+        within = (
+            isinstance(self.bounds, tuple)
+            and len(self.bounds) == 2
+            and all(is_number(bound) and 0 < bound <= 1 for bound in self.bounds)
+        )
         if not within or not isinstance(self.machine, str):
             raise ConfigError(f"bounds = {self.bounds!r}: expected two numbers above 0, at most 1: steering, throttle")
-
-
-def _is_bound(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value <= 1
 
 
 def _check_numbers(place: str, values: object) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from importlib import resources
@@ -13,7 +12,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from tral_env import yaml_text
-from tral_env.checks import one_of
+from tral_env.checks import is_number, one_of
 from tral_env.errors import ConfigError, nearest
 from tral_env.learned import MAX_LAYERS
 from tral_env.learner import LearnerConfig
@@ -61,7 +60,7 @@ class TrainRequest:
         if (self.minutes is None) == (self.steps is None):
             got = "neither --minutes nor" if self.minutes is None else "both --minutes and"
             raise ConfigError(f"got {got} --steps: expected one of them")
-        if self.minutes is not None and not (_is_number(self.minutes) and self.minutes > 0):
+        if self.minutes is not None and not (is_number(self.minutes) and self.minutes > 0):
             raise ConfigError(f"--minutes {self.minutes!r}: expected a finite number above 0")
         for name, lowest in (("steps", 1), ("seed", 0), ("validation", 1), ("nthread", 1)):
             value = getattr(self, name)
@@ -193,10 +192,6 @@ def _value(name: str, hint: Any, value: Any) -> Any:
         raise ConfigError(f"{name}{place} = {problem['input']!r}: {problem['msg']}") from error
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
 def positive(settings: Any, *names: str, below: float = float("inf")) -> None:
     """Refuse values that are not above 0.
 
@@ -205,7 +200,7 @@ def positive(settings: Any, *names: str, below: float = float("inf")) -> None:
     """
     for name in names:
         value = getattr(settings, name)
-        if not _is_number(value) or not 0 < value < below:
+        if not is_number(value) or not 0 < value < below:
             raise ConfigError(
                 f"{name} = {value!r}: expected a number above 0" + (f", below {below:g}" if below < 1e9 else "")
             )
