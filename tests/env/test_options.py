@@ -126,6 +126,7 @@ OTHERS: dict[str, tuple[object, ...]] = {
     "observation": ("features",),
     "history": (3, np.int64(2)),
     "spacing_s": (0.05,),
+    "growth": (1.25,),
     "action": ("speed",),
     "drive_range": ((0.1, 0.4), [0.0, 0.5]),
     "detections": (False,),

@@ -44,6 +44,9 @@ class LearnerConfig:
     """Number of frames in an observation, the oldest first. At a reset all of them are the first one."""
     spacing_s: float | None = None
     """Time between two frames, a whole number of ticks, s. `None`: that between two decisions."""
+    growth: float = 1.0
+    """Each distance between two frames is so many times the next one nearer to now, 1 to 2: a few frames reach far
+    back. `1.0`: all are equal."""
     action: str = "throttle"
     """What the second action is: `"throttle"`, or `"speed"`, which is regulated on the hall sensor as the machines'
     speed is."""
@@ -69,10 +72,13 @@ class LearnerConfig:
         if not is_number(self.history, whole=True) or not 1 <= self.history <= MAX_HISTORY:
             raise ConfigError(f"history = {self.history!r}: expected a whole number, 1 to {MAX_HISTORY}")
         self._check_spacing()
+        if not is_number(self.growth) or not 1.0 <= self.growth <= 2.0:
+            raise ConfigError(f"growth = {self.growth!r}: expected 1 to 2")
         if self.kept_frames > MAX_FRAMES:
             raise ConfigError(
-                f"history = {self.history} with spacing_s = {self.spacing_s}: {self.kept_frames} frames of a car would "
-                f"be kept, expected {MAX_FRAMES} at most: choose a shorter history or a spacing of whole decisions"
+                f"history = {self.history} with spacing_s = {self.spacing_s} and growth = {self.growth:g}: "
+                f"{self.kept_frames} frames of a car would be kept, expected {MAX_FRAMES} at most: choose a shorter "
+                "history, a smaller growth, or a spacing of whole decisions"
             )
         self._check_drive_range()
         if not isinstance(self.detections, bool):
@@ -118,9 +124,19 @@ class LearnerConfig:
         return math.gcd(self.decision_ticks, self.spacing_ticks)
 
     @property
+    def ages(self) -> tuple[int, ...]:
+        """How old the frames of an observation are, the oldest first, in numbers of kept frames."""
+        stride, ages, age, gap = self.spacing_ticks // self.interval_ticks, [0], 0.0, 1.0
+        for _ in range(self.history - 1):
+            age += gap
+            ages.append(min(round(age), MAX_FRAMES) * stride)
+            gap = min(gap * self.growth, float(MAX_FRAMES))
+        return tuple(reversed(ages))
+
+    @property
     def kept_frames(self) -> int:
         """Frames of a car that are kept."""
-        return (self.history - 1) * (self.spacing_ticks // self.interval_ticks) + 1
+        return self.ages[0] + 1
 
     @property
     def drives_from_to(self) -> tuple[float, float]:

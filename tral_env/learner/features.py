@@ -23,6 +23,8 @@ _ASIDE_M = 2.0
 MEMORY_S = 5.0
 """A gate or sign counts as seen for so long; the car may meanwhile have turned away from it."""
 
+_LOW, _HIGH = np.float32(-1.0), np.float32(1.0)
+"""Features lie between."""
 RANGES = ("left", "front", "right")
 DETECTIONS = ("gate", "marker")
 
@@ -42,7 +44,7 @@ def feature_names(detections: bool = True) -> tuple[str, ...]:
 
 
 class Features:
-    """Makes frames of features out of readings."""
+    """Makes frames of features out of readings, in place: a single car's computer decides 20 times a second."""
 
     def __init__(self, layout: Layout, config: LearnerConfig) -> None:
         column = layout.column
@@ -51,9 +53,11 @@ class Features:
         scaled: list[tuple[str, float, float]] = [
             *((f"ultrasonic_{side}", -1.0, 1 / _RANGE_M) for side in RANGES),
             *((f"ultrasonic_{side}_age", 0.0, 1 / _RANGE_AGE_S) for side in RANGES),
+            *((f"ultrasonic_{side}", 0.0, 1.0) for side in RANGES),  # echoes, which `frames` fills
             ("speed", 0.0, 1 / _SPEED_MPS),
             ("steering", 0.0, 1.0),
             ("throttle", 0.0, 1.0),
+            ("distance", 0.0, 1.0),  # the way, which `frames` fills
         ]
         if config.detections:
             for what, factor in (("x", 1 / _AHEAD_M), ("y", 1 / _ASIDE_M), ("age", 1 / MEMORY_S)):
@@ -61,37 +65,42 @@ class Features:
         self._columns = np.array([column(name) for name, _, _ in scaled])
         self._offset = np.array([offset for _, offset, _ in scaled], np.float32)
         self._factor = np.array([factor for _, _, factor in scaled], np.float32)
-        self._ranges = np.array([column(f"ultrasonic_{side}") for side in RANGES])
         self._headings = np.array([column(f"{kind}_heading") for kind in DETECTIONS])
         self._ids = np.array([column(f"{kind}_id") for kind in DETECTIONS])
         self._turns = np.array([*TURN_MARKER_IDS.values()], np.float32)
         self._way_factor = np.float32(1 / (_SPEED_MPS * config.spacing_ticks * CONTROL_PERIOD_S))
 
-    def frames(self, readings: Values, way: Values) -> Values:
-        """(k, F) features of readings (k, d) and of the way (k,) since the last frame, m."""
-        out = np.empty((len(readings), len(self.names)), np.float32)
-        scaled = readings[:, self._columns] * self._factor + self._offset
-        np.minimum(np.maximum(scaled, -1.0, out=scaled), 1.0, out=scaled)
-        out[:, 0:6] = scaled[:, 0:6]
-        out[:, 6:9] = readings[:, self._ranges] < NO_ECHO_M
-        out[:, 9:12] = scaled[:, 6:9]
-        out[:, 12] = np.minimum(way * self._way_factor, 1.0)
-        if self._detections:
-            self._tell_detections(out, readings, scaled[:, 9:])
-        return out
+    def frames(self, readings: Values, way: Values, out: Values) -> None:
+        """Fill (k, F) with the features of readings (k, d) and of the way (k,) since the last frame, m."""
+        scaled = readings.take(self._columns, axis=1)
+        np.multiply(scaled, self._factor, out=scaled)
+        np.add(scaled, self._offset, out=scaled)
+        np.maximum(scaled, _LOW, out=scaled)
+        np.minimum(scaled, _HIGH, out=scaled)
+        np.less(scaled[:, 0:3], _HIGH, out=scaled[:, 6:9], casting="unsafe")
+        np.minimum(np.multiply(way, self._way_factor, out=scaled[:, 12]), _HIGH, out=scaled[:, 12])
+        if not self._detections:
+            out[:] = scaled
+            return
+        out[:, :13] = scaled[:, :13]
+        self._tell_detections(out, readings, scaled[:, 13:])
 
     def _tell_detections(self, out: Values, readings: Values, scaled: Values) -> None:
         """Fill the features of gates and signs: 0 but for the age where nothing was seen lately."""
-        ids = readings[:, self._ids]
+        seen = scaled[:, 4:6] < _HIGH
+        out[:, 13:] = 0.0
+        out[:, 17:19] = 1.0
+        if not np.count_nonzero(seen):
+            return
+        ids = readings.take(self._ids, axis=1)
         turns = ids[:, 1:] == self._turns
-        seen = scaled[:, 4:6] < 1.0
         seen[:, 0] &= ids[:, 0] >= 0.0
         seen[:, 1] &= turns.any(axis=1)
-        heading = readings[:, self._headings]
-        out[:, 13:15] = scaled[:, 0:2] * seen
-        out[:, 15:17] = scaled[:, 2:4] * seen
-        out[:, 17:19] = np.where(seen, scaled[:, 4:6], 1.0)
-        out[:, 19:21] = np.sin(heading) * seen
-        out[:, 21:23] = np.cos(heading) * seen
+        heading = readings.take(self._headings, axis=1)
+        np.multiply(scaled[:, 0:2], seen, out=out[:, 13:15])
+        np.multiply(scaled[:, 2:4], seen, out=out[:, 15:17])
+        np.copyto(out[:, 17:19], scaled[:, 4:6], where=seen)
+        np.multiply(np.sin(heading), seen, out=out[:, 19:21])
+        np.multiply(np.cos(heading), seen, out=out[:, 21:23])
         out[:, 23:25] = seen
-        out[:, 25:28] = turns & seen[:, 1:]
+        np.multiply(turns, seen[:, 1:], out=out[:, 25:28])

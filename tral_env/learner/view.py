@@ -14,6 +14,8 @@ from tral_env.learner.features import Features, Values
 class LearnerView:
     """What learners see of n cars: `history` frames, the oldest first, the newest of now.
 
+    With a `growth` above 1 the frames lie the closer together the younger they are, and a few of them reach far back.
+
     A frame is the readings, or these features of the core readings, all in [-1, 1]:
 
     | feature | what it is |
@@ -47,6 +49,7 @@ class LearnerView:
         self._distance = layout.column("distance")
         self._interval = config.interval_ticks
         self._stride = config.spacing_ticks // self._interval
+        self._shown = config.kept_frames - 1 - np.array(config.ages)
         self._frames = np.zeros((n, config.kept_frames, len(self.frame_names)), np.float32)
         self._way = np.zeros((n, self._stride), np.float64)
         """(n, stride) distance counted at the frames kept last, m."""
@@ -79,7 +82,9 @@ class LearnerView:
         self._common = 0 if rows.all() else None
         distance = readings[rows, self._distance]
         self._way[rows] = distance[:, None]
-        self._frames[rows] = self._frame(np.asarray(readings[rows], np.float32), np.zeros_like(distance))[:, None]
+        first = np.empty((len(distance), len(self.frame_names)), np.float32)
+        self._fill(np.asarray(readings[rows], np.float32), np.zeros_like(distance), first)
+        self._frames[rows] = first[:, None]
 
     def update(self, readings: NDArray[np.floating], rows: Flags | None = None, ended: Flags | None = None) -> None:
         """Take over what was read after a tick.
@@ -113,7 +118,7 @@ class LearnerView:
         self._way[:, :-1] = self._way[:, 1:]
         self._way[:, -1] = distance
         self._frames[:, :-1] = self._frames[:, 1:]
-        self._frames[:, -1] = self._frame(now, way)
+        self._fill(now, way, self._frames[:, -1])
 
     def _keep(self, rows: Flags, readings: NDArray[np.floating]) -> None:
         """Keep a frame of some cars, and forget the oldest."""
@@ -121,11 +126,16 @@ class LearnerView:
         distance = now[:, self._distance].astype(np.float64)
         way = (distance - self._way[rows, 0]).astype(np.float32)
         self._way[rows] = np.concatenate([self._way[rows, 1:], distance[:, None]], axis=1)
-        self._frames[rows] = np.concatenate([self._frames[rows, 1:], self._frame(now, way)[:, None]], axis=1)
+        newest = np.empty((len(now), 1, len(self.frame_names)), np.float32)
+        self._fill(now, way, newest[:, 0])
+        self._frames[rows] = np.concatenate([self._frames[rows, 1:], newest], axis=1)
 
-    def _frame(self, readings: Values, way: Values) -> Values:
-        return readings if self._features is None else self._features.frames(readings, way)
+    def _fill(self, readings: Values, way: Values, out: Values) -> None:
+        if self._features is None:
+            out[:] = readings
+        else:
+            self._features.frames(readings, way, out)
 
     def observation(self) -> Values:
         """What the learners see now, (n, H * F)."""
-        return self._frames[:, :: self._stride].reshape(self.n, -1).copy()
+        return self._frames.take(self._shown, axis=1).reshape(self.n, -1)

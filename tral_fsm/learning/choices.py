@@ -51,6 +51,8 @@ class TrainRequest:
     """Teacher, or machine that is corrected; None: the packaged machine of the family."""
     validation: int = 50
     """Episodes of a validation, shared by the families."""
+    start: str | None = None
+    """Folder of a policy with whose network the training begins; None: with one that knows nothing."""
     nthread: int = 2
     """Threads that step the cars."""
 
@@ -68,6 +70,8 @@ class TrainRequest:
                 continue
             if type(value) is not int or value < lowest:
                 raise ConfigError(f"--{name} {value!r}: expected a whole number, {lowest} or more")
+        if self.start is not None and self.algo != "ppo":
+            raise ConfigError(f"--from {self.start} with --algo {self.algo}: ppo alone goes on from a policy")
         if not len(self.scenarios) <= self.validation <= len(VALIDATION_SEEDS) * len(self.scenarios):
             raise ConfigError(
                 f"--validation {self.validation}: expected {len(self.scenarios)} to "
