@@ -115,6 +115,7 @@ OTHERS: dict[str, tuple[object, ...]] = {
         {"name": "a", "segments": [{"length": 6}]},
     ),
     "courses": (5, np.int64(5)),
+    "anywhere": (0.5,),
     "camera": ("rendered",),
     "randomization": (replace(LEVELS["hard"], friction=(0.4, 0.6)), LEVELS["none"]),
     "groups": (("imu",), ["line", "imu"]),

@@ -53,9 +53,12 @@ class Actuation:
         if not self._is_speed:
             return wanted
         command = wanted.copy()
-        driving = range(len(wanted)) if rows is None else np.flatnonzero(rows).tolist()
         speeds, now = wanted[:, THROTTLE].tolist(), speed.tolist()
-        for row in driving:
+        if rows is None:
+            throttles = [each.regulate(*of) for each, *of in zip(self._regulators, speeds, now, strict=True)]
+            command[:, THROTTLE] = np.array(throttles, np.float32)
+            return command
+        for row in np.flatnonzero(rows).tolist():
             command[row, THROTTLE] = self._regulators[row].regulate(speeds[row], now[row])
         command[:, THROTTLE] = _rounded(command[:, THROTTLE])
         return command

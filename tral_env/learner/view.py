@@ -64,6 +64,11 @@ class LearnerView:
         return self.config.history * len(self.frame_names)
 
     @property
+    def common_due(self) -> bool | None:
+        """Whether a decision is due in all cars; None: they began at different times, see `due`."""
+        return None if self._common is None else self._common % self.config.decision_ticks == 0
+
+    @property
     def due(self) -> Flags:
         """(n,) a decision is due."""
         if self._common is not None:

@@ -43,6 +43,7 @@ class ReinforcementSettings:
 
     learner: LearnerConfig
     task: Mapping[str, Any]
+    anywhere: float
     cars: int
     layers: tuple[int, ...]
     activation: str
@@ -137,6 +138,7 @@ def _cars(run: TrainingRun) -> VecEnv:
         scenario=request.scenario,
         randomization=request.randomization,
         task=dict(settings.task),
+        anywhere=settings.anywhere,
         **settings.learner.record(),
     )
     if isinstance(settings, ResidualSettings):
