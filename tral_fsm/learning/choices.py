@@ -18,6 +18,7 @@ from tral_env.learned import MAX_LAYERS
 from tral_env.learner import LearnerConfig
 from tral_fsm.evaluation.choices import check_families
 from tral_fsm.evaluation.suites import SPLITS
+from tral_fsm.policies.families import machine_for
 
 Settings = TypeVar("Settings")
 
@@ -97,25 +98,11 @@ class TrainRequest:
         """The machine that teaches or is corrected."""
         if self.machine is not None:
             return self.machine
-        return MACHINES[self.scenarios[0]] if len(self.scenarios) == 1 else "office"
+        return machine_for(self.scenarios)
 
     def record(self) -> dict[str, Any]:
         """The request, for JSON."""
         return asdict(self) | {"scenarios": list(self.scenarios)}
-
-
-MACHINES = {
-    "straight": "wall",
-    "doors": "doors",
-    "corners": "corners",
-    "loop": "loop",
-    "lane_change": "lane_change",
-    "obstacles": "obstacles",
-    "gates": "gate",
-    "crossing": "crossing",
-    "office": "office",
-}
-"""Family -> packaged machine that drives it."""
 
 
 def settings_text(algo: str) -> str:
