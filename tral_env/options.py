@@ -70,7 +70,7 @@ class CorridorConfig(LearnerConfig):
     course, which takes most of a reset."""
     anywhere: float = 0.0
     """Share of the episodes on generated courses that begin anywhere on the route instead of at its start, 0 to 1: a
-    learner that crashes early sees more of the courses. Courses of several laps always begin at their start."""
+    learner that crashes early sees more of the courses."""
     camera: str = "projected"
     """`"projected"`: the corners of the markers are projected through the lens, without OpenGL. `"rendered"`: OpenCV's
     detector searches a rendered image."""

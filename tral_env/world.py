@@ -16,7 +16,7 @@ from tral_env.checks import check_number, one_of
 from tral_env.course.generate import generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course
-from tral_env.course.plan import Plan, begun_at
+from tral_env.course.plan import Plan, begun_anywhere
 from tral_env.course.scene import Pool
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import Layout
@@ -26,8 +26,6 @@ from tral_env.simulation.culling import LOCAL_BOXES, max_boxes_in_reach
 from tral_env.simulation.sim import Simulation
 from tral_env.simulation.views import VIEWS, Views, fitted
 
-END_M = 3.0
-"""An episode that begins anywhere on its route has so much of it ahead, m. Source: choice."""
 RESET_OPTIONS = ("course", "car")
 """What ``reset(options=...)`` understands."""
 
@@ -260,15 +258,12 @@ class World:
 
     def _generate(self, rng: np.random.Generator) -> tuple[Course, Plan]:
         """A course to drive, from its start or from anywhere on."""
-        course, plan = self._whole(rng)
-        if self.config.anywhere and plan.laps == 1 and rng.random() < self.config.anywhere:
-            plan = begun_at(plan, rng.uniform(0.0, max(plan.length - END_M, 0.0)))
-        return course, plan
+        (course, plan), anywhere = self._whole(rng), self.config.anywhere
+        return course, begun_anywhere(plan, rng) if anywhere and rng.random() < anywhere else plan
 
     def _whole(self, rng: np.random.Generator) -> tuple[Course, Plan]:
         """A new course, or one of those that are kept."""
-        count = self.config.courses
-        if count is None:
+        if (count := self.config.courses) is None:
             return self._build(rng)
         k = int(rng.integers(count))
         if k not in self.kept:
@@ -277,8 +272,8 @@ class World:
 
     def _build(self, rng: np.random.Generator) -> tuple[Course, Plan]:
         """A new course of the family, or of one of several."""
-        families = self.config.scenarios
-        scenario = families[0] if len(families) == 1 else families[int(rng.integers(len(families)))]
+        names = self.config.scenarios
+        scenario = names[0] if len(names) == 1 else names[int(rng.integers(len(names)))]
         return generate_plan(scenario, rng, hard=self._randomization.hard_courses)
 
     def _needed(self, plans: Sequence[Plan], rows: Index, near: int) -> Pool | None:

@@ -76,6 +76,15 @@ class Plan:
         return float(self.route_s[-1])
 
 
+END_M = 3.0
+"""An episode that begins anywhere on its route has so much of it ahead, m. Source: choice."""
+
+
+def begun_anywhere(plan: Plan, rng: np.random.Generator) -> Plan:
+    """The course, of one lap, from a place that is drawn."""
+    return begun_at(plan, rng.uniform(0.0, max(plan.length - END_M, 0.0)))
+
+
 def begun_at(plan: Plan, place: float) -> Plan:
     """The course from a place of its route on: the car starts there, on the route and along it; gates behind it are none.
 

@@ -34,8 +34,8 @@ from tral_fsm.runtime.policy import MachinePolicy
 Flags = NDArray[np.bool_]
 Values = NDArray[np.float32]
 _SPEED = CORE_LAYOUT.column("speed")
-KEPT_ROUNDS = 10
-"""A checkpoint holds the decisions of so many rounds, 27 MB with the packaged settings; all of them would be 500 MB."""
+KEPT_ROUNDS = 30
+"""A checkpoint holds the decisions of so many rounds, 40 MB with the packaged settings; all of them would be 250 MB."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +96,10 @@ class Samples:
         """The newest decisions, at most `count`, the oldest first."""
         count = min(count, self.total, len(self._inputs))
         at = (self.total - count + np.arange(count)) % len(self._inputs)
-        return {"inputs": torch.from_numpy(self._inputs[at]), "answers": torch.from_numpy(self._answers[at])}
+        inputs = self._inputs[at]
+        if np.abs(inputs).max(initial=0.0) <= 1.0:  # features, not plain readings
+            inputs = inputs.astype(np.float16)
+        return {"inputs": torch.from_numpy(inputs), "answers": torch.from_numpy(self._answers[at])}
 
     def window(self, reserve: int) -> tuple[int, int]:
         """First and number of the decisions that stay while `reserve` more are added."""
