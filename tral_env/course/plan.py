@@ -86,7 +86,7 @@ def begun_anywhere(plan: Plan, rng: np.random.Generator) -> Plan:
 
 
 def begun_at(plan: Plan, place: float) -> Plan:
-    """The course from a place of its route on: the car starts there, on the route and along it; gates behind it are none.
+    """The course from a place of its route on. The car starts there, along the route; gates behind it do not count.
 
     Args:
         plan: the whole course, of one lap.
