@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from tral_env.errors import ConfigError, TralError
 from tral_env.learned import Network
 from tral_env.learner import LearnerConfig, LearnerView
 from tral_env.policy_file import save
+from tral_fsm import load_machine
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.contenders import (
     Contender,
@@ -24,6 +26,7 @@ from tral_fsm.evaluation.contenders import (
 )
 from tral_fsm.evaluation.episode import EpisodeRequest
 from tral_fsm.formats import write
+from tral_fsm.runtime.policy import MachinePolicy
 
 
 @pytest.fixture
@@ -182,10 +185,10 @@ def test_a_source_that_changes_meanwhile_does_not_drive(kind: str, tmp_path: Pat
 
     agent = contender(write_source(1)).agents[0]
     assert agent.kind == kind
-    assert single_policy(agent) is not None
+    assert single_policy(agent, "straight") is not None
     write_source(2)
     with pytest.raises(ConfigError, match="has changed since the comparison began"):
-        single_policy(agent)
+        single_policy(agent, "straight")
     runner = BatchRunner(["straight"], rows=1, randomization="none")
     with pytest.raises(ConfigError, match="has changed since the comparison began"):
         runner.drive_with(lambda world: row_policies(agent, world), [EpisodeRequest(0, "straight", 1)])
@@ -222,3 +225,19 @@ def test_a_contender_that_records_or_tables_cannot_hold_is_refused() -> None:
         contender("a|b=office")
     with pytest.raises(ConfigError, match="got no agent"):
         Contender(name="none", agents=())
+
+
+def test_the_specialists_drive_each_family_with_its_machine_in_a_batch_and_alone() -> None:
+    agent = contender("specialists").agents[0]
+    requests = [EpisodeRequest(0, "straight", 1), EpisodeRequest(0, "lane_change", 1)]
+    runner = BatchRunner(["straight", "lane_change"], rows=1, randomization="none")
+    together = runner.drive_with(lambda world: row_policies(agent, world), requests)
+    alone = [
+        runner.drive([load_machine(name)], [replace(request, machine=0)])[0]
+        for name, request in zip(("wall", "lane_change"), requests, strict=True)
+    ]
+    assert together == alone
+    for family, name in (("straight", "wall"), ("office", "office")):
+        policy = single_policy(agent, family)
+        assert isinstance(policy, MachinePolicy)
+        assert policy.definition == load_machine(name)

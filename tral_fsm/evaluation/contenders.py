@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -18,16 +18,20 @@ from tral_env.interface import Policy
 from tral_env.policy_file import JSON_NAME, load_network
 from tral_env.world import World
 from tral_fsm.definition import packaged
+from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.baselines import BASELINES
 from tral_fsm.evaluation.choices import listed
 from tral_fsm.evaluation.own_policy import files_of, find_policy
 from tral_fsm.evaluation.records import digest
 from tral_fsm.evaluation.row_policies import BatchedPolicy, DriverPool, RowPolicies, SinglePolicies
+from tral_fsm.evaluation.specialists import Specialists, machines_of_families, made_for
 from tral_fsm.policies import load_policy
 from tral_fsm.runtime.policy import MachinePolicy
 
 ALIASES = {"ramp": "gate"}
 """Other names of packaged machines: `gate` is the manoeuvre of 2016, a ramp before each gate."""
+SPECIALISTS = "specialists"
+"""The contender that drives each family with the packaged machine that is made for it."""
 _NAMED = re.compile(r"(?P<name>[^=/\\]+)=(?P<sources>.*)")
 TUNED, TUNING = "machine.json", "tune.json"
 """Files that a search writes into its folder: the machine, and the figures of the search."""
@@ -131,13 +135,18 @@ def contender(entry: str) -> Contender:
 
 def _name_of(source: str) -> str:
     """Short name of a source: `policy.json` has that of its folder."""
-    if source in BASELINES or source in ALIASES or source in packaged.names():
+    if source in built_in_names():
         return source
     path, _, name = source.partition(".py:")
     if name:
         return name
     stem = Path(path).stem
     return Path(path).resolve().parent.name if stem in ("policy", "machine") else stem
+
+
+def built_in_names() -> list[str]:
+    """Names that need no file."""
+    return [*packaged.names(), *BASELINES, *ALIASES, SPECIALISTS]
 
 
 def agent(source: str) -> Agent:
@@ -152,7 +161,11 @@ def agent(source: str) -> Agent:
         return Agent(source=source, kind="built-in", digest="", sees_truth=baseline.sees_truth, provenance=told)
     if _PYTHON.fullmatch(source):
         return Agent(source=source, kind="python", digest=_digest(source, find_policy(source)))
-    names = [*packaged.names(), *BASELINES, *ALIASES]
+    if source == SPECIALISTS:
+        machines = machines_of_families()
+        told = {"machines": ", ".join(f"{family}: {one.name}" for family, one in machines.items())}
+        return Agent(source=source, kind="machine", digest=_joint_digest(machines.values()), provenance=told)
+    names = built_in_names()
     if source not in names and _WORD.fullmatch(source) and not Path(source).exists():
         raise ConfigError(
             f"--policies {source}: no such name, file, or folder of a trained policy: {nearest(source, names)}"
@@ -173,6 +186,11 @@ def _digest(source: str, policy: Any) -> str:
         return digest(policy.definition)
     path = Path(source)
     return file_digest(path / JSON_NAME if path.is_dir() else path)  # it tells the digest of the weights
+
+
+def _joint_digest(machines: Iterable[MachineDefinition]) -> str:
+    """Digest of several machines, 16 hexadecimal digits."""
+    return hashlib.sha256(" ".join(map(digest, machines)).encode()).hexdigest()[:16]
 
 
 def tuning_of(machine: Path) -> dict[str, Any]:
@@ -207,14 +225,27 @@ def file_digest(*paths: Path) -> str:
     return content.hexdigest()[:16]
 
 
-def single_policy(who: Agent) -> Policy | None:
+def single_policy(who: Agent, family: str) -> Policy | None:
     """The policy of an agent for one car in an environment; None: it has none.
+
+    Args:
+        who: the agent.
+        family: family of the course, which decides what drives of the specialists.
 
     Raises:
         ConfigError: the content of its source is no longer what the agent's digest tells.
     """
     if who.kind in ("built-in", "object"):
         return None
+    return load_policy(made_for(family)) if who.source == SPECIALISTS else _policy(who)
+
+
+def _policy(who: Agent) -> Policy:
+    """The policy of the source of an agent.
+
+    Raises:
+        ConfigError: as `single_policy`.
+    """
     policy = find_policy(ALIASES.get(who.source, who.source))
     if _digest(who.source, policy) != who.digest:
         raise ConfigError(
@@ -234,16 +265,11 @@ def row_policies(who: Agent, world: World) -> RowPolicies:
         return BASELINES[who.source].make(world)
     if who.kind == "object":
         return BatchedPolicy(who.policy, world.n, who.source)
+    if who.source == SPECIALISTS:
+        return Specialists(world.n)
     if who.kind == "python":
         return SinglePolicies(lambda: _policy(who), world.n)
     policy = _policy(who)
     if isinstance(policy, MachinePolicy):
         return DriverPool([policy.definition], world.n)
     return BatchedPolicy(policy, world.n, who.source)
-
-
-def _policy(who: Agent) -> Policy:
-    """The policy of an agent that has one."""
-    policy = single_policy(who)
-    assert policy is not None, "built-in ones and objects make none"
-    return policy

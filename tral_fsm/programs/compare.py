@@ -95,7 +95,7 @@ def clips(shown: dict[str, Any], suite: Suite, field: Sequence[Contender], video
     for number, failure in enumerate(shown["failures"]):
         if len(made) == videos:
             break
-        policy = single_policy(agents[failure["contender"], failure["agent"]])
+        policy = single_policy(agents[failure["contender"], failure["agent"]], failure["scenario"])
         if policy is None:
             continue
         taken: list[Clip] = []
