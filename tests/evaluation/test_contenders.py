@@ -17,13 +17,13 @@ from tral_env.policy_file import save
 from tral_fsm import load_machine
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.contenders import (
-    Contender,
     contender,
     contenders,
     object_agent,
     row_policies,
     single_policy,
 )
+from tral_fsm.evaluation.effort import Effort
 from tral_fsm.evaluation.episode import EpisodeRequest
 from tral_fsm.formats import write
 from tral_fsm.runtime.policy import MachinePolicy
@@ -100,9 +100,9 @@ def test_an_unknown_policy_is_refused_with_the_nearest_name(name: str, nearest: 
         contenders(name)
 
 
-def trained(folder: Path, seed: int) -> Path:
+def trained(folder: Path, seed: int, learner: LearnerConfig | None = None) -> Path:
     """A policy file whose network has random weights."""
-    learner = LearnerConfig()
+    learner = learner or LearnerConfig()
     weights = np.random.default_rng(seed).normal(size=(2, LearnerView(learner, 1).size)).astype(np.float32)
     layers = [(weights, np.zeros(2, np.float32))]
     return save(Network(learner=learner, layers=layers, provenance={"algorithm": "ppo", "seed": seed}), folder)
@@ -144,7 +144,8 @@ class Steady:
 def test_an_object_drives_in_many_rows() -> None:
     agent = object_agent("mine", Steady(), digest="1", seed=3)
     assert agent.record() == {
-        "source": "mine", "kind": "object", "digest": "1", "sees_truth": False, "provenance": {"seed": 3}
+        "source": "mine", "kind": "object", "digest": "1", "sees_truth": False, "provenance": {"seed": 3},
+        "effort": Effort().record(), "decision_hz": 80.0,
     }  # fmt: skip
     runner = BatchRunner(["straight"], rows=1, randomization="none")
     got = runner.drive_with(
@@ -194,37 +195,15 @@ def test_a_source_that_changes_meanwhile_does_not_drive(kind: str, tmp_path: Pat
         runner.drive_with(lambda world: row_policies(agent, world), [EpisodeRequest(0, "straight", 1)])
 
 
-def test_a_machine_of_a_search_tells_its_effort(tmp_path: Path) -> None:
-    path = tmp_path / "machine.json"
-    path.write_text(write(blind(), "json"))
-    assert set(contender(str(path)).agents[0].provenance) == {"machine"}
-    (tmp_path / "tune.json").write_text('{"drives": 3000, "seconds": 81.5, "trials": 9}')
-    told = contender(str(path)).agents[0].provenance
-    assert (told["drives"], told["seconds"]) == (3000, 81.5)
-    (tmp_path / "tune.json").write_text("{")
-    with pytest.raises(ConfigError, match=r"tune.json: got no figures of a search"):
-        contender(str(path))
+def test_agents_tell_what_was_spent_on_them(mine: Path, tmp_path: Path) -> None:
+    mine.with_name("mine.effort.json").write_text('{"tried": 3}')
+    found = contenders(f"office,specialists,{mine},{trained(tmp_path / 'ppo0', 0)},constant")
+    assert [one.agents[0].effort for one in found] == [Effort(), Effort(), Effort(tried=3), Effort(), None]
 
 
-def test_built_in_agents_are_told_apart_by_their_names() -> None:
-    assert [agent.source for agent in contender("floors=constant+random").agents] == ["constant", "random"]
-    with pytest.raises(ConfigError, match="two agents are the same"):
-        contender("floors=constant+constant")
-
-
-@pytest.mark.parametrize("entry", ["a=", "a=office+", "a=+office", "a= + "])
-def test_an_empty_source_is_refused(entry: str) -> None:
-    with pytest.raises(ConfigError, match="a source is empty: expected NAME=SOURCE"):
-        contender(entry)
-
-
-def test_a_contender_that_records_or_tables_cannot_hold_is_refused() -> None:
-    with pytest.raises(ConfigError, match="two agents are called 'seed 0'"):
-        Contender(name="ppo", agents=(object_agent("seed 0", Steady(), "1"), object_agent("seed 0", Steady(), "2")))
-    with pytest.raises(ConfigError, match=r"without \|"):
-        contender("a|b=office")
-    with pytest.raises(ConfigError, match="got no agent"):
-        Contender(name="none", agents=())
+def test_agents_tell_how_often_they_decide(tmp_path: Path) -> None:
+    found = contenders(f"office,random,{trained(tmp_path / 'ppo0', 0, LearnerConfig(decision_hz=20))}")
+    assert [one.agents[0].decision_hz for one in found] == [80.0, 10.0, 20.0]
 
 
 def test_the_specialists_drive_each_family_with_its_machine_in_a_batch_and_alone() -> None:
