@@ -219,6 +219,7 @@ def _content(path: Path) -> dict[str, Any]:
     try:
         text = raw.decode("utf-8")
         twice, content = json_text.repeated_keys(text), json.loads(text)
+        json.dumps(content, allow_nan=False)  # NaN and numbers such as 1e999 are no JSON that others could read
     except (ValueError, RecursionError) as error:
         raise PolicyFileError(f"{path}: no JSON: {error}") from error
     if twice:

@@ -220,3 +220,9 @@ def test_the_specialists_drive_each_family_with_its_machine_in_a_batch_and_alone
         policy = single_policy(agent, family)
         assert isinstance(policy, MachinePolicy)
         assert policy.definition == load_machine(name)
+
+
+@pytest.mark.parametrize("name", ["a|b", "a\nb", " ", "\ud800"])
+def test_a_name_that_no_table_can_hold_is_refused(name: str) -> None:
+    with pytest.raises(ConfigError, match="expected a name in one line"):
+        Contender(name=name, agents=contender("constant").agents)

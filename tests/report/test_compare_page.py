@@ -176,6 +176,12 @@ def test_the_page_tells(told: str, html: str) -> None:
     assert told in Page(html).text
 
 
+def test_the_probability_of_improvement_is_a_table_of_both_directions() -> None:
+    pair = shown()["pairs"][0] | {"improvement": {"value": 0.7, "low": 0.6, "high": 0.9}}
+    text = " ".join(Page(page_html(shown(pairs=[pair]), PLANS)).text.split())
+    assert "betterthan wallthan <b>ppo</b>than pursuit wall0.700.60 to 0.90 <b>ppo</b> pursuit0.300.10 to 0.40" in text
+
+
 def test_a_failure_may_have_a_video() -> None:
     page = page_html(shown(), PLANS, {0: b"a film"})
     (source,) = re.findall(r'<video [^>]*src="([^"]*)"></video>', page)
@@ -313,6 +319,12 @@ def test_a_failure_is_shown_around_its_path() -> None:
     assert left < 1.0 < 3.9 < right
     assert low < 0.0 < high
     assert right - left == pytest.approx(high - low)
+
+
+def test_no_path_hides_one_below_it() -> None:
+    ways = {name: {"outcome": "success", "path": PATH} for name in "abc"}
+    (ax,) = plots.paths(PLAN, ways).axes
+    assert [line.get_linewidth() for line in ax.lines if line.get_label() in ways] == pytest.approx([4.5, 2.85, 1.2])
 
 
 def test_the_legend_of_paths_names_contenders_alone() -> None:

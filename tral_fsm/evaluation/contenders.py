@@ -75,9 +75,11 @@ class Contender:
         """Check that the records can tell the agents from one another.
 
         Raises:
-            ConfigError: there is no agent, two have the same source, or the name has a sign that tables need.
+            ConfigError: there is no agent, two have the same source, or the name has a sign that tables need or no
+                file can hold.
         """
-        if set(self.name) & set("|\n") or not self.name.strip():
+        halves = any("\ud800" <= sign <= "\udfff" for sign in self.name)
+        if set(self.name) & set("|\n") or halves or not self.name.strip():
             raise ConfigError(f"contender {self.name!r}: expected a name in one line, without |")
         sources = [one.source for one in self.agents]
         if not sources:

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 FIGURES, TABLES, PAGE = "compare.json", "compare.md", "compare.html"
 """Files that the program writes beside the records."""
+UNWRITABLE = "backslashreplace"
+"""What becomes of halves of characters in names of files and in what policies tell."""
 
 
 def run(policies: str, suite: str, out: Path, *, courses: int | None = None, **options: int) -> dict[str, Any]:
@@ -81,11 +83,11 @@ def compare(
         "cpu_seconds": round(_cpu_s() - began_cpu_s, 1),
     }
     write_json(out / FIGURES, without_paths(shown))
-    write_bytes(out / TABLES, markdown(shown).encode())
+    write_bytes(out / TABLES, markdown(shown).encode(errors=UNWRITABLE))
     plans = plans_of(shown)
-    write_bytes(out / PAGE, page_html(shown, plans).encode())
+    write_bytes(out / PAGE, page_html(shown, plans).encode(errors=UNWRITABLE))
     if videos:  # the page stands, even if this computer cannot render
-        write_bytes(out / PAGE, page_html(shown, plans, clips(shown, suite, field, videos)).encode())
+        write_bytes(out / PAGE, page_html(shown, plans, clips(shown, suite, field, videos)).encode(errors=UNWRITABLE))
     return shown
 
 

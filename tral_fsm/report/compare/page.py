@@ -72,6 +72,7 @@ def context(shown: Mapping[str, Any], plans: Plans, clips: Mapping[int, bytes]) 
         "terms": [[(one["term"], ""), *((value, "") for value in one["values"])] for one in shown["terms"]],
         "rates": [(one["name"], _rates(one)) for one in contenders],
         "tasks": [_task(task, names) for task in shown["tasks"]],
+        "better": _better(shown["pairs"], names),
         "pairs": {"header": PAIRS, "rows": pair_rows(shown["pairs"])},
         "intervals": svg(plots.intervals(contenders)),
         "outcomes": svg(plots.outcomes(contenders)),
@@ -158,6 +159,31 @@ def _task(task: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
             }
         )
     return {"family": task["family"], "level": task["level"], "cells": cells}
+
+
+def _better(pairs: Sequence[Mapping[str, Any]], names: Sequence[str]) -> list[dict[str, Any]]:
+    """Rows of the table of the probability of improvement: how likely the row's contender is better than each."""
+    known: dict[tuple[str, str], tuple[float, float | None, float | None]] = {}
+    for pair in pairs:
+        got = pair["improvement"]
+        value, low, high = got["value"], got["low"], got["high"]
+        known[pair["first"], pair["second"]] = value, low, high
+        known[pair["second"], pair["first"]] = (
+            1 - value,
+            None if high is None else 1 - high,
+            None if low is None else 1 - low,
+        )
+    return [
+        {"name": name, "cells": [_chance(known[name, other]) if (name, other) in known else None for other in names]}
+        for name in names
+    ]
+
+
+def _chance(got: tuple[float, float | None, float | None]) -> dict[str, str]:
+    """A cell of that table."""
+    value, low, high = got
+    between = "" if low is None or high is None else f"{low:.2f} to {high:.2f}"
+    return {"text": f"{value:.2f}", "range": between, "colour": heat(value)}
 
 
 def heat(share: float) -> str:
