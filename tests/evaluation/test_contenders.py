@@ -17,6 +17,7 @@ from tral_env.policy_file import save
 from tral_fsm import load_machine
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.contenders import (
+    Contender,
     contender,
     contenders,
     object_agent,
