@@ -1,187 +1,145 @@
-"""PPO, trained briefly, beside machines and built-in policies on courses that it has not seen.
+"""Remake the published comparison: nothing but calls of `tral tune`, `tral train` and `tral compare`.
 
-    python benchmarks/compare.py --steps 20000 --scenario straight --courses 10 --out runs/compare_ppo
+    python benchmarks/compare.py --out runs/published
 
-A few thousand steps make no good driver. The figures show that training works from env to policy, and what a learner
-has to beat. PPO's set-up is its own here; `tral train` has a better one. All else is `tral compare`, with its page and
-its records. Started again, the script trains again, and drives what is missing. With --suite standard the same
-contenders drive the courses of the standard table.
+drives all contenders that need no preparing over the standard suite. With --agents 3 it first prepares others from
+nothing, each with the same budget of simulated driving: a search for the speeds of the machine `office`, and trainings
+with three seeds for each algorithm. It prints each command before it runs, and --dry-run prints them alone. Started
+again, it goes on where it stopped.
 """
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
+import json
 import math
-import time
-from importlib import metadata
+import shlex
+import subprocess
+import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import gymnasium as gym
-import numpy as np
 import typer
-from numpy.typing import NDArray
 
-from tral_env.errors import MissingExtraError, TralError
-from tral_fsm.evaluation.choices import Randomization, families
-from tral_fsm.evaluation.contenders import Agent, Contender, contenders, object_agent
-from tral_fsm.evaluation.suites import Suite, suite
-from tral_fsm.programs.compare import PAGE, compare
-from tral_fsm.report.compare.table import table
-from tral_fsm.terminal import print_figures
+from tral_env import yaml_text
+from tral_env.checks import one_of
+from tral_env.errors import ConfigError, TralError
+from tral_fsm.evaluation.choices import listed
+from tral_fsm.learning.choices import ALGORITHMS, settings_text
 
-REPEAT = 8
-"""Ticks for which the learner's command is held: the learner decides ten times a second."""
-ENVS = 4
-BATCH = 256
-MAX_BATCHES = 8
-"""Number of batches of decisions, from all environments together, that PPO learns from at once. Fewer in a training
-that is shorter."""
-THROTTLE = 0.1, 0.4
-"""Range of the learner's throttle: the car always rolls, at up to 0.8 m/s. A brief training that may also stand, brake
-and reverse learns to stand, because a car that stands does not collide."""
+Command = list[str]
+
+READY = "specialists,office,ramp,pursuit,constant,random"
+"""Contenders that need no preparing."""
+SPEEDS = "follow.speed=0.6:1.6,pass *.speed=0.3:0.9,turn *.speed=0.35:0.9"
+"""What the search changes of `office`."""
+DRIVE_S = 25.0
+"""A drive of the search takes about so long, simulated, s: it turns hours into drives. The page tells the true time."""
 
 
-def command(choice: Any) -> NDArray[np.float32]:
-    """Steering and throttle (..., 2) of choices in [-1, 1] x [-1, 1]."""
-    low, high = THROTTLE
-    choice = np.asarray(choice, np.float32)
-    return np.stack([choice[..., 0], low + (high - low) * (choice[..., 1] + 1) / 2], axis=-1).astype(np.float32)
+def tuning(hours: float, out: Path) -> list[Command]:
+    """The search, if its machine is not there."""
+    if (out / "tuned" / "tune.json").exists():
+        return []
+    budget = max(round(hours * 3600.0 / DRIVE_S), 1)
+    resume = ["--resume"] if (out / "tuned" / "study.jsonl").exists() else []
+    what = ["--policy", "office", "--scenario", "all", "--tie", "--params", SPEEDS]
+    courses = ["--randomization", "hard", "--seeds", "200:204", "--report-seeds", "500:505"]
+    return [["tral", "tune", *what, *courses, "--budget", str(budget), "--out", str(out / "tuned"), *resume]]
 
 
-class Repeat(gym.Wrapper[Any, Any, Any, Any]):
-    """An env that holds each choice for `REPEAT` ticks and adds up their rewards."""
-
-    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Hold a choice; the reward is the sum over the ticks."""
-        total = 0.0
-        for _ in range(REPEAT):
-            observation, reward, terminated, truncated, info = self.env.step(command(action))
-            total += float(reward)
-            if terminated or truncated:
-                break
-        return observation, total, terminated, truncated, info
+def training(algo: str, seed: int, hours: float, out: Path) -> list[Command]:
+    """One training, unless it has had all of its steps."""
+    folder, steps = out / f"{algo}{seed}", math.ceil(hours * 3600.0 * decision_hz(algo))
+    curve = folder / "curve.json"
+    if curve.exists() and json.loads(curve.read_text(encoding="utf-8"))[-1]["steps"] >= steps:
+        return []
+    resume = ["--resume"] if (folder / "checkpoint.pt").exists() else []
+    what = ["--algo", algo, "--scenario", "all", "--seed", str(seed), "--steps", str(steps)]
+    return [["tral", "train", *what, "--out", str(folder), *resume]]
 
 
-class Learner:
-    """A trained model as a policy for many cars, which decides as often as in its training."""
-
-    def __init__(self, model: Any, normalizer: Any) -> None:
-        self._model, self._normalizer = model, normalizer
-        self.reset()
-
-    @property
-    def decisions(self) -> int:
-        """Number of decisions of its training: whole rollouts, so a few more than were asked for."""
-        return int(self._model.num_timesteps)
-
-    @property
-    def digest(self) -> str:
-        """Digest of its weights, 16 hexadecimal digits."""
-        weights = hashlib.sha256()
-        for values in self._model.policy.state_dict().values():
-            weights.update(values.numpy().tobytes())
-        return weights.hexdigest()[:16]
-
-    def reset(self, n: int = 1) -> None:
-        """Start anew with n cars."""
-        self._ticks = np.zeros(n, np.int64)
-        self._action = np.zeros((n, 2), np.float32)
-
-    def reset_rows(self, rows: NDArray[np.bool_]) -> None:
-        """Start the cars again where `rows` (n,) is true."""
-        self._ticks[rows] = 0
-
-    def act(self, observation: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Commands (n, 2) of the cars, or (2,) of one."""
-        rows = np.atleast_2d(observation)
-        due = self._ticks % REPEAT == 0
-        if due.any():
-            choice, _ = self._model.predict(self._normalizer.normalize_obs(rows[due]), deterministic=True)
-            self._action[due] = command(choice)
-        self._ticks += 1
-        return self._action.copy() if observation.ndim == 2 else self._action[0].copy()
-
-
-def train(scenario: str, randomization: str, steps: int, seed: int) -> Learner:
-    """Train PPO for a number of decisions.
+def decision_hz(algo: str) -> float:
+    """How often a network of an algorithm decides, by the file of its hyper-parameters.
 
     Raises:
-        MissingExtraError: stable-baselines3 or torch is not installed.
+        ConfigError: there is no such algorithm.
     """
-    try:
-        import torch
-        from stable_baselines3 import PPO
-        from stable_baselines3.common.env_util import make_vec_env
-        from stable_baselines3.common.vec_env import VecNormalize
-    except ImportError as error:
-        raise MissingExtraError(error.name or "stable-baselines3", "rl", "training PPO") from error
-    torch.set_num_threads(1)  # nets this small are slower on more
-    envs = make_vec_env(
-        "tral_env:TralCorridor-v0",
-        n_envs=ENVS,
-        seed=seed,
-        env_kwargs={"scenario": scenario, "camera": "projected", "randomization": randomization},
-        wrapper_class=Repeat,
-    )
-    with contextlib.closing(VecNormalize(envs)) as normalized:
-        rollout = min(MAX_BATCHES, math.ceil(steps / BATCH)) * BATCH // ENVS
-        model = PPO("MlpPolicy", normalized, n_steps=rollout, batch_size=BATCH, gamma=0.99, seed=seed, device="cpu")
-        model.learn(steps, progress_bar=False)
-        normalized.training = False
-        return Learner(model, normalized)
+    one_of("algorithm", algo, ALGORITHMS)
+    (settings,) = yaml_text.documents(settings_text(algo), algo, ConfigError)
+    return float(settings["learner"]["decision_hz"])
 
 
-def ppo(scenario: str, randomization: str, steps: int, seeds: range) -> Contender:
-    """PPO, trained once with each seed."""
-    agents: list[Agent] = []
-    for seed in seeds:
-        start = time.perf_counter()
-        learner = train(scenario, randomization, steps, seed)
-        told = {
-            "decisions": learner.decisions,
-            "seed": seed,
-            "trained on": f"{scenario}, {randomization}",
-            "seconds": round(time.perf_counter() - start, 1),
-            **{name: metadata.version(name) for name in ("stable-baselines3", "torch")},
-        }
-        agents.append(object_agent(f"PPO {seed}", learner, learner.digest, **told))
-    return Contender(name="PPO", agents=tuple(agents))
+def comparison(policies: str, suite: str, courses: int | None, processes: int, videos: int, out: Path) -> Command:
+    """The comparison."""
+    number = [] if courses is None else ["--courses", str(courses)]
+    options = ["--suite", suite, *number, "--processes", str(processes), "--videos", str(videos)]
+    return ["tral", "compare", "--policies", policies, *options, "--out", str(out)]
+
+
+def prepared(algos: Sequence[str], agents: int, out: Path) -> list[str]:
+    """Entries of --policies for what the search and the trainings leave."""
+    learners = ["+".join(str(out / f"{algo}{seed}") for seed in range(agents)) for algo in algos]
+    return [
+        f"tuned={out / 'tuned' / 'machine.json'}",
+        *(f"{algo}={one}" for algo, one in zip(algos, learners, strict=True)),
+    ]
+
+
+def plan(
+    policies: str, algos: Sequence[str], agents: int, hours: float, out: Path, suite: str, courses: int | None,
+    processes: int, videos: int,
+) -> list[Command]:  # fmt: skip
+    """All commands, in their order."""
+    commands: list[Command] = []
+    field = [policies]
+    if agents:
+        commands += tuning(hours, out)
+        commands += [one for algo in algos for seed in range(agents) for one in training(algo, seed, hours, out)]
+        field += prepared(algos, agents, out)
+    return [*commands, comparison(",".join(field), suite, courses, processes, videos, out)]
+
+
+def run(command: Command) -> None:
+    """Run a command; Ctrl-C waits until it has kept what it has.
+
+    Raises:
+        SystemExit: it failed, or Ctrl-C stopped it.
+    """
+    program = Path(sys.executable).with_name(command[0])
+    with subprocess.Popen([str(program) if program.exists() else command[0], *command[1:]]) as running:
+        try:
+            code = running.wait()
+        except KeyboardInterrupt:
+            running.wait()
+            code = 1
+    if code:
+        raise SystemExit(code)
 
 
 def main(
-    steps: Annotated[int, typer.Option(min=0, help="Number of decisions of PPO's training; 0: no PPO.")] = 20_000,
-    scenario: Annotated[str, typer.Option(help="Family of the training, and of the courses without --suite.")] = (
-        "straight"
-    ),
-    policies: Annotated[str, typer.Option(help="The other contenders, as `tral compare` takes them.")] = (
-        "office,pursuit,constant"
-    ),
-    suite_name: Annotated[
-        str, typer.Option("--suite", help="A suite instead of courses of the training's family.")
-    ] = "",
-    courses: Annotated[
-        int | None, typer.Option(min=1, help="Courses of each family and level; 10 without --suite.")
-    ] = (None),
-    randomization: Randomization = "default",
-    seed: Annotated[int, typer.Option(help="Seed of the first training.")] = 100_000,
-    agents: Annotated[int, typer.Option(min=1, help="Number of trainings, each with the next seed.")] = 1,
-    out: Path = Path("runs/compare_ppo"),
+    policies: Annotated[str, typer.Option(help="Contenders that need no preparing.")] = READY,
+    suite: Annotated[str, typer.Option(help="Courses: smoke or standard.")] = "standard",
+    courses: Annotated[int | None, typer.Option(min=1, help="Courses of each family and level.")] = None,
+    agents: Annotated[int, typer.Option(min=0, help="Trainings of each algorithm; 0: no search, no training.")] = 0,
+    algos: Annotated[str, typer.Option(help="Algorithms that are trained, separated by commas.")] = "teacher,ppo",
+    hours: Annotated[
+        float, typer.Option(min=0.001, help="Simulated driving for the search and each training, h.")
+    ] = 10.0,
+    processes: Annotated[int, typer.Option(min=1, help="Processes that drive.")] = 2,
+    videos: Annotated[int, typer.Option(min=0, help="Videos of failures on the page.")] = 6,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the commands and run none.")] = False,
+    out: Annotated[Path, typer.Option(file_okay=False, help="Folder of all files.")] = Path("runs/published"),
 ) -> None:
-    """Train PPO, let all contenders drive, print and write the figures."""
+    """Prepare, drive and write the page."""
     try:
-        (family,) = families(scenario)[:1]
-        own = Suite(name="own", families=(family,), levels=(randomization,), split="validation", courses=10)
-        chosen = (suite(suite_name) if suite_name else own).with_courses(courses)
-        field = contenders(policies)
-        if steps:
-            field.append(ppo(family, randomization, steps, range(seed, seed + agents)))
-        shown = compare(chosen, field, out)
+        commands = plan(policies, listed(algos), agents, hours, out, suite, courses, processes, videos)
     except TralError as error:
         raise SystemExit(f"Error: {error}") from None
-    print_figures(table(shown))
-    print(f"Page: {out / PAGE}")
+    for command in commands:
+        print(shlex.join(command), flush=True)
+        if not dry_run:
+            run(command)
 
 
 if __name__ == "__main__":

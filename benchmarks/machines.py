@@ -26,20 +26,10 @@ from tral_fsm.evaluation.episode import EpisodeRequest
 from tral_fsm.evaluation.pool import stop_check
 from tral_fsm.evaluation.records import digest, drive_missing, read_lines
 from tral_fsm.evaluation.seeds import parse_seeds, stretches
+from tral_fsm.evaluation.specialists import MADE_FOR, made_for
 from tral_fsm.evaluation.summary import rmse_of, summarize
 from tral_fsm.terminal import drives_bar
 
-MADE_FOR = {
-    "straight": "wall",
-    "doors": "doors",
-    "corners": "corners",
-    "loop": "loop",
-    "lane_change": "lane_change",
-    "obstacles": "obstacles",
-    "gates": "gate_scurve",
-    "crossing": "crossing",
-}
-"""The machine of each family that has one of its own; `office` drives the others."""
 COLUMNS = ["family", "machine", "file", "arrived", "95 %", "collisions", "missed", "RMSE cm", "settled cm", "m/s", "s"]
 CHUNK = 64
 """Number of drives in a batch."""
@@ -74,11 +64,6 @@ def main(
         print(markdown(files or [out]))
     except TralError as error:
         raise SystemExit(f"Error: {error}") from None
-
-
-def made_for(scenario: str) -> str:
-    """The machine of a family."""
-    return MADE_FOR.get(scenario, "office")
 
 
 def jobs(scenarios: Iterable[str], seeds: range, *, own: bool) -> dict[str, list[tuple[str, int]]]:

@@ -221,6 +221,10 @@ def _content(path: Path) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise PolicyFileError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from error
     content = json_text.loads(text, str(path), PolicyFileError)
+    try:
+        json.dumps(content, allow_nan=False)  # NaN and numbers such as 1e999 are no JSON that others could read
+    except ValueError as error:
+        raise PolicyFileError(f"{path}: no JSON: {error}") from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise PolicyFileError(f'{path}: no policy: expected an object with "format": "{FORMAT}"')
     if content.get("version") != VERSION or isinstance(content["version"], bool):

@@ -12,7 +12,7 @@ from courses import drive
 
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Gate, Segment
-from tral_env.errors import ConfigError, MissingExtraError
+from tral_env.errors import ConfigError
 from tral_fsm.evaluation import records
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
@@ -90,10 +90,52 @@ def test_what_was_driven_is_not_driven_again(tmp_path: Path, capsys: pytest.Capt
     assert "| straight | 1 |" in capsys.readouterr().out
 
 
-def test_a_missing_learner_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "torch", None)
-    with pytest.raises(MissingExtraError, match=r"torch.*pip install '\.\[rl\]'"):
-        compare.train("straight", "none", 1, 0)
+def planned(out: Path, agents: int) -> list[str]:
+    options = {"suite": "smoke", "courses": 2, "processes": 1, "videos": 0}
+    return [" ".join(one) for one in compare.plan("office,random", ["teacher", "ppo"], agents, 10.0, out, **options)]
+
+
+def test_the_published_comparison_is_one_call(tmp_path: Path) -> None:
+    assert planned(tmp_path, agents=0) == [
+        f"tral compare --policies office,random --suite smoke --courses 2 --processes 1 --videos 0 --out {tmp_path}"
+    ]
+
+
+def test_search_and_trainings_have_the_same_simulated_time(tmp_path: Path) -> None:
+    """10 h are 720,000 decisions at 20 Hz and 360,000 at 10 Hz."""
+    search, *trainings, last = planned(tmp_path, agents=2)
+    assert search.endswith(f"--budget 1440 --out {tmp_path}/tuned")
+    assert 1440 * compare.DRIVE_S == 10.0 * 3600.0
+    assert [one.partition("--scenario all ")[2].partition(" --out")[0] for one in trainings] == [
+        f"--seed {seed} --steps {steps}" for steps in (720_000, 360_000) for seed in (0, 1)
+    ]
+    assert f",teacher={tmp_path}/teacher0+{tmp_path}/teacher1,ppo={tmp_path}/ppo0+{tmp_path}/ppo1 " in last
+    assert f"office,random,tuned={tmp_path}/tuned/machine.json," in last
+
+
+def test_what_is_prepared_is_not_prepared_again_and_what_was_begun_goes_on(tmp_path: Path) -> None:
+    for name in ("tuned", "teacher0", "teacher1"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "tuned" / "study.jsonl").touch()
+    (tmp_path / "teacher0" / "curve.json").write_text('[{"steps": 9}, {"steps": 720001}]')
+    (tmp_path / "teacher1" / "checkpoint.pt").touch()
+    search, first, *_ = planned(tmp_path, agents=2)
+    assert search.endswith("tuned --resume")
+    assert first.endswith("teacher1 --resume")
+    (tmp_path / "tuned" / "tune.json").touch()
+    assert planned(tmp_path, agents=2)[0] == first
+
+
+def test_an_unknown_algorithm_is_refused_before_anything_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="unknown algorithm 'pppo': did you mean 'ppo'"):
+        compare.main(algos="pppo", agents=1, hours=1.0)
+    assert capsys.readouterr().out == ""
+
+
+def test_a_command_that_fails_ends_the_script() -> None:
+    with pytest.raises(SystemExit) as stopped:
+        compare.run(["python", "-c", "raise SystemExit(3)"])
+    assert stopped.value.code == 3
 
 
 ONE_GATE = build_plan(

@@ -202,6 +202,12 @@ class TestRefusals:
         (folder / "policy.json").write_text("{,}")
         self.refused(folder, r"policy\.json:1:2: not JSON: Expecting property name")
 
+    @pytest.mark.parametrize("number", ["NaN", "-Infinity", "1e999"])
+    def test_numbers_that_no_json_has(self, folder: Path, number: str) -> None:
+        path = folder / "policy.json"
+        path.write_text(path.read_text().replace('"seconds": 1.0', f'"seconds": {number}'))
+        self.refused(folder, "no JSON: Out of range float values")
+
     def test_a_file_that_runs_code_when_unpickled(self, folder: Path, tmp_path: Path) -> None:
         import pickle
 

@@ -34,13 +34,8 @@ CHEAPER = {
     'settle.speed=0.4:1.2" --randomization hard --budget 480 --seeds 200:240 --report-seeds 500:600': AND_A_CHECK,
     "tral tune --policy wall --sampler tpe --storage study.log --out runs/tune1": ONE_CANDIDATE,
     "tral compare --policies office,pursuit,constant,random --suite smoke --out runs/compare": "--courses 1",
-    "tral compare --policies office,ramp,pursuit,constant,random --suite standard --out runs/published": (
-        "--policies constant --suite smoke --courses 1"
-    ),
     "tral train --algo teacher --scenario corners --minutes 4 --out runs/student": "--minutes 0.01 --validation 1",
-    "python benchmarks/compare.py --steps 20000 --scenario straight --courses 10 --out runs/compare_ppo": (
-        "--steps 256 --courses 1 --policies constant"
-    ),
+    "python benchmarks/compare.py": "--policies constant --suite smoke --courses 1 --videos 0",
     "python benchmarks/marker_accuracy.py --out runs/marker_accuracy.json": "--views 16",
     "python benchmarks/gate_accuracy.py --out runs/gate_accuracy.json": "--views 12",
     "python benchmarks/detector_fit.py": "--views 48",
@@ -83,7 +78,7 @@ IN_CHECKOUT = ("ruff", "mypy")
 FOLLOWED_ELSEWHERE = "docs/tutorial.md"
 """Its examples are files and commands that need one another: test_tutorial_page.py follows it in order."""
 
-SKIPS_WITHOUT = {"lerobot": "pyarrow", "benchmarks/compare.py": "stable_baselines3", "train": "torch", "tpe": "optuna"}
+SKIPS_WITHOUT = {"lerobot": "pyarrow", "train": "torch", "tpe": "optuna"}
 
 PAGE_SKIPS_WITHOUT = {"docs/learning.md": ("stable_baselines3",), "docs/recording.md": ("pyarrow",)}
 

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import pytest
 from courses import drive
 
 from tral_fsm.evaluation.analysis import MAX_FAILURES, analyse
+from tral_fsm.evaluation.effort import Effort
 from tral_fsm.evaluation.suites import Suite
+from tral_fsm.evaluation.terms import terms
 
 SUITE = Suite(name="two", families=("straight", "gates"), levels=("none",), split="validation", courses=4)
+
+
+def _agent(source: str, simulated_h: float | None = 2.0) -> dict[str, Any]:
+    return {"source": source, "effort": None if source == "random" else asdict(Effort(simulated_h=simulated_h))}
+
+
 FIELD = [
-    {"name": "good", "agents": [{"source": "good"}]},
-    {"name": "learner", "agents": [{"source": "a"}, {"source": "b"}]},
-    {"name": "random", "agents": [{"source": "random"}]},
+    {"name": "good", "agents": [_agent("good")]},
+    {"name": "learner", "agents": [_agent("a"), _agent("b")]},
+    {"name": "random", "agents": [_agent("random")]},
 ]
 
 
@@ -135,8 +143,8 @@ def test_the_same_seed_gives_the_same_intervals(shown: dict[str, Any]) -> None:
 
 MANY = Suite(name="many", families=("straight",), levels=("none",), split="validation", courses=100)
 THREE = [
-    {"name": "machine", "agents": [{"source": "m"}]},
-    {"name": "learner", "agents": [{"source": "a"}, {"source": "b"}, {"source": "c"}]},
+    {"name": "machine", "agents": [_agent("m")]},
+    {"name": "learner", "agents": [_agent("a"), _agent("b"), _agent("c")]},
 ]
 
 
@@ -195,3 +203,19 @@ def test_one_course_has_no_interval_but_that_of_wilson() -> None:
     assert good["success"]["low"] == pytest.approx(0.342, abs=1e-3)
     assert shown["pairs"][0]["success"]["low"] is None
     assert shown["profiles"]["contenders"]["good"]["low"] == shown["profiles"]["contenders"]["good"]["value"]
+
+
+def test_budgets_and_terms_are_told(shown: dict[str, Any]) -> None:
+    """`random` needs none; both agents of `learner` had 2 h, as `good` had."""
+    assert shown["budgets"] == "The budgets are equal, in simulated time of each agent: good 2 h, learner 2 h."
+    values = {one["term"]: one["values"] for one in shown["terms"]}
+    assert values["time limit of a course"] == ["route / (0.3 m/s) + 10 s"]
+    assert values["from command to pulse"] == ["20 ms"]
+
+
+def test_delays_are_told_for_each_level() -> None:
+    rows = terms(replace(SUITE, levels=("default", "hard")))
+    values = {one["term"]: one["values"] for one in rows}
+    assert values["from command to pulse"] == ["10 to 40 ms", "10 to 80 ms"]
+    assert values["from exposure to detection"][0] == "20 to 60 ms"
+    assert values["readings and commands"] == ["80 a second"] * 2

@@ -117,7 +117,7 @@ def test_agents_with_many_courses_drive_one_after_the_other(field: list[Contende
 def test_a_failure_is_driven_again_as_it_was(folder: Path, field: list[Contender]) -> None:
     shown = analyse(drive_field(TINY, field, folder), TINY, [one.record() for one in field], resamples=20)
     failure = shown["failures"][0]
-    policy = single_policy(next(one for one in field[0].agents if one.source == failure["agent"]))
+    policy = single_policy(next(one for one in field[0].agents if one.source == failure["agent"]), "straight")
     assert policy is not None
     ticks: list[float] = []
     episode = drive_again(failure, TINY, policy, lambda env: lambda tick: ticks.append(tick.info["time_s"]))
@@ -126,7 +126,7 @@ def test_a_failure_is_driven_again_as_it_was(folder: Path, field: list[Contender
 
 
 def test_a_built_in_contender_has_no_policy_of_its_own(field: list[Contender]) -> None:
-    assert single_policy(field[1].agents[0]) is None
+    assert single_policy(field[1].agents[0], "straight") is None
 
 
 def test_other_processes_drive_the_same(tmp_path: Path, folder: Path, field: list[Contender]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from tral_env.errors import ConfigError, TralError
 from tral_env.learned import Network
 from tral_env.learner import LearnerConfig, LearnerView
 from tral_env.policy_file import save
+from tral_fsm import load_machine
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.contenders import (
     Contender,
@@ -22,8 +24,10 @@ from tral_fsm.evaluation.contenders import (
     row_policies,
     single_policy,
 )
+from tral_fsm.evaluation.effort import Effort
 from tral_fsm.evaluation.episode import EpisodeRequest
 from tral_fsm.formats import write
+from tral_fsm.runtime.policy import MachinePolicy
 
 
 @pytest.fixture
@@ -97,9 +101,9 @@ def test_an_unknown_policy_is_refused_with_the_nearest_name(name: str, nearest: 
         contenders(name)
 
 
-def trained(folder: Path, seed: int) -> Path:
+def trained(folder: Path, seed: int, learner: LearnerConfig | None = None) -> Path:
     """A policy file whose network has random weights."""
-    learner = LearnerConfig()
+    learner = learner or LearnerConfig()
     weights = np.random.default_rng(seed).normal(size=(2, LearnerView(learner, 1).size)).astype(np.float32)
     layers = [(weights, np.zeros(2, np.float32))]
     return save(Network(learner=learner, layers=layers, provenance={"algorithm": "ppo", "seed": seed}), folder)
@@ -141,7 +145,8 @@ class Steady:
 def test_an_object_drives_in_many_rows() -> None:
     agent = object_agent("mine", Steady(), digest="1", seed=3)
     assert agent.record() == {
-        "source": "mine", "kind": "object", "digest": "1", "sees_truth": False, "provenance": {"seed": 3}
+        "source": "mine", "kind": "object", "digest": "1", "sees_truth": False, "provenance": {"seed": 3},
+        "effort": Effort().record(), "decision_hz": 80.0,
     }  # fmt: skip
     runner = BatchRunner(["straight"], rows=1, randomization="none")
     got = runner.drive_with(
@@ -182,43 +187,43 @@ def test_a_source_that_changes_meanwhile_does_not_drive(kind: str, tmp_path: Pat
 
     agent = contender(write_source(1)).agents[0]
     assert agent.kind == kind
-    assert single_policy(agent) is not None
+    assert single_policy(agent, "straight") is not None
     write_source(2)
     with pytest.raises(ConfigError, match="has changed since the comparison began"):
-        single_policy(agent)
+        single_policy(agent, "straight")
     runner = BatchRunner(["straight"], rows=1, randomization="none")
     with pytest.raises(ConfigError, match="has changed since the comparison began"):
         runner.drive_with(lambda world: row_policies(agent, world), [EpisodeRequest(0, "straight", 1)])
 
 
-def test_a_machine_of_a_search_tells_its_effort(tmp_path: Path) -> None:
-    path = tmp_path / "machine.json"
-    path.write_text(write(blind(), "json"))
-    assert set(contender(str(path)).agents[0].provenance) == {"machine"}
-    (tmp_path / "tune.json").write_text('{"drives": 3000, "seconds": 81.5, "trials": 9}')
-    told = contender(str(path)).agents[0].provenance
-    assert (told["drives"], told["seconds"]) == (3000, 81.5)
-    (tmp_path / "tune.json").write_text("{")
-    with pytest.raises(ConfigError, match=r"tune.json: got no figures of a search"):
-        contender(str(path))
+def test_agents_tell_what_was_spent_on_them(mine: Path, tmp_path: Path) -> None:
+    mine.with_name("mine.effort.json").write_text('{"tried": 3}')
+    found = contenders(f"office,specialists,{mine},{trained(tmp_path / 'ppo0', 0)},constant")
+    assert [one.agents[0].effort for one in found] == [Effort(), Effort(), Effort(tried=3), Effort(), None]
 
 
-def test_built_in_agents_are_told_apart_by_their_names() -> None:
-    assert [agent.source for agent in contender("floors=constant+random").agents] == ["constant", "random"]
-    with pytest.raises(ConfigError, match="two agents are the same"):
-        contender("floors=constant+constant")
+def test_agents_tell_how_often_they_decide(tmp_path: Path) -> None:
+    found = contenders(f"office,random,{trained(tmp_path / 'ppo0', 0, LearnerConfig(decision_hz=20))}")
+    assert [one.agents[0].decision_hz for one in found] == [80.0, 10.0, 20.0]
 
 
-@pytest.mark.parametrize("entry", ["a=", "a=office+", "a=+office", "a= + "])
-def test_an_empty_source_is_refused(entry: str) -> None:
-    with pytest.raises(ConfigError, match="a source is empty: expected NAME=SOURCE"):
-        contender(entry)
+def test_the_specialists_drive_each_family_with_its_machine_in_a_batch_and_alone() -> None:
+    agent = contender("specialists").agents[0]
+    requests = [EpisodeRequest(0, "straight", 1), EpisodeRequest(0, "lane_change", 1)]
+    runner = BatchRunner(["straight", "lane_change"], rows=1, randomization="none")
+    together = runner.drive_with(lambda world: row_policies(agent, world), requests)
+    alone = [
+        runner.drive([load_machine(name)], [replace(request, machine=0)])[0]
+        for name, request in zip(("wall", "lane_change"), requests, strict=True)
+    ]
+    assert together == alone
+    for family, name in (("straight", "wall"), ("office", "office")):
+        policy = single_policy(agent, family)
+        assert isinstance(policy, MachinePolicy)
+        assert policy.definition == load_machine(name)
 
 
-def test_a_contender_that_records_or_tables_cannot_hold_is_refused() -> None:
-    with pytest.raises(ConfigError, match="two agents are called 'seed 0'"):
-        Contender(name="ppo", agents=(object_agent("seed 0", Steady(), "1"), object_agent("seed 0", Steady(), "2")))
-    with pytest.raises(ConfigError, match=r"without \|"):
-        contender("a|b=office")
-    with pytest.raises(ConfigError, match="got no agent"):
-        Contender(name="none", agents=())
+@pytest.mark.parametrize("name", ["a|b", "a\nb", " ", "\ud800"])
+def test_a_name_that_no_table_can_hold_is_refused(name: str) -> None:
+    with pytest.raises(ConfigError, match="expected a name in one line"):
+        Contender(name=name, agents=contender("constant").agents)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -38,3 +39,11 @@ def test_a_drive_that_ends_long_before_the_failure_gives_no_video(field: list[Co
     shown = compare(TINY, field, tmp_path / "out")
     shown["failures"][0]["time_s"] += 60.0
     assert clips(shown, TINY, field, videos=1) == {}
+
+
+def test_a_text_that_no_file_can_hold_does_not_spoil_the_page(tmp_path: Path) -> None:
+    """Half of a pair of characters, as a policy file may have it."""
+    mine = contenders("constant")[0].agents[0]
+    field = [Contender(name="mine", agents=(replace(mine, provenance={"meaning": "\ud800"}),))]
+    compare(TINY, field, tmp_path / "out")
+    assert "meaning: \\ud800" in (tmp_path / "out" / PAGE).read_text()

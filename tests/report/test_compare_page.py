@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import re
+from dataclasses import asdict
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from rich.console import Console
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Segment
 from tral_fsm.evaluation import composite
+from tral_fsm.evaluation.effort import Effort
 from tral_fsm.evaluation.rollout import drive
 from tral_fsm.report.compare import plots
 from tral_fsm.report.compare.cells import OVERVIEW, OVERVIEW_UNITS, overview_rows
@@ -31,10 +33,9 @@ PLANS = {("straight", "none", 500): PLAN}
 MADE: dict[str, Any] = {
     "training_seed": 7,
     "validation": {"episodes": 50, "time_s": None},
-    "drives": 3000,
-    "seconds": 90.0,
 }
 MADE |= {"curve": list(range(99))}
+EFFORT = Effort(drives=3000, simulated_h=12.5, minutes=1.5, note="by hand first")
 PATH = [[1.0 + 0.1 * k, 0.0, 0.0] for k in range(30)]
 
 
@@ -43,7 +44,10 @@ def about(value: float) -> dict[str, float]:
 
 
 def contender(name: str, success: float, *, truth: bool = False, agents: int = 1) -> dict[str, Any]:
-    agent = {"source": name, "kind": "machine", "digest": "0123", "sees_truth": truth, "provenance": MADE}
+    agent = {
+        "source": name, "kind": "machine", "digest": "0123", "sees_truth": truth, "provenance": MADE,
+        "effort": None if truth else asdict(EFFORT), "decision_hz": 80.0,
+    }  # fmt: skip
     figures = {
         "drives": 40, "success": about(success), "score": about(0.8), "iqm": about(0.85), "gap": about(0.2),
         "progress": about(0.9), "collision_rate": 0.1, "crash_rate": 0.05, "missed_gate_rate": 0.0,
@@ -64,6 +68,8 @@ def shown(**changes: Any) -> dict[str, Any]:
             "camera": "projected",
         },
         "statistics": {"seed": 3, "resamples": 2000},
+        "terms": [{"term": "time limit", "values": ["60 s"]}],
+        "budgets": "Whether the budgets are equal is unknown.",
         "contenders": [
             contender(names[0], 0.9),
             contender(names[1], 0.5, agents=2),
@@ -90,6 +96,7 @@ def shown(**changes: Any) -> dict[str, Any]:
         "runs": [{"cpu": "a CPU", "cores": 2, "system": "Linux", "commit": None, "versions": {"python": "3.11.7"}}] * 2,
         "command": "tral compare --policies wall",
         "seconds": 12.5,
+        "cpu_seconds": 20.5,
         **changes,
     }  # fmt: skip
 
@@ -151,18 +158,28 @@ def test_names_are_text_and_no_markup(html: str) -> None:
         "Each agent drives 40 courses.",
         "* pursuit: knows its true pose",
         "<b>ppo</b>: few agents. Percentiles of a bootstrap alone would be too narrow",
-        "wallwall3000 drives1.5",
+        "wallwallby hand first3,000drives12.501.50unknown",
+        "Whether the budgets are equal is unknown.",
+        "time limit60 s",
+        "wall 80 Hz, <b>ppo</b> 80 Hz, pursuit 80 Hz.",
+        "took 12.5 s, and 20.5 s of all cores",
         "2000 resamples,\nseed 3",
         "90.077.0 to 96.0",
         "-25.0-30.0 to -20.0",
         "wall: crashstraight, none, seed 500: 3.0 s, 50.0 % of the route",
         "tral compare --policies wall",
-        "digest 0123; training seed: 7; validation: episodes 50; drives: 3000; seconds: 90.0\n",
+        "digest 0123; training seed: 7; validation: episodes 50\n",
         "; mean score 0.8",
     ],
 )
 def test_the_page_tells(told: str, html: str) -> None:
     assert told in Page(html).text
+
+
+def test_the_probability_of_improvement_is_a_table_of_both_directions() -> None:
+    pair = shown()["pairs"][0] | {"improvement": {"value": 0.7, "low": 0.6, "high": 0.9}}
+    text = " ".join(Page(page_html(shown(pairs=[pair]), PLANS)).text.split())
+    assert "betterthan wallthan <b>ppo</b>than pursuit wall0.700.60 to 0.90 <b>ppo</b> pursuit0.300.10 to 0.40" in text
 
 
 def test_a_failure_may_have_a_video() -> None:
@@ -302,6 +319,12 @@ def test_a_failure_is_shown_around_its_path() -> None:
     assert left < 1.0 < 3.9 < right
     assert low < 0.0 < high
     assert right - left == pytest.approx(high - low)
+
+
+def test_no_path_hides_one_below_it() -> None:
+    ways = {name: {"outcome": "success", "path": PATH} for name in "abc"}
+    (ax,) = plots.paths(PLAN, ways).axes
+    assert [line.get_linewidth() for line in ax.lines if line.get_label() in ways] == pytest.approx([4.5, 2.85, 1.2])
 
 
 def test_the_legend_of_paths_names_contenders_alone() -> None:

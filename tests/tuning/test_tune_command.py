@@ -19,6 +19,7 @@ from tral_env.course.layout import Course, Segment
 from tral_fsm.cli import app
 from tral_fsm.cli.tune_show import kept_text
 from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.evaluation.effort import of_file
 from tral_fsm.evaluation.folder import LOCK
 from tral_fsm.formats import write
 from tral_fsm.formats.library import load
@@ -55,11 +56,24 @@ def test_it_leaves_a_machine_the_figures_a_report_and_the_study(tuned: tuple[Pat
     folder, result = tuned
     assert result.exit_code == 0, result.output
     written = {path.name for path in folder.iterdir()}
-    assert written == {LOCK, "mine.json", "machine.json", "new.uxf", "report.html", "study.jsonl", "tune.json"}
+    found = {"machine.json", "new.uxf", "new.effort.json", "report.html", "study.jsonl", "tune.json"}
+    assert written == found | {LOCK, "mine.json"}
     report = json.loads((folder / "tune.json").read_text())
     assert report["complete"]
     assert report["task"]["seeds"] == [0]
     assert load(folder / "new.uxf").states == load(folder / "machine.json").states
+
+
+def test_it_leaves_the_effort_beside_each_machine(tuned: tuple[Path, Result]) -> None:
+    folder, _ = tuned
+    trials = [
+        trial for line in (folder / "study.jsonl").read_text().splitlines()[1:] for trial in json.loads(line)["trials"]
+    ]
+    effort = of_file(folder / "machine.json")
+    assert effort.drives == sum(trial["drives"] for trial in trials) > 0
+    assert effort.simulated_h == pytest.approx(sum(trial["simulated_s"] for trial in trials) / 3600, abs=1e-3)
+    assert effort.minutes is not None
+    assert of_file(folder / "new.uxf") == effort
 
 
 def test_links_stay_links(tuned: tuple[Path, Result]) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_fsm.evaluation.composite import pace_mps, score, steering_per_m
+from tral_fsm.evaluation.effort import Effort, verdict
 from tral_fsm.evaluation.intervals import Choice, Means, interval
 from tral_fsm.evaluation.records import Record
 from tral_fsm.evaluation.statistics import (
@@ -26,6 +27,7 @@ from tral_fsm.evaluation.statistics import (
 )
 from tral_fsm.evaluation.suites import Suite
 from tral_fsm.evaluation.summary import rmse_of, summarize
+from tral_fsm.evaluation.terms import terms
 
 Array = NDArray[np.float64]
 LEVELS = np.round(np.linspace(0.0, 1.0, 41), 3)
@@ -151,6 +153,8 @@ def analyse(
     }
     return {
         "suite": suite.record(),
+        "terms": terms(suite),
+        "budgets": budgets(field),
         "statistics": {"seed": seed, "resamples": resamples},
         "contenders": [{**one, "figures": figures(scores[one["name"]])} for one in field],
         "tasks": tasks(scores, suite),
@@ -160,6 +164,15 @@ def analyse(
         "failures": failures(scores, field),
         "runs": [line["host"] for line in lines if line["kind"] == "run"],
     }
+
+
+def budgets(field: Sequence[Mapping[str, Any]]) -> str:
+    """What `effort.verdict` says of the contenders that somebody prepared."""
+    efforts = {
+        one["name"]: [Effort(**agent["effort"]) for agent in one["agents"] if agent["effort"] is not None]
+        for one in field
+    }
+    return verdict([(name, mine) for name, mine in efforts.items() if mine])
 
 
 def figures(one: Scores) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env import task
+from tral_env.interface import CONTROL_RATE_HZ
 from tral_env.se2 import rotate_back
 from tral_env.speed_control import SpeedRegulator
 from tral_env.world import World
@@ -143,11 +144,16 @@ class Baseline:
     meaning: str
     make: Callable[[World], RowPolicies]
     sees_truth: bool = False
+    decision_hz: float = CONTROL_RATE_HZ
 
 
 BASELINES: Mapping[str, Baseline] = {
     "constant": Baseline(meaning="straight on at constant throttle; it reads nothing", make=Constant),
-    "random": Baseline(meaning="uniformly random commands, ten a second; it reads nothing", make=Random),
+    "random": Baseline(
+        meaning="uniformly random commands, ten a second; it reads nothing",
+        make=Random,
+        decision_hz=CONTROL_RATE_HZ / RANDOM_HOLD_TICKS,
+    ),
     "pursuit": Baseline(
         meaning="pure pursuit with ground truth: it knows its pose, its speed and the route",
         make=TruePursuit,

@@ -6,31 +6,33 @@ A contender is one or more trained agents: those of the same training with other
 from __future__ import annotations
 
 import hashlib
-import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from tral_env.errors import ConfigError, nearest
-from tral_env.interface import Policy
+from tral_env.interface import CONTROL_RATE_HZ, Policy
 from tral_env.policy_file import JSON_NAME, load_network
 from tral_env.world import World
 from tral_fsm.definition import packaged
+from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.baselines import BASELINES
 from tral_fsm.evaluation.choices import listed
+from tral_fsm.evaluation.effort import Effort, of_file, of_policy
 from tral_fsm.evaluation.own_policy import files_of, find_policy
 from tral_fsm.evaluation.records import digest
 from tral_fsm.evaluation.row_policies import BatchedPolicy, DriverPool, RowPolicies, SinglePolicies
+from tral_fsm.evaluation.specialists import Specialists, machines_of_families, made_for
 from tral_fsm.policies import load_policy
 from tral_fsm.runtime.policy import MachinePolicy
 
 ALIASES = {"ramp": "gate"}
 """Other names of packaged machines: `gate` is the manoeuvre of 2016, a ramp before each gate."""
+SPECIALISTS = "specialists"
+"""The contender that drives each family with the packaged machine that is made for it."""
 _NAMED = re.compile(r"(?P<name>[^=/\\]+)=(?P<sources>.*)")
-TUNED, TUNING = "machine.json", "tune.json"
-"""Files that a search writes into its folder: the machine, and the figures of the search."""
 _WORD = re.compile(r"[\w-]{1,60}")
 _PYTHON = re.compile(r".+\.py(:.*)?")
 
@@ -49,12 +51,17 @@ class Agent:
     """Whether it knows what no policy may know."""
     provenance: dict[str, Any] = field(default_factory=dict)
     """What it tells of its making."""
+    effort: Effort | None = None
+    """What was spent to prepare it; None: nothing had to be prepared."""
+    decision_hz: float = CONTROL_RATE_HZ
+    """How often it may choose another command."""
     policy: Any = field(default=None, repr=False, compare=False)
     """The policy of an "object", which drives in this process alone."""
 
     def record(self) -> dict[str, Any]:
         """The agent for JSON."""
-        return {one.name: getattr(self, one.name) for one in fields(self) if one.name != "policy"}
+        plain = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "policy"}
+        return plain | {"effort": None if self.effort is None else self.effort.record()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,9 +75,11 @@ class Contender:
         """Check that the records can tell the agents from one another.
 
         Raises:
-            ConfigError: there is no agent, two have the same source, or the name has a sign that tables need.
+            ConfigError: there is no agent, two have the same source, or the name has a sign that tables need or no
+                file can hold.
         """
-        if set(self.name) & set("|\n") or not self.name.strip():
+        halves = any("\ud800" <= sign <= "\udfff" for sign in self.name)
+        if set(self.name) & set("|\n") or halves or not self.name.strip():
             raise ConfigError(f"contender {self.name!r}: expected a name in one line, without |")
         sources = [one.source for one in self.agents]
         if not sources:
@@ -131,13 +140,18 @@ def contender(entry: str) -> Contender:
 
 def _name_of(source: str) -> str:
     """Short name of a source: `policy.json` has that of its folder."""
-    if source in BASELINES or source in ALIASES or source in packaged.names():
+    if source in built_in_names():
         return source
     path, _, name = source.partition(".py:")
     if name:
         return name
     stem = Path(path).stem
     return Path(path).resolve().parent.name if stem in ("policy", "machine") else stem
+
+
+def built_in_names() -> list[str]:
+    """Names that need no file."""
+    return [*packaged.names(), *BASELINES, *ALIASES, SPECIALISTS]
 
 
 def agent(source: str) -> Agent:
@@ -148,55 +162,81 @@ def agent(source: str) -> Agent:
     """
     if source in BASELINES:
         baseline = BASELINES[source]
-        told = {"meaning": baseline.meaning}
-        return Agent(source=source, kind="built-in", digest="", sees_truth=baseline.sees_truth, provenance=told)
+        return Agent(
+            source=source,
+            kind="built-in",
+            digest="",
+            sees_truth=baseline.sees_truth,
+            provenance={"meaning": baseline.meaning},
+            decision_hz=baseline.decision_hz,
+        )
     if _PYTHON.fullmatch(source):
-        return Agent(source=source, kind="python", digest=_digest(source, find_policy(source)))
-    names = [*packaged.names(), *BASELINES, *ALIASES]
+        effort = of_file(_python_file(source))
+        return Agent(source=source, kind="python", digest=_digest(source, find_policy(source)), effort=effort)
+    if source == SPECIALISTS:
+        machines = machines_of_families()
+        told = {"machines": ", ".join(f"{family}: {one.name}" for family, one in machines.items())}
+        return Agent(
+            source=source, kind="machine", digest=_joint_digest(machines.values()), provenance=told, effort=Effort()
+        )
+    names = built_in_names()
     if source not in names and _WORD.fullmatch(source) and not Path(source).exists():
         raise ConfigError(
             f"--policies {source}: no such name, file, or folder of a trained policy: {nearest(source, names)}"
         )
     policy = load_policy(ALIASES.get(source, source))
     if isinstance(policy, MachinePolicy):
-        told = {"machine": policy.definition.name or source, **tuning_of(Path(source))}
-        return Agent(source=source, kind="machine", digest=_digest(source, policy), provenance=told)
-    told = dict(load_network(source).provenance)
-    return Agent(source=source, kind="policy file", digest=_digest(source, policy), provenance=told)
+        told = {"machine": policy.definition.name or source}
+        effort = Effort() if source in names else of_file(Path(source))
+        return Agent(source=source, kind="machine", digest=_digest(source, policy), provenance=told, effort=effort)
+    return _trained(source, policy)
+
+
+def _trained(source: str, policy: Policy) -> Agent:
+    """The agent of a trained policy; one that corrects a machine may change its command whenever that does."""
+    network = load_network(source)
+    return Agent(
+        source=source,
+        kind="policy file",
+        digest=_digest(source, policy),
+        provenance=dict(network.provenance),
+        effort=of_policy(Path(source), network),
+        decision_hz=network.learner.decision_hz if network.correction is None else CONTROL_RATE_HZ,
+    )
+
+
+def _python_file(source: str) -> Path:
+    """File of a source FILE.py or FILE.py:NAME."""
+    return Path(source.partition(".py:")[0].removesuffix(".py") + ".py")
 
 
 def _digest(source: str, policy: Any) -> str:
     """Digest of the content of a source that gave a policy: of a machine, a policy file, or Python code."""
     if _PYTHON.fullmatch(source):
-        return file_digest(*files_of(Path(source.partition(".py:")[0] + ".py")))
+        return file_digest(*files_of(_python_file(source)))
     if isinstance(policy, MachinePolicy):
         return digest(policy.definition)
     path = Path(source)
     return file_digest(path / JSON_NAME if path.is_dir() else path)  # it tells the digest of the weights
 
 
-def tuning_of(machine: Path) -> dict[str, Any]:
-    """What the search that made a machine file tells of its effort; empty if no tune.json lies beside the file."""
-    path = machine.parent / TUNING
-    if machine.name != TUNED or not path.exists():
-        return {}
-    try:
-        told = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{path}: got no figures of a search ({error}): mend it, or remove it") from None
-    return {name: told[name] for name in ("drives", "seconds") if name in told}
+def _joint_digest(machines: Iterable[MachineDefinition]) -> str:
+    """Digest of several machines, 16 hexadecimal digits."""
+    return hashlib.sha256(" ".join(map(digest, machines)).encode()).hexdigest()[:16]
 
 
-def object_agent(source: str, policy: Any, digest: str, **provenance: Any) -> Agent:
+def object_agent(source: str, policy: Any, digest: str, effort: Effort | None = None, **provenance: Any) -> Agent:
     """An agent that was made in this program.
 
     Args:
         source: its name in the records.
         policy: acts on (n, d), and starts single rows again with `reset_rows(rows)`.
         digest: tells it from others; what was driven with another one is not mixed in.
+        effort: what was spent to prepare it; None: it is unknown.
         provenance: what the page tells of its making.
     """
-    return Agent(source=source, kind="object", digest=digest, provenance=provenance, policy=policy)
+    effort = effort or Effort()
+    return Agent(source=source, kind="object", digest=digest, provenance=provenance, effort=effort, policy=policy)
 
 
 def file_digest(*paths: Path) -> str:
@@ -207,14 +247,27 @@ def file_digest(*paths: Path) -> str:
     return content.hexdigest()[:16]
 
 
-def single_policy(who: Agent) -> Policy | None:
+def single_policy(who: Agent, family: str) -> Policy | None:
     """The policy of an agent for one car in an environment; None: it has none.
+
+    Args:
+        who: the agent.
+        family: family of the course, which decides what drives of the specialists.
 
     Raises:
         ConfigError: the content of its source is no longer what the agent's digest tells.
     """
     if who.kind in ("built-in", "object"):
         return None
+    return load_policy(made_for(family)) if who.source == SPECIALISTS else _policy(who)
+
+
+def _policy(who: Agent) -> Policy:
+    """The policy of the source of an agent.
+
+    Raises:
+        ConfigError: as `single_policy`.
+    """
     policy = find_policy(ALIASES.get(who.source, who.source))
     if _digest(who.source, policy) != who.digest:
         raise ConfigError(
@@ -234,16 +287,11 @@ def row_policies(who: Agent, world: World) -> RowPolicies:
         return BASELINES[who.source].make(world)
     if who.kind == "object":
         return BatchedPolicy(who.policy, world.n, who.source)
+    if who.source == SPECIALISTS:
+        return Specialists(world.n)
     if who.kind == "python":
         return SinglePolicies(lambda: _policy(who), world.n)
     policy = _policy(who)
     if isinstance(policy, MachinePolicy):
         return DriverPool([policy.definition], world.n)
     return BatchedPolicy(policy, world.n, who.source)
-
-
-def _policy(who: Agent) -> Policy:
-    """The policy of an agent that has one."""
-    policy = single_policy(who)
-    assert policy is not None, "built-in ones and objects make none"
-    return policy

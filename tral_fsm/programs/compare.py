@@ -5,6 +5,7 @@ Heavy modules are imported when the program runs, because `tral --help` imports 
 
 from __future__ import annotations
 
+import os
 import shlex
 import sys
 import tempfile
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 FIGURES, TABLES, PAGE = "compare.json", "compare.md", "compare.html"
 """Files that the program writes beside the records."""
+UNWRITABLE = "backslashreplace"
+"""What becomes of halves of characters in names of files and in what policies tell."""
 
 
 def run(policies: str, suite: str, out: Path, *, courses: int | None = None, **options: int) -> dict[str, Any]:
@@ -69,19 +72,28 @@ def compare(
     from tral_fsm.report.compare.markdown import markdown
     from tral_fsm.report.compare.page import page_html
 
-    began = time.perf_counter()
+    began, began_cpu_s = time.perf_counter(), _cpu_s()
     prepare_folder(out)
     lines = drive_field(suite, field, out, processes, drives_bar)
     shown = analyse(lines, suite, [one.record() for one in field], seed)
     program = Path(sys.argv[0]).name
-    shown |= {"command": shlex.join([program, *sys.argv[1:]]), "seconds": round(time.perf_counter() - began, 1)}
+    shown |= {
+        "command": shlex.join([program, *sys.argv[1:]]),
+        "seconds": round(time.perf_counter() - began, 1),
+        "cpu_seconds": round(_cpu_s() - began_cpu_s, 1),
+    }
     write_json(out / FIGURES, without_paths(shown))
-    write_bytes(out / TABLES, markdown(shown).encode())
+    write_bytes(out / TABLES, markdown(shown).encode(errors=UNWRITABLE))
     plans = plans_of(shown)
-    write_bytes(out / PAGE, page_html(shown, plans).encode())
+    write_bytes(out / PAGE, page_html(shown, plans).encode(errors=UNWRITABLE))
     if videos:  # the page stands, even if this computer cannot render
-        write_bytes(out / PAGE, page_html(shown, plans, clips(shown, suite, field, videos)).encode())
+        write_bytes(out / PAGE, page_html(shown, plans, clips(shown, suite, field, videos)).encode(errors=UNWRITABLE))
     return shown
+
+
+def _cpu_s() -> float:
+    """Time that the cores spent on this process and on those that it started and that have ended, s."""
+    return sum(os.times()[:4])
 
 
 def clips(shown: dict[str, Any], suite: Suite, field: Sequence[Contender], videos: int) -> dict[int, bytes]:
@@ -95,7 +107,7 @@ def clips(shown: dict[str, Any], suite: Suite, field: Sequence[Contender], video
     for number, failure in enumerate(shown["failures"]):
         if len(made) == videos:
             break
-        policy = single_policy(agents[failure["contender"], failure["agent"]])
+        policy = single_policy(agents[failure["contender"], failure["agent"]], failure["scenario"])
         if policy is None:
             continue
         taken: list[Clip] = []

@@ -106,6 +106,7 @@ def run(arguments: TuneArguments, machine: MachineDefinition, watcher: Watcher) 
     Returns:
         The result, and the content of tune.json.
     """
+    from tral_fsm.evaluation.effort import SUFFIX, of_file
     from tral_fsm.tuning import save
 
     with held(arguments.out):
@@ -115,10 +116,13 @@ def run(arguments: TuneArguments, machine: MachineDefinition, watcher: Watcher) 
             "task": arguments.task.record(),
             "settings": json.loads(json.dumps(asdict(arguments.settings))),
         }
-        report = {"command": arguments.origin, **asked, "versions": versions(), **tuned.record()}
+        joined = {"resumed": arguments.resume or arguments.storage is not None}
+        report = {"command": arguments.origin, **asked, "versions": versions(), **joined, **tuned.record()}
         write_json(arguments.out / NUMBERS, report)
         if arguments.save_as is not None:
             save(tuned, arguments.save_as, arguments.origin)
+            effort = of_file(arguments.out / MACHINE).record()
+            write_json(arguments.save_as.with_suffix(SUFFIX), {name: one for name, one in effort.items() if one})
         _write_page(arguments, tuned, report, watcher)
     return tuned, report
 

@@ -61,6 +61,17 @@ class Tuned:
         worse = self.comparison is not None and self.comparison.change is Change.WORSE
         return self.old if worse or self.values is None else self.new
 
+    @property
+    def drives(self) -> int:
+        """Number of drives of the search."""
+        return sum(each.drives for each in self.trials)
+
+    @property
+    def simulated_s(self) -> float | None:
+        """Simulated time of the drives of the search, s; None: an older study did not keep it."""
+        times = [each.simulated_s for each in self.trials if each.simulated_s is not None]
+        return sum(times) if len(times) == len(self.trials) else None
+
     def record(self) -> dict[str, Any]:
         """As plain values."""
         best = best_of(self.trials)
@@ -71,7 +82,8 @@ class Tuned:
             "old": self.old_trial.record(),
             "best": None if best is None else best.record(),
             "trials": len(self.trials),
-            "drives": sum(each.drives for each in self.trials),
+            "drives": self.drives,
+            "simulated_s": None if self.simulated_s is None else round(self.simulated_s, 1),
             "seconds": round(self.seconds, 1),
             "front": [each.record() for each in self.front],
             "finals": [{"values": None if v is None else list(v), "cost": cost} for v, cost in self.finals],

@@ -248,7 +248,7 @@ class Study:
         """Trial of a candidate that the definition does not allow; it costs as much as the worst, and as a failure."""
         weights, nothing = self.objective.weights, (1.0, 1.0, 0.0, 0.0, 0.0)
         cost = max(worst, weights.failure + weights.unfinished)
-        return Trial(values=values, cost=cost, full=False, drives=0, successes=0, parts=nothing)
+        return Trial(values=values, cost=cost, full=False, drives=0, successes=0, parts=nothing, simulated_s=0.0)
 
 
 def _trial(values: Values, scored: Scored) -> Trial:
@@ -259,6 +259,7 @@ def _trial(values: Values, scored: Scored) -> Trial:
         drives=len(scored.drives),
         successes=sum(drive.success for drive in scored.drives),
         parts=tuple(np.mean([parts(drive) for drive in scored.drives], axis=0).tolist()),
+        simulated_s=round(sum(drive.time_s for drive in scored.drives), 4),
     )
 
 

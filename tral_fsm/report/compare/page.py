@@ -14,7 +14,6 @@ from tral_env.course.plan import Plan
 from tral_fsm.evaluation import composite
 from tral_fsm.report.compare import plots
 from tral_fsm.report.compare.cells import (
-    NOTHING,
     OVERVIEW,
     OVERVIEW_UNITS,
     PAIRS,
@@ -22,11 +21,12 @@ from tral_fsm.report.compare.cells import (
     pair_rows,
     percent,
     programs_note,
-    scaled,
 )
 
 MAX_TOLD = 120
 """The page leaves out what an agent tells of its making with more letters than these, such as its curve."""
+UNKNOWN = "unknown"
+"""What the table of efforts says where no file tells a number."""
 MAX_FEW_AGENTS = 5
 """With this number of agents or fewer, the page says that they are few."""
 _PARTS_OF_SCORE = ("EASY_MPS", "SLOW_MPS", "SLOW_FACTOR", "RESTLESS_PER_M", "RESTLESS_FACTOR")
@@ -66,9 +66,13 @@ def context(shown: Mapping[str, Any], plans: Plans, clips: Mapping[int, bytes]) 
         "few": [one["name"] for one in contenders if 2 <= len(one["agents"]) <= MAX_FEW_AGENTS],
         "composite": _composite(),
         "programs": programs_note(shown["runs"]),
-        "effort": [[(text, "") for text in row] for one in contenders for row in _efforts(one)],
+        "effort": _efforts(contenders),
+        "budgets": shown["budgets"],
         "names": names,
+        "terms": [[(one["term"], ""), *((value, "") for value in one["values"])] for one in shown["terms"]],
+        "rates": [(one["name"], _rates(one)) for one in contenders],
         "tasks": [_task(task, names) for task in shown["tasks"]],
+        "better": _better(shown["pairs"], names),
         "pairs": {"header": PAIRS, "rows": pair_rows(shown["pairs"])},
         "intervals": svg(plots.intervals(contenders)),
         "outcomes": svg(plots.outcomes(contenders)),
@@ -80,6 +84,7 @@ def context(shown: Mapping[str, Any], plans: Plans, clips: Mapping[int, bytes]) 
         "told": {one["name"]: [_told(agent) for agent in one["agents"]] for one in contenders},
         "command": shown["command"],
         "seconds": shown["seconds"],
+        "cpu_seconds": shown["cpu_seconds"],
     }
 
 
@@ -94,19 +99,37 @@ def _composite() -> dict[str, str]:
     return {name: f"{value:g}" for name, value in numbers.items()}
 
 
-def _efforts(one: Mapping[str, Any]) -> list[list[str]]:
-    """What each agent of a contender tells of the effort that went into it: name, source, drives or steps, time."""
+def _efforts(contenders: Sequence[Mapping[str, Any]]) -> list[list[tuple[str, str]]]:
+    """Rows of the table of efforts: one for each agent that somebody prepared."""
     return [
         [
-            one["name"],
-            agent["source"],
-            ", ".join(f"{told[name]} {name}" for name in ("drives", "steps", "decisions") if told.get(name)) or NOTHING,
-            scaled(told.get("seconds"), 1.0 / 60.0, 1),
+            (one["name"], ""),
+            (agent["source"], effort["note"]),
+            (_known(effort["drives"] if effort["decisions"] is None else effort["decisions"]), _unit(effort)),
+            (_known(effort["simulated_h"]), ""),
+            (_known(effort["minutes"]), ""),
+            (_known(effort["tried"]), ""),
         ]
+        for one in contenders
         for agent in one["agents"]
-        if agent["kind"] != "built-in"
-        for told in [agent["provenance"]]
+        if (effort := agent["effort"]) is not None
     ]
+
+
+def _rates(one: Mapping[str, Any]) -> str:
+    """How often the agents of a contender decide."""
+    return " and ".join(dict.fromkeys(f"{agent['decision_hz']:g} Hz" for agent in one["agents"]))
+
+
+def _unit(effort: Mapping[str, Any]) -> str:
+    """What an effort counts."""
+    counted = [name for name in ("drives", "decisions") if effort[name] is not None]
+    return counted[-1] if counted else ""
+
+
+def _known(value: float | None) -> str:
+    """A number, or that it is unknown."""
+    return UNKNOWN if value is None else f"{value:,}" if isinstance(value, int) else f"{value:.2f}"
 
 
 def _told(agent: Mapping[str, Any]) -> str:
@@ -136,6 +159,31 @@ def _task(task: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
             }
         )
     return {"family": task["family"], "level": task["level"], "cells": cells}
+
+
+def _better(pairs: Sequence[Mapping[str, Any]], names: Sequence[str]) -> list[dict[str, Any]]:
+    """Rows of the table of the probability of improvement: how likely the row's contender is better than each."""
+    known: dict[tuple[str, str], tuple[float, float | None, float | None]] = {}
+    for pair in pairs:
+        got = pair["improvement"]
+        value, low, high = got["value"], got["low"], got["high"]
+        known[pair["first"], pair["second"]] = value, low, high
+        known[pair["second"], pair["first"]] = (
+            1 - value,
+            None if high is None else 1 - high,
+            None if low is None else 1 - low,
+        )
+    return [
+        {"name": name, "cells": [_chance(known[name, other]) if (name, other) in known else None for other in names]}
+        for name in names
+    ]
+
+
+def _chance(got: tuple[float, float | None, float | None]) -> dict[str, str]:
+    """A cell of that table."""
+    value, low, high = got
+    between = "" if low is None or high is None else f"{low:.2f} to {high:.2f}"
+    return {"text": f"{value:.2f}", "range": between, "colour": heat(value)}
 
 
 def heat(share: float) -> str:

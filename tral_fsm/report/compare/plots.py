@@ -28,6 +28,10 @@ OUTCOMES = {
 }
 """Colour of each outcome."""
 _MEASURES = (("success", "success rate"), ("score", "score, mean"), ("iqm", "score, IQM"), ("progress", "progress"))
+WIDEST, NARROWEST = 4.5, 1.2
+"""Width of the path of the first contender and of the last one, points."""
+MAX_IN_A_ROW = 6
+"""A row of a legend has so many names at most."""
 _AROUND_M = 1.6
 """A picture of a failure shows at least so much around the car, m."""
 
@@ -113,11 +117,15 @@ def paths(plan: Plan, contenders: Mapping[str, Mapping[str, Any]]) -> Figure:
     _as_background(ax)
     for k, (name, one) in enumerate(contenders.items()):
         x, y, _ = np.array(one["path"], float).T
-        ax.plot(x, y, linewidth=1.7, label=plain(name), zorder=7, **style(k))
+        # Later ones are narrower, so that one that drives the same way hides none below it.
+        width = NARROWEST + (WIDEST - NARROWEST) * (1.0 - k / max(len(contenders) - 1, 1))
+        ax.plot(x, y, linewidth=width, label=plain(name), zorder=7, **style(k))
         if one["outcome"] != "success":
             ax.plot(x[-1], y[-1], "X", color=style(k)["color"], markersize=9.0, markeredgecolor="white", zorder=8)
     handles, labels = ax.get_legend_handles_labels()
-    whole.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 7), frameon=False, fontsize=9)
+    rows = -(-len(labels) // MAX_IN_A_ROW)
+    columns = -(-len(labels) // rows)
+    whole.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
     return whole
 
 

@@ -30,6 +30,8 @@ class Trial:
     successes: int
     parts: tuple[float, ...]
     """Mean of each part of its cost, in the order of `objective.PARTS`."""
+    simulated_s: float | None = None
+    """Simulated time of its drives, s; None: an older study did not keep it."""
 
     def record(self) -> dict[str, Any]:
         """As plain values."""
