@@ -190,8 +190,8 @@ def locate(track: Track, rows: Rows, position: Array, index: Index) -> tuple[Arr
         return tuple(map(number, locate(track, np.zeros(1, np.int64), position, np.array([index]))))  # type: ignore[return-value]
     far = np.flatnonzero(far)
     cars = np.arange(len(position)) if rows is ALL else rows
-    *found, distance = _nearest(track, cars[far], position[far], segment[far], _FAR, same_way=True)
-    across = distance < _CLEARLY * np.abs(lateral[far])
+    *found, square = _nearest(track, cars[far], position[far], segment[far], _FAR, same_way=True)
+    across = np.sqrt(square) < _CLEARLY * np.abs(lateral[far])
     for values, there in zip((s, lateral, segment), found, strict=True):
         values[far[across]] = there[across]
     return s, lateral, segment
@@ -200,7 +200,7 @@ def locate(track: Track, rows: Rows, position: Array, index: Index) -> tuple[Arr
 def _nearest(
     track: Track, rows: Rows, position: Array, index: Index, around: Index, *, same_way: bool
 ) -> tuple[Array, Array, Index, Array]:
-    """As `locate`, among the segments `around` the last one; and the distance, (k,) m.
+    """As `locate`, among the segments `around` the last one; and the square of the distance, (k,) m^2.
 
     With `same_way` the segments that lead elsewhere do not count, see `_SAME_WAY`.
     """
@@ -215,10 +215,14 @@ def _nearest(
         here = -around[:1]
         square = np.where(ux * ux[:, here] + uy * uy[:, here] < _SAME_WAY, np.inf, square)
     nearest = square.argmin(axis=-1)
-    at = int(nearest) if rows is ALONE else (np.arange(len(position)), nearest)
-    ux, uy, dx, dy, s, t, square = (plain(values[at]) for values in (ux, uy, dx, dy, s, t, square))
-    segment = first + at if rows is ALONE else first[at]
-    return s + t, ux * dy - uy * dx, segment, np.sqrt(square)
+    told = ux, uy, dx, dy, s, t, square
+    if rows is ALONE:
+        at = int(nearest)
+        ux, uy, dx, dy, s, t, square = (values.item(at) for values in told)
+        return s + t, ux * dy - uy * dx, first + at, square
+    at = np.arange(len(position)), nearest
+    ux, uy, dx, dy, s, t, square = (values[at] for values in told)
+    return s + t, ux * dy - uy * dx, first[at], square
 
 
 def _window(track: Track, rows: Rows, index: Index, around: Index) -> tuple[Index, Array]:
