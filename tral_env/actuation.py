@@ -16,7 +16,7 @@ from tral_env.arrays import ALL, ALONE, Array, Flags, Index, Rows, is_any, maxim
 from tral_env.config import CarConfig, EscConfig, ServoConfig
 from tral_env.errors import ConfigError
 from tral_env.geometry import scrub_fall
-from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ, STEERING, THROTTLE
+from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ
 
 DRIVE = 0
 """Phase of a motor controller that drives or lets the car coast."""
@@ -87,7 +87,8 @@ def steering_target(command: Array, neutral: Array, lock: Array, low: Array, hig
         low: right end of the linkage's travel, rad, (n,).
         high: left end of it, rad, (n,).
     """
-    return minimum(maximum(neutral + lock * command, low), high)
+    target: Array = minimum(maximum(neutral + lock * command, low), high)
+    return target
 
 
 def servo_step(position: Array, moving: Flags, target: Array, max_step: Array, dead_zone: float) -> tuple[Array, Flags]:

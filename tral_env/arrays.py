@@ -22,6 +22,8 @@ Flags = NDArray[np.bool_]
 Image = NDArray[np.uint8]
 """Pixels."""
 
+Values = Any
+"""Values (k,) of some cars, or the number of a car alone."""
 Rows = Index | slice | int
 """Some cars: their numbers, `ALL`, or `ALONE`."""
 ALL = slice(None)

@@ -89,7 +89,7 @@ class EdgeSpeed:
     @property
     def distance(self) -> Array:
         """Distance counted since reset, forward and backward alike, (n,) m."""
-        return self._ticks * self._config.metres_per_tick
+        return self._ticks.astype(np.float64) * self._config.metres_per_tick
 
 
 class Hall:

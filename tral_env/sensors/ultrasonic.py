@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from tral_env.arrays import Array, Flags, is_any, minimum, plain, spread, where
+from tral_env.arrays import Array, Flags, Values, is_any, minimum, plain, spread, where
 from tral_env.config import UltrasonicConfig
 from tral_env.interface import NO_ECHO_M
 
@@ -80,7 +80,7 @@ def ray_angles(config: UltrasonicConfig) -> Array:
     return _fan(config.rays, config.beam_deg).angle.copy()
 
 
-def echo(distance: Array, normal: Array, config: UltrasonicConfig, softness: Array | None = None) -> Array:
+def echo(distance: Array, normal: Array, config: UltrasonicConfig, softness: Values | None = None) -> Values:
     """Find the range of the first echo.
 
     A wave of 8.65 mm sees a smooth wall as a mirror. Three things send sound back to where it came from:
@@ -115,11 +115,10 @@ def echo(distance: Array, normal: Array, config: UltrasonicConfig, softness: Arr
     wall = plain(np.where(mirror, height, np.inf).min(axis=-1))
     corner = plain(_corners_and_edges(hit, config).min(axis=-1))
     first = minimum(wall, corner)
-    heard: Array = where(first <= config.max_range, first, math.inf)
-    return heard
+    return where(first <= config.max_range, first, math.inf)
 
 
-def _cos_limit(config: UltrasonicConfig, softness: Array | None) -> Array | float:
+def _cos_limit(config: UltrasonicConfig, softness: Values | None) -> Values:
     """Cosine of the greatest angle of incidence at which a wall is heard, (..., 1) or scalar."""
     limit, half = math.radians(config.incidence_limit_deg), math.radians(config.incidence_spread_deg)
     if softness is None:
@@ -158,7 +157,9 @@ def _corners_and_edges(hit: FanHit, config: UltrasonicConfig) -> Array:
     return found
 
 
-def measure(first: Array, uniform: Array | list[float], config: UltrasonicConfig, outlier_rate: Array | float = 0.0) -> Array:
+def measure(
+    first: Values, uniform: Array | list[float], config: UltrasonicConfig, outlier_rate: Values = 0.0
+) -> Values:
     """Read a first echo as the ranger does.
 
     - Jitter: the comparator fires on one wave front too early or too late, each with probability `jitter_share` / 2
@@ -188,8 +189,7 @@ def measure(first: Array, uniform: Array | list[float], config: UltrasonicConfig
         wrong = where(kind < 0.5, math.inf, where(kind < 0.8, short, 2 * first))
         range_m = where(outlier, wrong, range_m)
     heard, unit = readable(range_m, config), resolution(config)
-    told: Array = where(heard, plain(np.rint(where(heard, range_m, 0.0) / unit)) * unit, NO_ECHO_M)
-    return told
+    return where(heard, plain(np.rint(where(heard, range_m, 0.0) / unit)) * unit, NO_ECHO_M)
 
 
 def limits(config: UltrasonicConfig) -> tuple[float, float]:
