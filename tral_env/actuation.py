@@ -12,7 +12,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tral_env.arrays import ALL, ALONE, Array, Flags, Index, Rows, is_any, maximum, minimum, pick, where
+from tral_env.arrays import (
+    ALL,
+    ALONE,
+    Array,
+    Flags,
+    Index,
+    Rows,
+    as_rows,
+    is_any,
+    maximum,
+    minimum,
+    number,
+    pick,
+    where,
+)
 from tral_env.config import CarConfig, EscConfig, ServoConfig
 from tral_env.errors import ConfigError
 from tral_env.geometry import scrub_fall
@@ -127,8 +141,9 @@ def scrub_torque(speed: Array, standstill: Array | float, speed_scale: float) ->
     Returns:
         N m, (n,).
     """
-    result: Array = standstill / scrub_fall(np.asarray(speed), speed_scale, sqrt=np.sqrt)
-    return result
+    # In arrays always: Python's and NumPy's powers of a number are rounded otherwise.
+    result: Array = standstill / scrub_fall(as_rows(speed), speed_scale, sqrt=np.sqrt)
+    return result if isinstance(speed, np.ndarray) else number(result)
 
 
 def motor_duty(throttle: Array, dead_zone: float) -> Array:

@@ -99,7 +99,8 @@ class Sonars:
         echoes[sonars, place] = ultrasonic.echo(distance, normal, config, own[:, 0])
         if (together := drawn["sonar_together"][row] > 0.5).any():
             echoes = ultrasonic.crosstalk(echoes, uniform[:, :, 1].T, together, config)
-        return ultrasonic.measure(echoes[sonars, place], own[:, 2:], config, drawn["sonar_outlier_rate"][rows])
+        ranges: Array = ultrasonic.measure(echoes[sonars, place], own[:, 2:], config, drawn["sonar_outlier_rate"][rows])
+        return ranges
 
     def _echo_points(self, rows: Index, sonars: Index, since_s: Array) -> tuple[Array, Array]:
         """Length of each ray (k, R), m, and the normal of what it hit (k, R, 2), in the sonar's frame when it fired."""
