@@ -49,7 +49,7 @@ def share_cost(scenario: str, rows: int, *, ticks: int = 40) -> dict[str, Any]:
     world, rng = World(rows, CorridorConfig(scenario=scenario)), np.random.default_rng(0)
     start_rows(world)
     batch = _Clocked(world.sim.physics.batch)
-    world.sim.physics.batch = batch  # type: ignore[assignment]
+    world.sim.physics.batch = batch
     physics, serial = [], []
     for _ in range(ticks):
         batch.seconds, command, begin = 0.0, gentle(rows, rng), time.thread_time()
