@@ -150,10 +150,8 @@ def _corners_and_edges(hit: FanHit, config: UltrasonicConfig) -> Array:
     across = np.abs(cosine) <= config.corner_tolerance
     inner = across & (front >= -step) & (np.maximum(reach[..., 1:], reach[..., :-1]) < _NOTHING_M)
     if np.count_nonzero(inner):
-        height = hit.height
-        u, v = height[..., :-1], height[..., 1:]
-        square = (u * u + v * v - 2 * u * v * cosine) / np.where(inner, 1 - cosine * cosine, 1.0)
-        found = np.where(inner, np.sqrt(np.where(inner, square, 0.0)), found)
+        u, v, c = hit.height[..., :-1][inner], hit.height[..., 1:][inner], cosine[inner]
+        found[inner] = np.sqrt((u * u + v * v - 2 * u * v * c) / (1 - c * c))
     return found
 
 
