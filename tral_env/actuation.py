@@ -12,11 +12,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tral_env.arrays import ALL, ALONE, Array, Flags, Index, Rows, is_any, maximum, minimum, pick, where
+from tral_env.arrays import (
+    ALL,
+    ALONE,
+    Array,
+    Flags,
+    Index,
+    Rows,
+    as_rows,
+    is_any,
+    maximum,
+    minimum,
+    number,
+    pick,
+    where,
+)
 from tral_env.config import CarConfig, EscConfig, ServoConfig
 from tral_env.errors import ConfigError
 from tral_env.geometry import scrub_fall
-from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ, STEERING, THROTTLE
+from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ
 
 DRIVE = 0
 """Phase of a motor controller that drives or lets the car coast."""
@@ -87,7 +101,8 @@ def steering_target(command: Array, neutral: Array, lock: Array, low: Array, hig
         low: right end of the linkage's travel, rad, (n,).
         high: left end of it, rad, (n,).
     """
-    return minimum(maximum(neutral + lock * command, low), high)
+    target: Array = minimum(maximum(neutral + lock * command, low), high)
+    return target
 
 
 def servo_step(position: Array, moving: Flags, target: Array, max_step: Array, dead_zone: float) -> tuple[Array, Flags]:
@@ -126,8 +141,9 @@ def scrub_torque(speed: Array, standstill: Array | float, speed_scale: float) ->
     Returns:
         N m, (n,).
     """
-    result: Array = standstill / scrub_fall(np.asarray(speed), speed_scale, sqrt=np.sqrt)
-    return result
+    # In arrays always: Python's and NumPy's powers of a number are rounded otherwise.
+    result: Array = standstill / scrub_fall(as_rows(speed), speed_scale, sqrt=np.sqrt)
+    return result if isinstance(speed, np.ndarray) else number(result)
 
 
 def motor_duty(throttle: Array, dead_zone: float) -> Array:

@@ -22,6 +22,8 @@ Flags = NDArray[np.bool_]
 Image = NDArray[np.uint8]
 """Pixels."""
 
+Values = Any
+"""Values (k,) of some cars, or the number of a car alone."""
 Rows = Index | slice | int
 """Some cars: their numbers, `ALL`, or `ALONE`."""
 ALL = slice(None)
@@ -40,7 +42,7 @@ def pick(values: Any, rows: Rows) -> Any:
 
     What is a number already stays one, for all cars alike.
     """
-    if rows is ALL or not isinstance(values, np.ndarray):
+    if rows is ALL or type(values) is not np.ndarray:
         return values
     return values.item(0) if type(rows) is int else values[rows]
 
@@ -54,7 +56,7 @@ def columns(values: Any, rows: Rows) -> Any:
 
 def plain(values: Any) -> Any:
     """What a function of NumPy gave: an array, or a number that Python computes with faster than with NumPy's own."""
-    return values if isinstance(values, np.ndarray) else values.item()
+    return values if type(values) is np.ndarray else values.item()
 
 
 def negation(condition: Any) -> Any:
@@ -64,7 +66,7 @@ def negation(condition: Any) -> Any:
 
 def number(values: Any) -> Any:
     """The number of a car alone, also out of (1,)."""
-    return pick(values, ALONE)
+    return values.item(0) if type(values) is np.ndarray else values
 
 
 def as_rows(values: Any) -> Any:

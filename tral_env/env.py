@@ -247,9 +247,10 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
 
     def _info(self, info: dict[str, Any]) -> dict[str, Any]:
         """Info of the only car as Python numbers and bools, and arrays that nobody else holds."""
-        pose = info["pose"]
-        single = {name: number(values) for name, values in info.items() if name != "pose"}
-        single["pose"] = pose if pose.ndim == 1 else pose[0].copy()
+        single = dict(info)
+        if single["pose"].ndim > 1:
+            single = {name: number(values) for name, values in info.items()}
+            single["pose"] = info["pose"][0].copy()
         # Not NaN, which is unequal to itself: Gymnasium's checker would call the env not deterministic.
         for name in ("clearance_left_m", "clearance_right_m"):
             if math.isnan(single[name]):

@@ -252,7 +252,8 @@ class Layout:
         if n == 1:
             row = self._missing.tolist()
             for name, value in values.items():
-                row[columns[name] if name in columns else self.column(name)] = number(value)
+                at = columns[name] if name in columns else self.column(name)
+                row[at] = value if type(value) is float else number(value)
             packed = np.array([row], np.float32)
         else:
             packed = np.full((n, self.size), self._missing, np.float32)

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import reduce
+from typing import Any
 
 import numpy as np
 
@@ -17,9 +18,9 @@ from tral_env.arrays import (
     ALL,
     ALONE,
     Array,
-    Flags,
     Index,
     Rows,
+    Values,
     columns,
     is_any,
     number,
@@ -170,7 +171,7 @@ def _grown(array: Array, size: int, *, fill: float = 0.0, edge: bool = False) ->
     return np.pad(array, width, mode="edge") if edge else np.pad(array, width, constant_values=fill)
 
 
-def locate(track: Track, rows: Rows, position: Array, index: Index) -> tuple[Array, Array, Index]:
+def locate(track: Track, rows: Rows, position: Array, index: Values) -> tuple[Values, Values, Values]:
     """Project positions onto the routes, near where the cars last were.
 
     Args:
@@ -187,20 +188,21 @@ def locate(track: Track, rows: Rows, position: Array, index: Index) -> tuple[Arr
     if not is_any(far):
         return s, lateral, segment
     if rows is ALONE:
-        return tuple(map(number, locate(track, np.zeros(1, np.int64), position, np.array([index]))))  # type: ignore[return-value]
+        s, lateral, segment = map(number, locate(track, np.zeros(1, np.int64), position, np.array([index])))
+        return s, lateral, segment
     far = np.flatnonzero(far)
-    cars = np.arange(len(position)) if rows is ALL else rows
-    *found, distance = _nearest(track, cars[far], position[far], segment[far], _FAR, same_way=True)
-    across = distance < _CLEARLY * np.abs(lateral[far])
+    cars = np.arange(len(track.last))[rows]
+    *found, square = _nearest(track, cars[far], position[far], segment[far], _FAR, same_way=True)
+    across = np.sqrt(square) < _CLEARLY * np.abs(lateral[far])
     for values, there in zip((s, lateral, segment), found, strict=True):
         values[far[across]] = there[across]
     return s, lateral, segment
 
 
 def _nearest(
-    track: Track, rows: Rows, position: Array, index: Index, around: Index, *, same_way: bool
-) -> tuple[Array, Array, Index, Array]:
-    """As `locate`, among the segments `around` the last one; and the distance, (k,) m.
+    track: Track, rows: Rows, position: Array, index: Values, around: Index, *, same_way: bool
+) -> tuple[Values, Values, Values, Values]:
+    """As `locate`, among the segments `around` the last one; and the square of the distance, (k,) m^2.
 
     With `same_way` the segments that lead elsewhere do not count, see `_SAME_WAY`.
     """
@@ -215,13 +217,16 @@ def _nearest(
         here = -around[:1]
         square = np.where(ux * ux[:, here] + uy * uy[:, here] < _SAME_WAY, np.inf, square)
     nearest = square.argmin(axis=-1)
-    at = int(nearest) if rows is ALONE else (np.arange(len(position)), nearest)
-    ux, uy, dx, dy, s, t, square = (plain(values[at]) for values in (ux, uy, dx, dy, s, t, square))
-    segment = first + at if rows is ALONE else first[at]
-    return s + t, ux * dy - uy * dx, segment, np.sqrt(square)
+    told = ux, uy, dx, dy, s, t, square
+    if rows is ALONE:
+        ux, uy, dx, dy, s, t, square = (values.item(nearest) for values in told)
+        return s + t, ux * dy - uy * dx, first + int(nearest), square
+    at = np.arange(len(position)), nearest
+    ux, uy, dx, dy, s, t, square = (values[at] for values in told)
+    return s + t, ux * dy - uy * dx, first[at], square
 
 
-def _window(track: Track, rows: Rows, index: Index, around: Index) -> tuple[Index, Array]:
+def _window(track: Track, rows: Rows, index: Values, around: Index) -> tuple[Any, Array]:
     """The segments around the last one, (k, W), and what `Track.segments` tells of them, (6, k, W).
 
     For a car alone the number of the first segment, and (6, W): no segment is twice among them.
@@ -240,8 +245,8 @@ def _window(track: Track, rows: Rows, index: Index, around: Index) -> tuple[Inde
 
 
 def cross_gates(
-    track: Track, before: Array, after: Array, s: Array, passed: Index, rows: Rows = ALL
-) -> tuple[Flags, Flags]:
+    track: Track, before: Array, after: Array, s: Values, passed: Values, rows: Rows = ALL
+) -> tuple[Values, Values]:
     """Which cars passed their next gate in this tick, and which missed one.
 
     Args:
@@ -258,7 +263,7 @@ def cross_gates(
     """
     beside = np.abs(spread(s) - track.gate_s[rows]) < GATE_ROUTE_REACH_M
     if not np.count_nonzero(beside):
-        return (False, False) if rows is ALONE else (np.zeros(len(s), bool), np.zeros(len(s), bool))  # type: ignore[return-value]
+        return (False, False) if rows is ALONE else (np.zeros(len(s), bool), np.zeros(len(s), bool))
     x0, y0 = _gate_frame(track, before, rows)
     x1, y1 = _gate_frame(track, after, rows)
     share = np.where(x1 != x0, -x0 / np.where(x1 != x0, x1 - x0, 1.0), 0.0)
@@ -280,7 +285,7 @@ def _gate_frame(track: Track, position: Array, rows: Rows) -> tuple[Array, Array
     return rotate_back(unit[..., 0], unit[..., 1], spread(x) - pose[..., 0], spread(y) - pose[..., 1])
 
 
-def wall_clearance(track: Track, pose: Array, car: CarConfig, rows: Rows = ALL) -> tuple[Array, Array]:
+def wall_clearance(track: Track, pose: Array, car: CarConfig, rows: Rows = ALL) -> tuple[Values, Values]:
     """True distance from the side ultrasonics to the walls beside plain straight stretches, square to the walls.
 
     Args:
@@ -299,7 +304,7 @@ def wall_clearance(track: Track, pose: Array, car: CarConfig, rows: Rows = ALL) 
             is_on, left, right = _clearances(place, straight, unit, car)
             if is_on:
                 return left, right
-        return math.nan, math.nan  # type: ignore[return-value]
+        return math.nan, math.nan
     n, count, _ = track.straights.shape
     if count == 0:
         return np.full(n, np.nan), np.full(n, np.nan)
@@ -312,10 +317,8 @@ def wall_clearance(track: Track, pose: Array, car: CarConfig, rows: Rows = ALL) 
     return np.where(here, left[first], np.nan), np.where(here, right[first], np.nan)
 
 
-def _clearances(
-    pose: Sequence[Array], straight: Sequence[Array], unit: Sequence[Array], car: CarConfig
-) -> tuple[Flags, Array, Array]:
-    """Whether a car is on a stretch, and its clearances there, left and right, m; of a car and a stretch, or of many."""
+def _clearances(pose: Any, straight: Any, unit: Any, car: CarConfig) -> tuple[Values, Values, Values]:
+    """Whether a car is on a stretch, and its clearances there, left and right, m; all numbers, or all arrays."""
     x0, y0, yaw, length, width = straight
     cos, sin = unit
     turn, half = pose[2] - yaw, width / 2
@@ -337,56 +340,51 @@ def time_limit(length: Array, config: TaskConfig) -> Array:
 class Outcome:
     """What n cars did in a tick, each (n,), or the numbers of a car alone."""
 
-    advance: Array
+    advance: Values
     """(n,) distance gained along the route, m."""
-    gate: Flags
+    gate: Values
     """(n,) the car passed its next gate."""
-    success: Flags
+    success: Values
     """(n,) the car reached the goal."""
-    failure: Flags
+    failure: Values
     """(n,) the car touched something or missed a gate."""
-    steering_change: Array
+    steering_change: Values
     """(n,) change of the steering command, -2 to 2."""
 
 
-def progress_term(outcome: Outcome, config: TaskConfig) -> Array:
+def progress_term(outcome: Outcome, config: TaskConfig) -> Values:
     """`progress_reward` for each metre gained along the route; less than 0 backwards."""
-    earned: Array = config.progress_reward * outcome.advance
-    return earned
+    return config.progress_reward * outcome.advance
 
 
-def gate_term(outcome: Outcome, config: TaskConfig) -> Array:
+def gate_term(outcome: Outcome, config: TaskConfig) -> Values:
     """`gate_reward` in the tick in which the car passes its next gate."""
-    earned: Array = outcome.gate * float(config.gate_reward)
-    return earned
+    return outcome.gate * float(config.gate_reward)
 
 
-def success_term(outcome: Outcome, config: TaskConfig) -> Array:
+def success_term(outcome: Outcome, config: TaskConfig) -> Values:
     """`success_reward` in the tick in which the car reaches the goal."""
-    earned: Array = outcome.success * float(config.success_reward)
-    return earned
+    return outcome.success * float(config.success_reward)
 
 
-def failure_term(outcome: Outcome, config: TaskConfig) -> Array:
+def failure_term(outcome: Outcome, config: TaskConfig) -> Values:
     """`failure_reward` in the tick in which the car touches something or misses a gate."""
-    earned: Array = outcome.failure * float(config.failure_reward)
-    return earned
+    return outcome.failure * float(config.failure_reward)
 
 
-def steering_term(outcome: Outcome, config: TaskConfig) -> Array:
+def steering_term(outcome: Outcome, config: TaskConfig) -> Values:
     """Minus `steering_cost` times the square of the steering command's change in the tick, 0 to 4."""
     change = outcome.steering_change
-    earned: Array = -(config.steering_cost * (change * change))
-    return earned
+    return -(config.steering_cost * (change * change))
 
 
-def time_term(outcome: Outcome, config: TaskConfig) -> Array:
+def time_term(outcome: Outcome, config: TaskConfig) -> Values:
     """Minus `time_cost` in every tick of 1/80 s."""
     cost = -float(config.time_cost)
-    return np.full(len(outcome.advance), cost) if isinstance(outcome.advance, np.ndarray) else cost  # type: ignore[return-value]
+    return np.full(len(outcome.advance), cost) if isinstance(outcome.advance, np.ndarray) else cost
 
 
-REWARD_TERMS: Mapping[str, Callable[[Outcome, TaskConfig], Array]] = {
+REWARD_TERMS: Mapping[str, Callable[[Outcome, TaskConfig], Values]] = {
     "progress": progress_term,
     "gate": gate_term,
     "success": success_term,
@@ -398,12 +396,11 @@ REWARD_TERMS: Mapping[str, Callable[[Outcome, TaskConfig], Array]] = {
 that a learner climbs (Ng et al., 1999); beside it all terms are small but those of the episode's end."""
 
 
-def reward_terms(outcome: Outcome, config: TaskConfig) -> dict[str, Array]:
+def reward_terms(outcome: Outcome, config: TaskConfig) -> dict[str, Values]:
     """What a tick earns, term by term: name -> (n,)."""
     return {name: term(outcome, config) for name, term in REWARD_TERMS.items()}
 
 
-def reward(terms: Mapping[str, Array]) -> Array:
+def reward(terms: Mapping[str, Values]) -> Values:
     """What a tick earns, (n,): the terms added one after the other, so that the last bit is always the same."""
-    total: Array = reduce(operator.add, terms.values())
-    return total
+    return reduce(operator.add, terms.values())

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env import task
-from tral_env.arrays import ALL, ALONE, Array, Flags, Index, as_rows, everyone, maximum, minimum, negation, pick
+from tral_env.arrays import ALL, ALONE, Array, Flags, Index, Values, as_rows, everyone, maximum, minimum, negation, pick
 from tral_env.checks import check_number, one_of
 from tral_env.course.generate import generate_plan
 from tral_env.course.geometry import build_plan
@@ -82,12 +82,12 @@ class Step:
     """What n cars got in a tick, as arrays of (n, ...); `World.tick` has numbers for a car alone."""
 
     observation: NDArray[np.float32]
-    reward: Array
-    terminated: Flags
-    truncated: Flags
-    info: dict[str, Array | Flags | Index]
+    reward: Values
+    terminated: Values
+    truncated: Values
+    info: dict[str, Values]
     """Ground truth, name -> (n, ...)."""
-    reward_terms: dict[str, Array]
+    reward_terms: dict[str, Values]
     """What the reward is the sum of, name -> (n,)."""
 
     def as_rows(self) -> Step:
@@ -98,7 +98,9 @@ class Step:
         told["pose"] = told["pose"][None]
         return Step(
             self.observation,
-            *map(as_rows, (self.reward, self.terminated, self.truncated)),
+            as_rows(self.reward),
+            as_rows(self.terminated),
+            as_rows(self.truncated),
             {name: as_rows(value) for name, value in told.items()},
             {name: as_rows(value) for name, value in self.reward_terms.items()},
         )

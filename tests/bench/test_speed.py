@@ -11,6 +11,7 @@ from tral_env.course.geometry import build_plan
 from tral_env.errors import ConfigError, RenderError
 from tral_fsm.bench import plan, speed
 from tral_fsm.bench.costs import DOORS, camera_cost, corridor, size_cost
+from tral_fsm.bench.shares import share_cost
 from tral_fsm.bench.timing import Contestant
 from tral_fsm.cli import app
 
@@ -19,6 +20,12 @@ MEASURED = {
     "ratios": {},
     "reset_ms_per_row": 0.75,
     "reset_ms_per_row_kept": 0.25,
+    "shares": {
+        "rows": 256,
+        "physics_us": 80.0,
+        "serial_us": 5.0,
+        "extrapolated_steps_per_s": {4: 40000.0, 16: 100000.0},
+    },
     "startup": {"import_s": 0.1, "make_and_reset_s": 0.5, "memory_mb_per_row": 0.4},
     "camera": None,
     "course_size": None,
@@ -124,6 +131,7 @@ def test_a_camera_without_opengl_is_told_with_its_reason(monkeypatch: pytest.Mon
     monkeypatch.setattr(speed, "ratios", lambda field, plan: {})
     monkeypatch.setattr(speed, "reset_cost", lambda scenario: {"new": 1.0, "kept": 1.0})
     monkeypatch.setattr(speed, "startup_cost", lambda scenario: {})
+    monkeypatch.setattr(speed, "share_cost", lambda scenario, rows: {})
     monkeypatch.setattr(speed, "camera_cost", dark)
     result = speed.measure(replace(TINY, camera=True))
     assert (result["camera"], result["skipped"]) == (None, [{"name": "rendered camera", "reason": "no OpenGL"}])
@@ -140,7 +148,16 @@ def test_the_cost_of_a_reset_is_told_with_its_family(monkeypatch: pytest.MonkeyP
     assert result.exit_code == 0
     told = " ".join(result.stdout.split())
     assert "not measured: Ant-v5: No module named 'imageio'" in told
+    assert "256: 80.0 us of physics, which threads divide, and 5.0 us" in told
+    assert "extrapolated, not measured: 4: 40,000, 16: 100,000" in told
     assert "reset of a row, family gates: 0.75 ms with a new course, 0.25 ms with one that was kept" in told
+
+
+def test_cores_divide_the_physics_and_not_the_serial_share() -> None:
+    shares = share_cost("straight", 2, ticks=3)
+    physics, serial = shares["physics_us"], shares["serial_us"]
+    assert min(physics, serial) > 0
+    assert shares["extrapolated_steps_per_s"] == {k: pytest.approx(1e6 / (serial + physics / k)) for k in (4, 8, 16)}
 
 
 def test_larger_courses_have_more_boxes() -> None:
@@ -158,7 +175,7 @@ def test_the_cost_of_a_size_is_told_with_its_boxes() -> None:
 
 def test_a_frame_costs_its_rendering_and_more() -> None:
     cost = camera_cost(rounds=3, seconds=0.0)
-    assert list(cost) == ["in_env_ms", "bare_render_ms", "bare_detect_ms", "bare_pose_ms"]
+    assert list(cost) == ["in_env_ms", "bare_render_ms", "faults_ms", "bare_detect_ms", "bare_pose_ms"]
     assert cost["in_env_ms"] > cost["bare_detect_ms"] > 0.0
     assert cost["bare_pose_ms"] > 0.1  # two markers are in view
 

@@ -50,7 +50,7 @@ def test_images_of_a_slow_camera_arrive_one_by_one(rate_hz: float) -> None:
         if len(eyes.trigger(ROW, time_s)):
             eyes.expose(ROW, time_s, sighting(3.0, 7.0))
         eyes.deliver(time_s)
-        ages.append(eyes.readings(time_s)["gate_age"][0])
+        ages.append(eyes.readings(time_s)["gate_age"])
     assert max(ages[33:]) <= 0.4 + 1 / rate_hz + 0.0125 + 1e-9
 
 
@@ -67,8 +67,8 @@ def test_an_empty_image_does_not_forget_what_was_seen() -> None:
     eyes.expose(ROW, np.array([0.1]), sighting(-1.0, 8.0, x=2.0))
     eyes.deliver(np.array([0.2]))
     seen = eyes.readings(np.array([0.2]))
-    assert (seen["gate_id"][0], seen["gate_x"][0], seen["gate_age"][0]) == (3.0, 1.0, pytest.approx(0.2))
-    assert (seen["marker_id"][0], seen["marker_x"][0], seen["marker_age"][0]) == (8.0, 2.0, pytest.approx(0.1))
+    assert (seen["gate_id"], seen["gate_x"], seen["gate_age"]) == (3.0, 1.0, pytest.approx(0.2))
+    assert (seen["marker_id"], seen["marker_x"], seen["marker_age"]) == (8.0, 2.0, pytest.approx(0.1))
 
 
 def test_every_draw_lies_in_its_range() -> None:

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import types
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import gymnasium as gym
@@ -320,3 +321,24 @@ def test_unknown_views_are_answered_with_the_nearest() -> None:
 def test_without_opengl_the_error_names_the_remedy() -> None:
     out = subprocess.run([sys.executable, "-c", NO_OPENGL], capture_output=True, text=True, check=False)
     assert out.stdout.strip() == "True True", out.stderr
+
+
+@pytest.mark.usefixtures("opengl")
+@pytest.mark.parametrize("camera", ["projected", "rendered"])
+def test_a_still_shows_the_moment_at_which_it_was_taken_in_any_thread(camera: str) -> None:
+    env = gym.make("TralCorridor-v0", course=GATE_AHEAD, camera=camera).unwrapped
+    env.reset(seed=1)
+    stills, size = env.stills(), (160, 120)
+    for _ in range(9):
+        env.step(np.array([0.3, 0.5], np.float32))
+    shown = {view: env.render_view(view, *size) for view in ("chase", "onboard")}
+    taken = {view: stills.take(view, *size) for view in shown}
+    for _ in range(9):
+        env.step(np.array([0.3, 0.5], np.float32))
+    with ThreadPoolExecutor(1) as thread:
+        later = {view: thread.submit(take).result() for view, take in taken.items()}
+        thread.submit(stills.close).result()
+    for view, image in shown.items():
+        assert np.array_equal(later[view], image)
+        assert not np.array_equal(later[view], env.render_view(view, *size))
+    env.close()

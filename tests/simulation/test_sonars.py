@@ -14,9 +14,9 @@ SIDE_M = WIDTH / 2 - SIDE_SONAR_Y_M
 
 def test_the_first_ranges_are_those_to_the_walls() -> None:
     readings = one_car().sonars.readings()
-    assert readings["ultrasonic_left"][0] == pytest.approx(SIDE_M, abs=0.02)
-    assert readings["ultrasonic_right"][0] == pytest.approx(SIDE_M, abs=0.02)
-    assert readings["ultrasonic_front"][0] == NO_ECHO_M
+    assert readings["ultrasonic_left"] == pytest.approx(SIDE_M, abs=0.02)
+    assert readings["ultrasonic_right"] == pytest.approx(SIDE_M, abs=0.02)
+    assert readings["ultrasonic_front"] == NO_ECHO_M
 
 
 def test_nearer_to_the_left_wall_the_left_range_is_shorter() -> None:
@@ -24,15 +24,15 @@ def test_nearer_to_the_left_wall_the_left_range_is_shorter() -> None:
     put(sim, 3.0, 0.4)
     drive(sim, 0.0, 0.0, 20)
     readings = sim.sonars.readings()
-    assert readings["ultrasonic_left"][0] == pytest.approx(SIDE_M - 0.4, abs=0.02)
-    assert readings["ultrasonic_right"][0] == pytest.approx(SIDE_M + 0.4, abs=0.02)
+    assert readings["ultrasonic_left"] == pytest.approx(SIDE_M - 0.4, abs=0.02)
+    assert readings["ultrasonic_right"] == pytest.approx(SIDE_M + 0.4, abs=0.02)
 
 
 def test_a_wall_that_is_met_askew_gives_no_echo() -> None:
     sim = one_car()
     put(sim, 3.0, 0.0, np.radians(30))
     drive(sim, 0.0, 0.0, 20)
-    assert sim.sonars.readings()["ultrasonic_left"][0] == NO_ECHO_M
+    assert sim.sonars.readings()["ultrasonic_left"] == NO_ECHO_M
 
 
 @pytest.mark.parametrize("cadence_s", [0.065, 0.11])
@@ -41,7 +41,7 @@ def test_a_range_is_published_when_its_sonar_fires_again(cadence_s: float) -> No
     ages = []
     for _ in range(80):
         drive(sim, 0.0, 0.0, 1)
-        ages.append(float(sim.sonars.readings()["ultrasonic_left_age"][0]))
+        ages.append(float(sim.sonars.readings()["ultrasonic_left_age"]))
     settled = np.array(ages[20:])
     assert settled.min() == pytest.approx(cadence_s, abs=CONTROL_PERIOD_S)
     assert settled.max() == pytest.approx(2 * cadence_s, abs=CONTROL_PERIOD_S)
@@ -53,11 +53,11 @@ def test_the_sonars_fire_in_turn_or_together(together: float, same: bool) -> Non
     sim = one_car(sonar_together=together)
     drive(sim, 0.0, 0.0, 40)
     readings = sim.sonars.readings()
-    ages = {float(readings[f"ultrasonic_{side}_age"][0]) for side in ("left", "front", "right")}
+    ages = {float(readings[f"ultrasonic_{side}_age"]) for side in ("left", "front", "right")}
     assert (len({round(age, 6) for age in ages}) == 1) == same
 
 
 def test_the_end_of_the_corridor_is_ahead() -> None:
     sim = one_car(Course(name="short", segments=(Segment(length=5.0, width=WIDTH),)))
     ahead = 5.0 - sim.pose[0, 0] - sim.car.front_x
-    assert sim.sonars.readings()["ultrasonic_front"][0] == pytest.approx(ahead, abs=0.05)
+    assert sim.sonars.readings()["ultrasonic_front"] == pytest.approx(ahead, abs=0.05)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tral_env.arrays import Array, Index, columns, everyone, minimum, pick
+from tral_env.arrays import Array, Index, Rows, columns, everyone, minimum, pick
 from tral_env.interface import MAX_AGE_S, NO_ECHO_M
 
 SONARS = ("left", "front", "right")
@@ -34,14 +34,14 @@ class Ranging:
         self.range_m[rows] = self._pending_range[rows] = range_m
         self._fired[rows] = self._pending_fired[rows] = 0.0
 
-    def fire(self, rows: Index, sonars: Index, range_m: Array, time_s: Array) -> None:
+    def fire(self, rows: Rows, sonars: Index | int, range_m: Array, time_s: Array) -> None:
         """Begin rangings, and publish what the rangings before them found.
 
         Args:
             rows: (k,) cars.
             sonars: (k,) which of `SONARS`.
             range_m: (k,) what this ranging will find, m.
-            time_s: (k,) when it fired, s.
+            time_s: (k,) when it fired, s. A sonar of a car alone is given in numbers.
         """
         at = rows, sonars
         self.range_m[at], self._fired[at] = self._pending_range[at], self._pending_fired[at]

@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from tral_env.arrays import Array, Flags
+from tral_env.arrays import Array, Flags, Values, is_any, minimum, plain, spread, where
 from tral_env.config import UltrasonicConfig
 from tral_env.interface import NO_ECHO_M
 
@@ -55,11 +55,8 @@ class FanHit:
     ny: Array
     """Unit normal of the surface, to the left."""
 
-    @property
-    def height(self) -> Array:
-        """Perpendicular distance of the sensor from the plane of the surface, m: ``h = -n . p``."""
-        result: Array = -(self.nx * self.x + self.ny * self.y)
-        return result
+    height: Array
+    """Perpendicular distance of the sensor from the plane of the surface, m: ``h = -n . p``."""
 
 
 @lru_cache(maxsize=32)
@@ -83,7 +80,7 @@ def ray_angles(config: UltrasonicConfig) -> Array:
     return _fan(config.rays, config.beam_deg).angle.copy()
 
 
-def echo(distance: Array, normal: Array, config: UltrasonicConfig, softness: Array | None = None) -> Array:
+def echo(distance: Array, normal: Array, config: UltrasonicConfig, softness: Values | None = None) -> Values:
     """Find the range of the first echo.
 
     A wave of 8.65 mm sees a smooth wall as a mirror. Three things send sound back to where it came from:
@@ -111,23 +108,24 @@ def echo(distance: Array, normal: Array, config: UltrasonicConfig, softness: Arr
     """
     fan = _fan(config.rays, config.beam_deg)
     reach = np.where(distance < 0, _NOTHING_M, distance)
-    hit = FanHit(reach, reach * fan.x, reach * fan.y, normal[..., 0], normal[..., 1])
+    x, y, nx, ny = reach * fan.x, reach * fan.y, normal[..., 0], normal[..., 1]
+    hit = FanHit(reach, x, y, nx, ny, -(nx * x + ny * y))
     height = hit.height
     mirror = (height >= reach * fan.cos_half_spacing) & (-hit.nx >= _cos_limit(config, softness))
-    wall = np.where(mirror, height, np.inf).min(axis=-1)
-    corner = _corners_and_edges(hit, config).min(axis=-1)
-    first = np.minimum(wall, corner)
-    return np.where(first <= config.max_range, first, np.inf)
+    wall = plain(np.where(mirror, height, np.inf).min(axis=-1))
+    corner = plain(_corners_and_edges(hit, config).min(axis=-1))
+    first = minimum(wall, corner)
+    return where(first <= config.max_range, first, math.inf)
 
 
-def _cos_limit(config: UltrasonicConfig, softness: Array | None) -> Array | float:
+def _cos_limit(config: UltrasonicConfig, softness: Values | None) -> Values:
     """Cosine of the greatest angle of incidence at which a wall is heard, (..., 1) or scalar."""
-    limit, spread = math.radians(config.incidence_limit_deg), math.radians(config.incidence_spread_deg)
+    limit, half = math.radians(config.incidence_limit_deg), math.radians(config.incidence_spread_deg)
     if softness is None:
         return math.cos(limit)
     # Linear in the cosine: no trigonometry per call, and within 0.15 degrees of linear in the angle.
-    low, high = math.cos(limit - spread), math.cos(limit + spread)
-    return (low + (high - low) * np.asarray(softness))[..., None]
+    low, high = math.cos(limit - half), math.cos(limit + half)
+    return spread(low + (high - low) * softness)
 
 
 def _corners_and_edges(hit: FanHit, config: UltrasonicConfig) -> Array:
@@ -141,7 +139,7 @@ def _corners_and_edges(hit: FanHit, config: UltrasonicConfig) -> Array:
     """
     reach = hit.reach
     ax, ay, bx, by = hit.nx[..., :-1], hit.ny[..., :-1], hit.nx[..., 1:], hit.ny[..., 1:]
-    dx, dy = np.diff(hit.x), np.diff(hit.y)
+    dx, dy = hit.x[..., 1:] - hit.x[..., :-1], hit.y[..., 1:] - hit.y[..., :-1]
     front = np.minimum(ax * dx + ay * dy, -(bx * dx + by * dy))
     near = np.minimum(reach[..., 1:], reach[..., :-1])
     step = config.jitter_m / 4  # a quarter of a wavelength: less is no step to the wave
@@ -151,15 +149,15 @@ def _corners_and_edges(hit: FanHit, config: UltrasonicConfig) -> Array:
     # A ray that ends in the corner itself lies on both surfaces, in front of neither.
     across = np.abs(cosine) <= config.corner_tolerance
     inner = across & (front >= -step) & (np.maximum(reach[..., 1:], reach[..., :-1]) < _NOTHING_M)
-    if inner.any():
-        height = hit.height
-        u, v = height[..., :-1], height[..., 1:]
-        square = (u * u + v * v - 2 * u * v * cosine) / np.where(inner, 1 - cosine * cosine, 1.0)
-        found = np.where(inner, np.sqrt(np.where(inner, square, 0.0)), found)
+    if np.count_nonzero(inner):
+        u, v, c = hit.height[..., :-1][inner], hit.height[..., 1:][inner], cosine[inner]
+        found[inner] = np.sqrt((u * u + v * v - 2 * u * v * c) / (1 - c * c))
     return found
 
 
-def measure(first: Array, uniform: Array, config: UltrasonicConfig, outlier_rate: Array | float = 0.0) -> Array:
+def measure(
+    first: Values, uniform: Array | list[float], config: UltrasonicConfig, outlier_rate: Values = 0.0
+) -> Values:
     """Read a first echo as the ranger does.
 
     - Jitter: the comparator fires on one wave front too early or too late, each with probability `jitter_share` / 2
@@ -171,7 +169,7 @@ def measure(first: Array, uniform: Array, config: UltrasonicConfig, outlier_rate
 
     Args:
         first: (...) first echo, m; inf: none.
-        uniform: (..., 4) numbers in [0, 1): wave front, outlier, its kind, its range.
+        uniform: (..., 4) numbers in [0, 1): wave front, outlier, its kind, its range; a list for a sonar alone.
         config: the ranger.
         outlier_rate: (...) or scalar, probability of an outlier.
 
@@ -179,17 +177,17 @@ def measure(first: Array, uniform: Array, config: UltrasonicConfig, outlier_rate
         (...) m, `NO_ECHO_M` where there is no echo.
     """
     low, high = limits(config)
-    front, strange, kind, place = (uniform[..., i] for i in range(MEASURE_DRAWS))
+    front, strange, kind, place = uniform if isinstance(uniform, list) else np.moveaxis(uniform, -1, 0)
     early = front < config.jitter_share / 2
     late = front >= 1 - config.jitter_share / 2
-    range_m = first + config.jitter_m * (late.astype(np.float64) - early)
+    range_m = first + config.jitter_m * (late * 1.0 - early)
     outlier = strange < outlier_rate
-    if outlier.any():
-        short = low + (np.minimum(first, high) - low) * place
-        wrong = np.where(kind < 0.5, np.inf, np.where(kind < 0.8, short, 2 * first))
-        range_m = np.where(outlier, wrong, range_m)
+    if is_any(outlier):
+        short = low + (minimum(first, high) - low) * place
+        wrong = where(kind < 0.5, math.inf, where(kind < 0.8, short, 2 * first))
+        range_m = where(outlier, wrong, range_m)
     heard, unit = readable(range_m, config), resolution(config)
-    return np.where(heard, np.rint(np.where(heard, range_m, 0.0) / unit) * unit, NO_ECHO_M)
+    return where(heard, plain(np.rint(where(heard, range_m, 0.0) / unit)) * unit, NO_ECHO_M)
 
 
 def limits(config: UltrasonicConfig) -> tuple[float, float]:
@@ -207,7 +205,7 @@ def resolution(config: UltrasonicConfig) -> float:
 def readable(range_m: Array | float, config: UltrasonicConfig) -> Flags:
     """Whether ranges of any shape, m, lie within the limits of the mode in use; beyond them there is no echo."""
     low, high = limits(config)
-    result: Flags = np.greater_equal(range_m, low) & np.less_equal(range_m, high)
+    result: Flags = (range_m >= low) & (range_m <= high)  # type: ignore[assignment]
     return result
 
 

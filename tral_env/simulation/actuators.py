@@ -47,9 +47,7 @@ class Actuators:
         for i, value in enumerate(columns(command, moving)):
             applied[moving, i] = minimum(maximum(value, -1.0), 1.0)
         wanted = applied[moving]
-        drive = self.actuation.apply(
-            moving, wanted.tolist() if moving is ALONE else wanted, self._wheel_speed(moving)
-        )
+        drive = self.actuation.apply(moving, wanted.tolist() if moving is ALONE else wanted, self._wheel_speed(moving))
         physics.ctrl[moving, handles.steer_actuator] = drive.steering_angle
         physics.ctrl[moving, handles.drive_actuator] = drive.voltage
         physics.frictionloss[moving, handles.steer_dof] = drive.scrub_torque

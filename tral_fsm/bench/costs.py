@@ -14,6 +14,7 @@ from tral_env.course.layout import Course, Door, Segment
 from tral_env.env import TralCorridorEnv
 from tral_env.options import CorridorConfig
 from tral_env.perception.aruco import Detector, marker_poses
+from tral_env.perception.degrade import degrade
 from tral_env.simulation.vision import Webcam
 from tral_env.vector_env import TralCorridorVectorEnv
 from tral_env.world import World
@@ -63,8 +64,8 @@ def _resets(name: str, scenario: str, rows: int, courses: int | None) -> Contest
 def camera_cost(*, rounds: int = 5, seconds: float = 0.05) -> dict[str, float]:
     """Time of a frame with a gate in the environment, and of rendering, detection and pose alone, ms.
 
-    The image of the environment has the faults of the default level, those of the parts have none: so the parts do not
-    add up to the frame, and what is left holds the time of the faults.
+    The rendered image has no faults. The faults of the default level, and the search in an image with these, are
+    parts of their own.
 
     Args:
         rounds: number of turns of each contestant.
@@ -80,11 +81,14 @@ def camera_cost(*, rounds: int = 5, seconds: float = 0.05) -> dict[str, float]:
     detector, camera = Detector(), CameraConfig()
     webcam = Webcam(1, sim.pool, camera)
     webcam.place(0, sim.plan(0), degradation=0.0, seed=0)
-    image = webcam.image(0, qpos[0], mounting[0])
+    clean, rng = webcam.image(0, qpos[0], mounting[0]), np.random.default_rng(0)
+    level = float(sim.car_parameters.drawn["image_degradation"][0])
+    image = degrade(clean, level, rng)
     markers = detector.detect(image)
     acts: dict[str, Callable[[], object]] = {
         "in_env_ms": lambda: sim.cameras.vision.see(row, pose, qpos, mounting),
         "bare_render_ms": lambda: webcam.image(0, qpos[0], mounting[0]),
+        "faults_ms": lambda: degrade(clean, level, rng),
         "bare_detect_ms": lambda: detector.detect(image),
         "bare_pose_ms": lambda: marker_poses(markers, camera),
     }
@@ -140,14 +144,14 @@ def _driving(course: Course, rows: int) -> Contestant:
         world.step(command)
         return rows
 
-    return Contestant(name=course.name, step=step, begin=lambda: _start(world), close=world.close)
+    return Contestant(name=course.name, step=step, begin=lambda: start_rows(world), close=world.close)
 
 
 def _bare(course: Course, rows: int) -> Contestant:
     world, command = World(rows, CorridorConfig(course=course)), np.tile([0.0, 0.4], (rows, 1))
 
     def begin() -> None:
-        _start(world)
+        start_rows(world)
         for _ in range(_UNDER_WAY_TICKS):
             world.step(command)
 
@@ -158,5 +162,6 @@ def _bare(course: Course, rows: int) -> Contestant:
     return Contestant(name=f"bare, {course.name}", step=step, begin=begin, close=world.close)
 
 
-def _start(world: World) -> None:
+def start_rows(world: World) -> None:
+    """Put all cars at the start of new courses; row k has the seed k."""
     world.reset(world.request(np.arange(world.n)), [seeding.np_random(row)[0] for row in range(world.n)])

@@ -15,6 +15,7 @@ from tral_fsm.bench.bare import bare_batch, bare_loop
 from tral_fsm.bench.costs import camera_cost, reset_cost, size_cost
 from tral_fsm.bench.environments import landmark, native, rival, single
 from tral_fsm.bench.plan import SpeedPlan
+from tral_fsm.bench.shares import share_cost
 from tral_fsm.bench.startup import startup_cost
 from tral_fsm.bench.timing import Contestant, take_turns
 from tral_fsm.evaluation.host import host
@@ -54,8 +55,8 @@ def measure(plan: SpeedPlan, on_round: Callable[[str], None] = lambda name: None
 
     Returns:
         ``host``, ``plan``; ``contestants`` with their records; ``ratios`` by name; ``reset_ms_per_row`` with a new
-        course of the family ``reset_scenario``, ``reset_ms_per_row_kept`` with a kept one; ``startup``, ``camera``,
-        ``course_size``; ``skipped``: name and reason of what could not be measured.
+        course of the family ``reset_scenario``, ``reset_ms_per_row_kept`` with a kept one; ``shares`` of a step;
+        ``startup``, ``camera``, ``course_size``; ``skipped``: name and reason of what could not be measured.
     """
     field, skipped = contestants(plan)
     take_turns(field, rounds=plan.rounds, seconds=plan.seconds, on_turn=on_round)
@@ -73,6 +74,7 @@ def measure(plan: SpeedPlan, on_round: Callable[[str], None] = lambda name: None
         "reset_scenario": plan.scenario,
         "reset_ms_per_row": resets["new"],
         "reset_ms_per_row_kept": resets["kept"],
+        "shares": share_cost(plan.scenario, plan.compared),
         "startup": startup_cost(plan.scenario),
         "camera": camera,
         "course_size": size_cost() if plan.sizes else None,

@@ -78,6 +78,13 @@ def _show(result: dict[str, Any], out: Path | None) -> None:
         f"reset of a row, family {result['reset_scenario']}: {result['reset_ms_per_row']:.2f} ms with a new course, "
         f"{result['reset_ms_per_row_kept']:.2f} ms with one that was kept (courses=N)"
     )
+    shares = result["shares"]
+    speeds = ", ".join(f"{cores}: {speed:,.0f}" for cores, speed in shares["extrapolated_steps_per_s"].items())
+    console.print(
+        f"step of a row of {shares['rows']}: {shares['physics_us']:.1f} us of physics, which threads divide, and "
+        f"{shares['serial_us']:.1f} us, which they do not. Steps per second by cores, extrapolated, not measured: "
+        f"{speeds}"
+    )
     startup = result["startup"]
     console.print(
         f"import {startup['import_s']:.2f} s, make and first reset {startup['make_and_reset_s']:.2f} s, "

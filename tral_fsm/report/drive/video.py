@@ -56,6 +56,14 @@ class Stills(Protocol):
 
 
 class Views(Protocol):
+    """An env that renders its views."""
+
+    def render_view(self, view: str, width: int, height: int) -> Image:
+        """RGB image (height, width, 3) of a view: chase, top or onboard."""
+        ...
+
+
+class Filmed(Protocol):
     """An env that takes pictures."""
 
     def stills(self) -> Stills:
@@ -73,7 +81,7 @@ class DriveVideo:
             drive(env, policy, seed, on_step=video)
     """
 
-    def __init__(self, path: Path, views: Views, tones: Mapping[str, str] | None = None) -> None:
+    def __init__(self, path: Path, views: Filmed, tones: Mapping[str, str] | None = None) -> None:
         """Write an mp4 file; an existing file is replaced once the video is complete.
 
         Args:
