@@ -9,7 +9,8 @@ from rich.console import Console
 from rich.table import Table
 from typer.testing import CliRunner
 
-from tral_fsm.cli import app
+from tral_fsm.cli import app, doctor
+from tral_fsm.cli.doctor import Finding
 from tral_fsm.cli.show import table_of_episodes
 from tral_fsm.cli.tune_show import check_table
 from tral_fsm.tuning.holdout import compare
@@ -74,3 +75,19 @@ def test_the_check_of_a_search_keeps_to_80_columns() -> None:
         for scale in (0.2, 0.3)
     )
     assert natural_width(check_table(compare(old, new, Objective()))) <= 80
+
+
+def test_doctor_prints_a_remedy_whole_also_where_a_word_is_longer_than_its_column(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    remedy = "pip install 'stable-baselines3>=2.10,<3'"
+    missing = Finding(topic="extra rl", name="stable-baselines3", ok=False, needed=False, detail="none", remedy=remedy)
+    found = Finding(
+        topic="core", name="opencv-python-headless", ok=True, needed=True, detail="n9.0.2-17-g2a571b6068" * 3
+    )
+    monkeypatch.setattr(doctor, "examine", lambda: [found, missing])
+    shown = CliRunner().invoke(app, ["doctor"], env=NARROW).stdout
+    assert widest(shown) <= 80
+    assert "…" not in shown
+    column = "".join(line.split("│")[4].strip() for line in shown.splitlines() if line.count("│") == 5)
+    assert column.replace(" ", "") == remedy.replace(" ", "")

@@ -126,7 +126,7 @@ def test_a_course_of_ones_own_is_driven_with_many_cars_and_without_a_word_on_par
     machine.write_text(write(blind(0.5, 1.0), "json"))
     result = tral("tune", "--policy", machine, "--course", course, *CHEAP, "--grid", 0, "--out", out)
     assert result.exit_code == 0, result.output
-    assert "Tuning state[0].speed (--params chooses others, --list-params lists them)." in result.stderr
+    assert "Tuning 0.speed (--params chooses others, --list-params lists them)." in result.stderr
     report = json.loads((out / "tune.json").read_text())
     assert report["task"]["course"]["segments"] == [{"length": 4.0}]
     assert report["task"]["scenarios"] == ["mine"]

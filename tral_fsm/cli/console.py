@@ -19,6 +19,8 @@ from tral_env.errors import (
     RenderError,
     SimulationError,
     TralError,
+    UnreadableCalibrationError,
+    UnreadableCourseError,
 )
 from tral_fsm.definition.checks import FormatError
 
@@ -46,4 +48,6 @@ _BAD_FILES = (SimulationError, BadFileError, FormatError, CourseError, PolicyErr
 def _exit_code(error: TralError) -> int:
     if isinstance(error, RenderError | MissingExtraError | HardwareError | LostWorkerError):
         return MACHINE_LACKS
+    if isinstance(error, UnreadableCalibrationError | UnreadableCourseError):
+        return BAD_USAGE
     return FAILED if isinstance(error, _BAD_FILES) else BAD_USAGE

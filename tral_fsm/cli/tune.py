@@ -91,12 +91,13 @@ def command(
 
 def _chosen(machine: MachineDefinition, params: str | None) -> list[str]:
     """Patterns of the parameters; those that the user did not name are said."""
-    from tral_fsm.tuning.listing import default_patterns
+    from tral_fsm.tuning.listing import default_patterns, listing
 
     if params is not None:
         return listed(params)
     chosen = default_patterns(machine)
-    typer.echo(f"Tuning {', '.join(chosen)} (--params chooses others, --list-params lists them).", err=True)
+    names = ", ".join(each.name for each in listing(machine) if each.is_default)
+    typer.echo(f"Tuning {names} (--params chooses others, --list-params lists them).", err=True)
     return chosen
 
 
