@@ -305,9 +305,7 @@ def test_an_unknown_name_is_refused():
 
 
 def test_a_missing_file_is_refused(tmp_path: Path):
-    with pytest.raises(
-        UnreadableCalibrationError, match=r"the lens '.*none.yaml': No such file or directory$"
-    ):
+    with pytest.raises(UnreadableCalibrationError, match=r"the lens '.*none.yaml': No such file or directory$"):
         load_lens(tmp_path / "none.yaml")
 
 

@@ -82,9 +82,8 @@ def test_doctor_prints_a_remedy_whole_also_where_a_word_is_longer_than_its_colum
 ) -> None:
     remedy = "pip install 'stable-baselines3>=2.10,<3'"
     missing = Finding(topic="extra rl", name="stable-baselines3", ok=False, needed=False, detail="none", remedy=remedy)
-    found = Finding(
-        topic="core", name="opencv-python-headless", ok=True, needed=True, detail="n9.0.2-17-g2a571b6068" * 3
-    )
+    detail = "n9.0.2-17-g2a571b6068" * 3
+    found = Finding(topic="core", name="opencv-python-headless", ok=True, needed=True, detail=detail)
     monkeypatch.setattr(doctor, "examine", lambda: [found, missing])
     shown = CliRunner().invoke(app, ["doctor"], env=NARROW).stdout
     assert widest(shown) <= 80

@@ -56,9 +56,8 @@ def test_a_jump_to_another_thing_is_no_motion(jump_m: float) -> None:
     bench = driving()
     for tick in range(240):
         reading = tick // TICKS_BETWEEN_READINGS
-        front = (
-            {"front": 5.0 - 0.01 * tick * 0.8 + jump_m * (reading >= 15)} if tick % TICKS_BETWEEN_READINGS == 0 else {}
-        )
+        range_m = 5.0 - 0.008 * tick + jump_m * (reading >= 15)
+        front = {"front": range_m} if tick % TICKS_BETWEEN_READINGS == 0 else {}
         bench.tick(distance=0.025 * int(0.01 * tick / 0.025), speed=0.8, **front)
     assert bench.active == "0"
 

@@ -82,14 +82,11 @@ def read_camera_info(path: str | Path) -> CameraConfig:
     """
     try:
         text = json_text.read(path)
-    except UnicodeDecodeError as error:
-        raise CalibrationError(
-            f"cannot read the lens {str(path)!r}: not UTF-8 text: {error.reason} at byte {error.start}"
-        ) from error
     except (OSError, ValueError) as error:  # a name with a null is a ValueError
-        raise UnreadableCalibrationError(
-            f"cannot read the lens {str(path)!r}: {getattr(error, 'strerror', error)}"
-        ) from error
+        told = f"cannot read the lens {str(path)!r}: {getattr(error, 'strerror', error)}"
+        if isinstance(error, UnicodeDecodeError):
+            raise CalibrationError(told) from error
+        raise UnreadableCalibrationError(told) from error
     return parse_camera_info(text, str(path))
 
 

@@ -52,14 +52,11 @@ def load_calibration(source: str | Path | CarCalibration) -> CarCalibration:
         return parse_calibration((_FOLDER / f"{source}{_SUFFIX}").read_text("utf-8"), source)
     try:
         text = json_text.read(source)
-    except UnicodeDecodeError as error:
-        raise CalibrationError(
-            f"cannot read the calibration {str(source)!r}: not UTF-8 text: {error.reason} at byte {error.start}"
-        ) from error
     except (OSError, ValueError) as error:  # a name with a null is a ValueError
-        raise UnreadableCalibrationError(
-            f"cannot read the calibration {str(source)!r}: {getattr(error, 'strerror', error)}"
-        ) from error
+        told = f"cannot read the calibration {str(source)!r}: {getattr(error, 'strerror', error)}"
+        if isinstance(error, UnicodeDecodeError):
+            raise CalibrationError(told) from error
+        raise UnreadableCalibrationError(told) from error
     return parse_calibration(text, str(source))
 
 

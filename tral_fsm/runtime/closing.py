@@ -1,4 +1,4 @@
-"""Does the hall sensor count the way that the front ultrasonic sees the car drive? Readings in, a reason to stop out."""
+"""Does the hall sensor count the way that the front ultrasonic sees? Readings in, a reason to stop out."""
 
 from __future__ import annotations
 
@@ -13,12 +13,11 @@ READINGS = 9
 LAG = 3
 """Ranges are compared with those so many readings before, so that the steps of the hall sensor matter less."""
 NEEDED = 4
-"""So many of the `READINGS` - `LAG` differences must be too large. A jump from one thing to another is in `LAG` of them:
-one fewer."""
+"""So many of the `READINGS` - `LAG` differences must be too large. A jump from one thing to another is in one fewer."""
 MAX_STEP_M = 0.4
 """A range that changes by more than this from one reading to the next is that of another thing, m. Source: 3 m/s."""
 MAX_RATIO = 1.5
-"""The range ahead shrinks by no more than this share of the counted way. Source: measured; see docs/state_machine.md."""
+"""The range ahead shrinks by no more than this share of the counted way. Source: measured, docs/state_machine.md."""
 ROOM_M = 0.05
 """And by this much more, m: a hall tick, and the noise of two ranges. Source: choice."""
 _HISTORY_TICKS = 64
