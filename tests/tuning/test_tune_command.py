@@ -81,7 +81,7 @@ def test_it_says_the_verdict(tuned: tuple[Path, Result]) -> None:
 def test_the_bar_has_a_line_for_each_stage(tuned: tuple[Path, Result]) -> None:
     for line in (
         r"the machine as it was +\S+ 1/1 drives",
-        r"search: (cost [\d.]+ \(|no better one yet \(best [\d.]+, )was [\d.]+\) +\S+ 4/4 drives",
+        r"search: (cost [\d.]+ \(was [\d.]+\)|none better than [\d.]+ yet) +\S+ 4/4 drives",
         r"finals on fresh courses +\S+ 10/10 drives",  # the best four and the old machine, two courses
         r"check on held-out drives +\S+ 4/4 drives",
         r"report: cost around the result +\S+ 8/8 drives",  # a plane of 2 x 2 and two lines of 2

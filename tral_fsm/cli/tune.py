@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from tral_fsm.cli import tune_options as options
+from tral_fsm.cli.console import refuse_both
 from tral_fsm.cli.tune_show import Bar, kept_text, print_result, show_parameters
 from tral_fsm.evaluation.choices import listed
 from tral_fsm.programs.tune import TuneArguments, check, run
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 
 def command(
+    context: typer.Context,
     policy: options.Policy = "wall",
     scenario: options.Scenarios = "straight",
     course: options.Course = None,
@@ -58,6 +60,7 @@ def command(
     from tral_fsm.formats.library import load as load_machine
     from tral_fsm.tuning import Objective
 
+    refuse_both(context, "scenario", "course")
     machine = load_machine(policy)
     if classical:
         show_classical(machine, as_json=as_json)
