@@ -62,6 +62,12 @@ def test_a_jump_to_another_thing_is_no_motion(jump_m: float) -> None:
     assert bench.active == "0"
 
 
+def test_a_car_that_turns_hears_one_thing_after_the_other() -> None:
+    bench = driving()
+    bench.feed.values["steering"] = 0.88
+    assert approach(bench, closing_mps=1.6, counted_mps=0.8) == "0"
+
+
 def test_anybody_may_walk_towards_a_car_that_stands() -> None:
     bench = one_state(type="Stop", hold=30.0)
     assert approach(bench, closing_mps=1.4, counted_mps=0.0) == "0"
