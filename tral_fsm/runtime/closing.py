@@ -21,8 +21,8 @@ MAX_RATIO = 1.5
 ROOM_M = 0.08
 """And by this much more, m: a hall tick, and the noise of two ranges. Source: choice."""
 MAX_STEERING = 0.35
-"""A car that steers more does not drive towards what its front ultrasonic hears: one thing after the other comes into its
-beam. Source: measured; two of 60 healthy drives of `office` on "hard" looked too fast at 0.69 and 0.88."""
+"""While a car steers more than this, one thing after the other comes into the beam of its front ultrasonic. Source:
+measured; two of 60 healthy drives of `office` on "hard" looked too fast at 0.69 and 0.88."""
 _HISTORY_TICKS = 64
 """Ticks for which counted distances are kept: 0.8 s; a range is 0.2 s old at most when it comes."""
 
