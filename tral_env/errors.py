@@ -52,6 +52,10 @@ class CalibrationError(TralError, ValueError):
     """A calibration file of a car or a camera cannot be used."""
 
 
+class UnreadableCalibrationError(CalibrationError):
+    """A file of a lens or of a calibration cannot be opened: the command is wrong, not the file."""
+
+
 class SimulationError(TralError, RuntimeError):
     """The physics of a car became unstable."""
 

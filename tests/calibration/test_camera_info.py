@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tral_env.calibration.camera_info import camera_info, load_lens, parse_camera_info, write_camera_info
 from tral_env.config import WIDE_LENS, CameraConfig
-from tral_env.errors import CalibrationError, ConfigError
+from tral_env.errors import CalibrationError, ConfigError, UnreadableCalibrationError
 from tral_env.perception.rays import lens_arrays
 
 FROM_ROS = """
@@ -305,7 +305,7 @@ def test_an_unknown_name_is_refused():
 
 
 def test_a_missing_file_is_refused(tmp_path: Path):
-    with pytest.raises(CalibrationError, match="cannot read the lens"):
+    with pytest.raises(UnreadableCalibrationError, match=r"the lens '.*none.yaml': No such file or directory$"):
         load_lens(tmp_path / "none.yaml")
 
 

@@ -24,7 +24,8 @@ from tral_fsm.cli.drive import command as drive_command
 SHORT = {"name": "short", "segments": [{"length": 4.0}]}
 """A course that is driven in a few seconds."""
 ROOT = Path(__file__).parents[2]
-CALM = ["--policy", "wall", "--scenario", "straight", "--camera", "projected", "--randomization", "none"]
+STEADY = ["--policy", "wall", "--camera", "projected", "--randomization", "none"]
+CALM = [*STEADY, "--scenario", "straight"]
 
 
 def tral(*arguments: object) -> Result:
@@ -41,7 +42,7 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory: pytest.TempPathFactory, short: Path) -> tuple[Path, Result]:
     out = tmp_path_factory.mktemp("runs") / "first"
-    return out, tral("drive", *CALM, "--course", short, "--seed", 3, "--no-video", "--json", "--out", out)
+    return out, tral("drive", *STEADY, "--course", short, "--seed", 3, "--no-video", "--json", "--out", out)
 
 
 def test_the_version_is_that_of_the_package() -> None:
@@ -84,7 +85,7 @@ def test_the_summary_says_what_it_depends_on(driven: tuple[Path, Result]) -> Non
 
 
 def test_several_episodes_have_a_subfolder_each_and_replace_an_earlier_drive(tmp_path: Path, short: Path) -> None:
-    calm = [*CALM, "--course", short]
+    calm = [*STEADY, "--course", short]
     tral("drive", *calm, "--no-video", "--out", tmp_path)
     (tmp_path / "notes.txt").write_text("mine")
     result = tral("drive", *calm, "--seed", 3, "--episodes", 2, "--no-video", "--out", tmp_path)
@@ -110,6 +111,12 @@ def test_a_course_file_is_driven_under_its_name(driven: tuple[Path, Result]) -> 
         (["courses", "--course", "ring", "--scenario", "loop"], "expected one of them"),
         (["courses", "--course", "ring", "--out", "a.bmp"], "got suffix '.bmp': Allowed: .png, .json"),
         (["drive", "--course", "l_shap"], "did you mean 'l_shape'?"),
+        (
+            ["drive", "--course", "ring", "--scenario", "loop"],
+            "--scenario loop and --course ring: expected one of them",
+        ),
+        (["tune", "--course", "ring", "--scenario", "loop"], "--scenario loop and --course ring: expected one"),
+        (["tune", "--course", "rin"], "did you mean 'ring'?"),
         (["drive", "--car", "frction=0.6"], "--car frction=0.6: unknown parameter 'frction': did you mean 'friction'?"),
         (["drive", "--car", "friction"], "--car friction: expected NAME=VALUE with a number"),
         (["drive", "--car", "friction=-1"], "expected numbers above 0"),
@@ -173,13 +180,13 @@ def test_a_drive_that_was_interrupted_leaves_a_summary_and_the_next_does_not_cla
         assert tral("drive", *CALM, "--no-video", "--out", tmp_path).exit_code == 130
     left = json.loads((tmp_path / "summary.json").read_text())
     assert (left["complete"], left["episodes"]) == (False, [])
-    result = tral("drive", *CALM, "--course", short, "--no-video", "--json", "--out", tmp_path)
+    result = tral("drive", *STEADY, "--course", short, "--no-video", "--json", "--out", tmp_path)
     assert json.loads(result.stdout)["episodes"][0]["files"] == ["trajectory.png"]
 
 
 def test_figures_are_whole_in_a_narrow_terminal(tmp_path: Path, short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "30")
-    result = tral("drive", *CALM, "--course", short, "--seed", 10**20, "--no-video", "--out", tmp_path)
+    result = tral("drive", *STEADY, "--course", short, "--seed", 10**20, "--no-video", "--out", tmp_path)
     assert str(10**20) in result.stdout
     assert "…" not in result.stdout
 
@@ -321,7 +328,7 @@ def test_the_command_and_gym_make_have_the_same_camera_by_default() -> None:
 def test_a_car_that_is_set_is_the_car_that_drives(tmp_path: Path) -> None:
     times = []
     for friction in ("friction=0.9", "friction=0.9", "friction=0.05"):
-        arguments = [*CALM, "--course", "short", "--car", friction, "--no-video", "--json", "--out", tmp_path]
+        arguments = [*STEADY, "--course", "short", "--car", friction, "--no-video", "--json", "--out", tmp_path]
         times.append(json.loads(tral("drive", *arguments).stdout)["episodes"][0]["time_s"])
     assert times[0] == times[1] < times[2]
 

@@ -17,8 +17,14 @@ def told(text: str) -> str:
     [
         ("", "a.json: not JSON: it is empty"),
         ("\ufeff \n", "a.json: not JSON: it is empty"),
-        ('{\n"a": 0,5}', "a.json:2:8: not JSON: Expecting property name enclosed in double quotes: a decimal comma? JSON writes 0.8"),
-        ("{} {}", "a.json:1:4: not JSON: Extra data: two files in one? Appending (>>) to a file does that, replace it (>)"),
+        (
+            '{\n"a": 0,5}',
+            "a.json:2:8: not JSON: Expecting property name enclosed in double quotes: a decimal comma? JSON writes 0.8",
+        ),
+        (
+            "{} {}",
+            "a.json:1:4: not JSON: Extra data: two files in one? Appending (>>) to a file does that, replace it (>)",
+        ),
         ("[" * 100_000, "a.json: not readable: nested too deeply"),
         ("9" * 10_000, "a.json: not readable: a whole number of thousands of digits"),
     ],

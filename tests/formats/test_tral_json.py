@@ -236,7 +236,10 @@ def test_each_key_that_stands_twice_is_told_with_its_place() -> None:
     ("text", "told"),
     [
         ('{"name": "x", "segments": []}', "a course, which `tral drive --course` takes, not a machine"),
-        ('{"format": "x", "network": {}}', "the policy.json of a training, which `tral drive --policy` takes, not a machine"),
+        (
+            '{"format": "x", "network": {}}',
+            "the policy.json of a training, which `tral drive --policy` takes, not a machine",
+        ),
     ],
 )
 def test_a_file_of_another_kind_is_named_in_one_line(text: str, told: str) -> None:

@@ -105,7 +105,9 @@ def test_the_settled_error_is_compared_beside_the_whole_one() -> None:
 def test_a_few_courses_are_too_few_for_a_verdict_even_if_all_get_better() -> None:
     old, new = ([drive(seed=k, clearance_rmse=each) for k in range(6)] for each in (0.05, 0.03))
     assert "cost of the tuned machine is lower" in compare(old, new, Objective()).verdict
-    assert compare(old[:5], new[:5], Objective()).within_noise
+    few = compare(old[:5], new[:5], Objective())
+    assert few.within_noise
+    assert few.verdict.endswith("). A check on 5 courses tells nothing: 6 or more are needed.")
 
 
 MIXED = (
@@ -168,4 +170,10 @@ def test_figures_of_fewer_than_six_courses_where_both_arrived_are_neither_better
     old = drives(5, clearance_rmse=0.05, time_s=20.0)
     found = compare(old, drives(30, clearance_rmse=0.049, time_s=19.9), Objective())
     assert found.time_per_m.courses == 5
-    assert "Better: success. No clear change: clearance RMSE, settled RMSE, time, steering." in found.verdict
+    assert found.verdict.endswith(
+        "). Better: success. RMSE, time and steering are those of the 5 of 40 courses on which both machines arrived: "
+        "too few to compare them."
+    )
+
+    more = compare(drives(8), drives(7), Objective())
+    assert more.verdict.endswith("those of the 7 of 40 courses on which both machines arrived.")

@@ -95,7 +95,7 @@ def test_it_says_the_verdict(tuned: tuple[Path, Result]) -> None:
 def test_the_bar_has_a_line_for_each_stage(tuned: tuple[Path, Result]) -> None:
     for line in (
         r"the machine as it was +\S+ 1/1 drives",
-        r"search: (cost [\d.]+ \(|no better one yet \(best [\d.]+, )was [\d.]+\) +\S+ 4/4 drives",
+        r"search: (cost [\d.]+ \(was [\d.]+\)|none better than [\d.]+ yet) +\S+ 4/4 drives",
         r"finals on fresh courses +\S+ 10/10 drives",  # the best four and the old machine, two courses
         r"check on held-out drives +\S+ 4/4 drives",
         r"report: cost around the result +\S+ 8/8 drives",  # a plane of 2 x 2 and two lines of 2
@@ -140,7 +140,7 @@ def test_a_course_of_ones_own_is_driven_with_many_cars_and_without_a_word_on_par
     machine.write_text(write(blind(0.5, 1.0), "json"))
     result = tral("tune", "--policy", machine, "--course", course, *CHEAP, "--grid", 0, "--out", out)
     assert result.exit_code == 0, result.output
-    assert "Tuning state[0].speed (--params chooses others, --list-params lists them)." in result.stderr
+    assert "Tuning 0.speed (--params chooses others, --list-params lists them)." in result.stderr
     report = json.loads((out / "tune.json").read_text())
     assert report["task"]["course"]["segments"] == [{"length": 4.0}]
     assert report["task"]["scenarios"] == ["mine"]

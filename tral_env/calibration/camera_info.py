@@ -20,7 +20,7 @@ from tral_env.atomic import write_bytes
 from tral_env.calibration.lens_files import KEYS, lens_documents, named
 from tral_env.checks import is_number
 from tral_env.config import WIDE_LENS, CameraConfig, as_config
-from tral_env.errors import CalibrationError, ConfigError, nearest
+from tral_env.errors import CalibrationError, ConfigError, UnreadableCalibrationError, nearest
 from tral_env.yaml_text import Items, Lines, number
 
 LENSES = {"default": CameraConfig(), "wide": WIDE_LENS}
@@ -76,13 +76,17 @@ def read_camera_info(path: str | Path) -> CameraConfig:
     """Read a lens from a camera_info file, or from a file of OpenCV, Kalibr, ROS 1 or `ros2 topic echo`.
 
     Raises:
-        CalibrationError: the file cannot be read, is in no such format, lacks something or has it in the wrong form, or
+        UnreadableCalibrationError: the file cannot be opened.
+        CalibrationError: it is no text, is in no such format, lacks something or has it in the wrong form, or
             needs another model of distortion than plumb_bob.
     """
     try:
         text = json_text.read(path)
-    except (OSError, UnicodeDecodeError) as error:
-        raise CalibrationError(f"cannot read the lens '{path}': {error}") from error
+    except (OSError, ValueError) as error:  # a name with a null is a ValueError
+        told = f"cannot read the lens {str(path)!r}: {getattr(error, 'strerror', error)}"
+        if isinstance(error, UnicodeDecodeError):
+            raise CalibrationError(told) from error
+        raise UnreadableCalibrationError(told) from error
     return parse_camera_info(text, str(path))
 
 

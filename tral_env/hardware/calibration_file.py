@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from tral_env import json_text
-from tral_env.errors import CalibrationError, nearest, problem_list
+from tral_env.errors import CalibrationError, UnreadableCalibrationError, nearest, problem_list
 from tral_env.hardware.pulses import CarCalibration, SteeringCalibration, ThrottleCalibration
 
 _FOLDER = resources.files("tral_env.hardware") / "calibrations"
@@ -37,7 +37,8 @@ def load_calibration(source: str | Path | CarCalibration) -> CarCalibration:
         source: name of a packaged one (``"tt01"``), path of a JSON file, or a calibration, which is given back.
 
     Raises:
-        CalibrationError: the file cannot be read, is no JSON or no calibration; the message lists every problem with
+        UnreadableCalibrationError: the file cannot be opened.
+        CalibrationError: it is no text, is no JSON or no calibration; the message lists every problem with
             its place.
     """
     if isinstance(source, CarCalibration):
@@ -51,8 +52,11 @@ def load_calibration(source: str | Path | CarCalibration) -> CarCalibration:
         return parse_calibration((_FOLDER / f"{source}{_SUFFIX}").read_text("utf-8"), source)
     try:
         text = json_text.read(source)
-    except (OSError, UnicodeDecodeError) as error:
-        raise CalibrationError(f"cannot read the calibration '{source}': {error}") from error
+    except (OSError, ValueError) as error:  # a name with a null is a ValueError
+        told = f"cannot read the calibration {str(source)!r}: {getattr(error, 'strerror', error)}"
+        if isinstance(error, UnicodeDecodeError):
+            raise CalibrationError(told) from error
+        raise UnreadableCalibrationError(told) from error
     return parse_calibration(text, str(source))
 
 

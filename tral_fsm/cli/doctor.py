@@ -225,7 +225,9 @@ def _show(findings: list[Finding]) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    table = Table("", "what", "found", "remedy", title="tral doctor", title_justify="left")
+    table = Table(title="tral doctor", title_justify="left")
+    for heading in ("", "what", "found", "remedy"):
+        table.add_column(heading, overflow="fold")  # a long word is folded: a remedy is copied whole
     for i, finding in enumerate(findings):
         if i and finding.topic != findings[i - 1].topic:
             table.add_section()

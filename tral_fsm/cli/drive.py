@@ -8,11 +8,12 @@ from pathlib import Path
 import typer
 
 from tral_fsm.cli import drive_options as options
-from tral_fsm.cli.console import FAILED
+from tral_fsm.cli.console import FAILED, refuse_both
 from tral_fsm.programs.drive import DriveArguments, run
 
 
 def command(
+    context: typer.Context,
     scenario: options.Scenario = "office",
     seed: options.Seed = 7,
     episodes: options.Episodes = 1,
@@ -36,6 +37,7 @@ def command(
     from tral_fsm.cli.show import DriveProgress, table_of_episodes
     from tral_fsm.terminal import print_figures
 
+    refuse_both(context, "scenario", "course")
     arguments = DriveArguments(
         scenario=scenario,
         seed=seed,

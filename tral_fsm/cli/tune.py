@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from tral_fsm.cli import tune_options as options
+from tral_fsm.cli.console import refuse_both
 from tral_fsm.cli.tune_show import Bar, kept_text, print_result, show_parameters
 from tral_fsm.evaluation.choices import listed
 from tral_fsm.programs.tune import TuneArguments, check, run
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 
 def command(
+    context: typer.Context,
     policy: options.Policy = "wall",
     scenario: options.Scenarios = "straight",
     course: options.Course = None,
@@ -58,6 +60,7 @@ def command(
     from tral_fsm.formats.library import load as load_machine
     from tral_fsm.tuning import Objective
 
+    refuse_both(context, "scenario", "course")
     machine = load_machine(policy)
     if classical:
         show_classical(machine, as_json=as_json)
@@ -91,12 +94,13 @@ def command(
 
 def _chosen(machine: MachineDefinition, params: str | None) -> list[str]:
     """Patterns of the parameters; those that the user did not name are said."""
-    from tral_fsm.tuning.listing import default_patterns
+    from tral_fsm.tuning.listing import default_patterns, listing
 
     if params is not None:
         return listed(params)
     chosen = default_patterns(machine)
-    typer.echo(f"Tuning {', '.join(chosen)} (--params chooses others, --list-params lists them).", err=True)
+    names = ", ".join(each.name for each in listing(machine) if each.is_default)
+    typer.echo(f"Tuning {names} (--params chooses others, --list-params lists them).", err=True)
     return chosen
 
 

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 Policy = Annotated[str, typer.Option(help="Name of a packaged machine, or a machine file.")]
 Scenarios = Annotated[str, typer.Option(help="Families of courses, separated by commas, or all.")]
 Course = Annotated[
-    Path | None,
-    typer.Option(exists=True, dir_okay=False, help="Tune on this course file instead of families of courses."),
+    str | None,
+    typer.Option(help="Tune on one course instead of families: a name that `tral courses` lists, or a course file."),
 ]
 Params = Annotated[
     str | None,
@@ -75,7 +75,7 @@ Classical = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else; the files are written too.")]
 
 
-def task_of(scenario: str, course: Path | None, seeds: str, randomization: Randomization, camera: Camera) -> Task:
+def task_of(scenario: str, course: str | None, seeds: str, randomization: Randomization, camera: Camera) -> Task:
     """The drives of each candidate.
 
     Raises:
@@ -90,7 +90,7 @@ def task_of(scenario: str, course: Path | None, seeds: str, randomization: Rando
     if course is None:
         require_no_test_seeds(parsed, "--seeds")
     return Task(
-        scenarios=(course.stem,) if course is not None else tuple(families(scenario)),
+        scenarios=(Path(course).stem,) if course is not None else tuple(families(scenario)),
         seeds=parsed,
         randomization=randomization,
         camera=camera,

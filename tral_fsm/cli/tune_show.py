@@ -45,7 +45,7 @@ class Bar:
 
         self._bar = rich.Progress(
             rich.TextColumn("{task.description}", markup=False),
-            rich.BarColumn(),
+            rich.BarColumn(bar_width=12),
             rich.TextColumn("{task.completed:.0f}/{task.total:.0f} {task.fields[unit]}"),
             rich.TimeElapsedColumn(),
             rich.TimeRemainingColumn(),
@@ -71,9 +71,7 @@ class Bar:
         """Show the cost of the best candidate."""
         self.progress = progress
         cost, was = f"{progress.best.cost:.3f}", f"{progress.old.cost:.3f}"
-        self._best = (
-            f": cost {cost} (was {was})" if progress.better else f": no better one yet (best {cost}, was {was})"
-        )
+        self._best = f": cost {cost} (was {was})" if progress.better else f": none better than {was} yet"
         self._update("search", progress.drives, progress.budget, "drives")
 
     def note(self, said: str) -> None:

@@ -304,4 +304,5 @@ def _takes(method: Callable[..., Any], *args: Any, **kwargs: Any) -> bool:
 
 
 def _short(value: object) -> str:
-    return reprlib.repr(value)
+    plain = type(value).__repr__ is object.__repr__  # its place in memory tells nobody anything
+    return f"a {type(value).__name__}" if plain else reprlib.repr(value)

@@ -9,7 +9,6 @@ from tral_env.speed_control import THROTTLE_DEAD
 from tral_fsm.control.command import Command
 from tral_fsm.control.speed import BRAKE, MOVING_MPS, ROLLING_MPS
 from tral_fsm.definition.needs import HALL
-from tral_fsm.runtime.closing import Closing
 
 MAX_SILENCE_S = 0.5
 """An ultrasonic that the machine needs may be silent for so long. Source: the slowest cadence of the cars is 0.11 s, so
@@ -41,11 +40,9 @@ class Watch:
     - The hall sensor stops counting although the car was rolling and is driven on.
     - The car is told to drive, but does not move: the hall sensor is dead, or the car is stuck. Pauses do not count, so
       that the neutral in which a stalled car tries again does not hide it.
-    - The front range shrinks much faster than the hall sensor counts, see `closing.Closing`.
     """
 
     __slots__ = (
-        "_closing",
         "_distance",
         "_needs_hall",
         "_paused",
@@ -74,7 +71,6 @@ class Watch:
         """Start anew."""
         self.reason = ""
         """Why the car must stop; empty: it may drive."""
-        self._closing = Closing()
         self._ticks = 0
         self._pushed = 0
         """Ticks without motion in which the car was told to drive."""
@@ -112,9 +108,6 @@ class Watch:
         distance, speed = row[_DISTANCE], row[_SPEED]
         driving = (throttle > MIN_THROTTLE or throttle < -MIN_THROTTLE) and self._is_driving(command)
         driven_on = driving and throttle > THROTTLE_DEAD
-        contradiction = self._closing.update(row) if self._needs_hall else ""
-        if contradiction and (driven_on or self._rolled > 0.0):  # towards a car that stands, anybody may walk
-            self._blame_hall(contradiction)
         if not driven_on:
             self._rolled -= SLOWING_MPS2 * CONTROL_PERIOD_S
         if distance != self._distance:

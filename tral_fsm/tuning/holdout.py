@@ -52,13 +52,18 @@ class Paired:
     more_is_better: bool = False
 
     @property
+    def too_few(self) -> bool:
+        """Whether it is measured on too few courses to tell anything."""
+        return self.courses < MIN_COURSES
+
+    @property
     def change(self) -> Change:
         """Whether the new machine is better or worse by it, or neither, as the interval of the difference holds 0.
 
         On fewer courses than `MIN_COURSES` luck alone improves all of them more than one time in 20.
         """
         low, high = self.difference.low, self.difference.high
-        if self.courses < MIN_COURSES or low is None or high is None or low <= 0.0 <= high:
+        if self.too_few or low is None or high is None or low <= 0.0 <= high:
             return Change.NOISE
         return Change.BETTER if (low > 0.0) == self.more_is_better else Change.WORSE
 
@@ -117,10 +122,20 @@ class Comparison:
         """Verdict on the cost, then what became better, what worse, and what stayed."""
         sentences = [f"{_VERDICTS[self.change]} ({self.cost.old.value:.3f} -> {self.cost.new.value:.3f})."]
         for change, said in _SAID.items():
-            names = [name for name, figure in self.figures.items() if figure.change is change]
+            names = [name for name, figure in self.figures.items() if figure.change is change and not figure.too_few]
             if names:
                 sentences.append(f"{said}: {', '.join(names)}.")
+        if self.success.too_few:
+            sentences.append(f"A check on {self.courses} courses tells nothing: {MIN_COURSES} or more are needed.")
+        elif self.time_per_m.courses < self.courses:
+            sentences.append(self._where_both_arrived)
         return " ".join(sentences)
+
+    @property
+    def _where_both_arrived(self) -> str:
+        few = ": too few to compare them" if self.time_per_m.too_few else ""
+        both = f"{self.time_per_m.courses} of {self.courses} courses on which both machines arrived"
+        return f"RMSE, time and steering are those of the {both}{few}."
 
     def record(self) -> dict[str, Any]:
         """As plain values."""
