@@ -1,6 +1,7 @@
 """Each fault does to the twin what its words say."""
 
 import errno
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -53,7 +54,7 @@ def test_errors_on_the_bus() -> None:
 
 
 def test_a_bus_that_times_out_blocks_for_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
-    twin, clock = twin_awake()
+    twin, _ = twin_awake()
     monkeypatch.setattr("tral_env.twin.faults.BLOCKS_S", 0.01)
     twin.faults.begin("i2c-timeout")
     assert errno_of(twin) == errno.ETIMEDOUT
@@ -110,7 +111,7 @@ def test_a_hall_sensor_that_is_off_and_one_that_bounces() -> None:
     heard.clear()
     clock.sleep(0.5)
     assert len(heard) % 3 == 0
-    assert min(b - a for a, b in zip(heard, heard[1:], strict=False)) == pytest.approx(0.0004)
+    assert min(b - a for a, b in pairwise(heard)) == pytest.approx(0.0004)
 
 
 def test_a_sagging_battery_loses_half_a_volt_in_a_second() -> None:

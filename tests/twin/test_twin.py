@@ -28,7 +28,8 @@ class Heard(HallCounter):
         self._twin = twin
 
     def read(self, now: float) -> Any:
-        for self._when in self._twin.heard:
+        for when in self._twin.heard:
+            self._when = when
             self.edge()
         self._twin.heard.clear()
         return super().read(now)
