@@ -133,7 +133,7 @@ class _Group:
 
 @dataclass
 class Ucboard:
-    """The later board (ucboard), with the commands that drivers of the cars use; measuring groups are readable text alone."""
+    """The later board (ucboard), with the commands that drivers of cars use; its measuring groups are readable text."""
 
     calibration: CarCalibration
     """Pulses of its servo and motor controller."""
@@ -204,7 +204,7 @@ class Ucboard:
             return ":ERR(256):Unknown command!"
         try:
             return handlers[arguments[0]](start, arguments[1:], options, now_s)
-        except (ValueError, IndexError):
+        except (ValueError, LookupError):
             return ":ERR(257):Wrong arguments!"
 
     def _drv(self, start: str, arguments: list[str], options: dict[str, str], now_s: float) -> str:
