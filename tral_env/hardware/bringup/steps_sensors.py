@@ -76,7 +76,8 @@ def sonars(guided: Guided) -> Found:
     """Hold a hand before each ultrasonic: the right one must hear it."""
     person = guided.person
     number, sensor = _with(guided, "srf08", "srf02", "board2016", "ucboard")
-    sides = [side for side in _SIDES if f"ultrasonic_{side}" in _provided(guided, sensor)]
+    provided = _provided(guided, sensor)
+    sides = [side for side in _SIDES if f"ultrasonic_{side}" in provided]
     heard: dict[str, str] = {}
     for side in sides:
         while side not in heard:
