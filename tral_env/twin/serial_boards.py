@@ -214,7 +214,7 @@ class Ucboard:
             self.dead_man_s = int(options["DMS"]) / 1e3
         self._driven_s = now_s
         if not arguments:
-            return f":~DMS={options['DMS']}" if options else ":ok"
+            return f":~DMS={options['DMS']}" if "DMS" in options else ":ok"
         kind, numbers = arguments[0], [int(each) for each in arguments[1:]]
         if kind == "OFF":
             self.drive = "OFF"

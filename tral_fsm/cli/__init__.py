@@ -1,4 +1,4 @@
-"""The `tral` command: drive, deploy, teleop, courses, fsm, tune, train, calibrate, detect, print, doctor, bench, twin.
+"""The `tral` command: drives, cars, machines, tuning, training, calibration, printing, speed; `tral --help` lists all.
 
 Each subcommand has a file; heavy modules are imported when a command needs them.
 """
@@ -11,6 +11,7 @@ import typer
 
 from tral_fsm.cli.bench import app as bench_app
 from tral_fsm.cli.calibrate import command as calibrate_command
+from tral_fsm.cli.car import app as car_app
 from tral_fsm.cli.compare import command as compare_command
 from tral_fsm.cli.console import Guarded
 from tral_fsm.cli.courses import command as courses_command
@@ -43,6 +44,7 @@ app.command("train")(train_command)
 app.command("calibrate")(calibrate_command)
 app.command("detect")(detect_command)
 app.command("doctor")(doctor_command)
+app.add_typer(car_app, name="car")
 app.add_typer(fsm_app, name="fsm")
 app.add_typer(print_app, name="print")
 app.add_typer(bench_app, name="bench")
