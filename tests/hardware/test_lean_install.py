@@ -1,4 +1,4 @@
-"""The car's computer needs little: what its requirements leave out is not imported, and they are those of the project."""
+"""What the requirements of the car leave out is not imported there, and they are those of the project."""
 
 from __future__ import annotations
 
