@@ -221,10 +221,15 @@ class UcboardSensors(_SerialSensors):
         for side, channel in zip(_SIDES, ("USL", "USF", "USR"), strict=True):
             if (tenths := group.get(channel)) is not None:
                 self._take_range(side, tenths * 1e-4, now)
-        if isinstance(count := group.get("HALL_CNT"), int):
-            self._hall.take(count, group["HALL_DT"], now)
+        if math.isfinite(count := _number(group.get("HALL_CNT"))):
+            self._hall.take(int(count), group["HALL_DT"], now)
         if (millivolts := group.get("VDBAT")) is not None:
             self._take_battery(millivolts * 1e-3)
+
+
+def _number(value: float | None) -> float:
+    """A value, or inf where there is none."""
+    return math.inf if value is None else value
 
 
 class _Travel:
@@ -282,7 +287,7 @@ class _CountedEdges:
         self._count, self._counted_s = count, now
         if new > possible:
             return
-        spacing_s = math.inf if spacing is None else spacing * 1e-4
+        spacing_s = _number(spacing) * 1e-4
         for _ in range(new):
             placed_s = self._stamp_s + spacing_s
             self._stamp_s = placed_s if abs(placed_s - now) <= _NEAR_S else now
