@@ -50,6 +50,7 @@ LITERAL = (
     "python benchmarks/plot_perception.py runs/img",
     "tral tune --list-params --policy office",
     "tral doctor",
+    "tral car init car.toml --board pca9685 --sensor srf08 --sensor hall",
     "tral courses",
     "tral calibrate --simulated --out runs/calibrate",
     "tral detect docs/img/detect_view.png --lens default --out runs/seen.png",
