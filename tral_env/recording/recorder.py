@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.checks import one_of
+from tral_env.errors import ConfigError, reason
 from tral_env.interface import CORE_LAYOUT, Layout
 from tral_env.recording.about import digest, versions
 from tral_env.recording.file import RecordingFile
@@ -93,21 +94,20 @@ class Recorder:
             open_file: makes the file.
 
         Raises:
-            ConfigError: the file exists or cannot be made, or the source is unknown.
+            ConfigError: the file exists or cannot be written, or the source is unknown.
         """
         one_of("source", source, ("car", "simulation"))
         self.path, self._start_s, self._wall_ns = Path(path), start_s, wall_ns
         self.failure = ""
         """Why the recording has ended early; empty: it has not."""
+        self.refused = 0
+        """Number of items that could not be made into messages, such as an image of a wrong shape."""
         self._ticks, self._queue, self._images = 0, _Queue(MAX_WAITING), _Queue(MAX_WAITING_IMAGES)
         start_ns = wall_ns()
         self._encoder = Encoder(layout, start_ns)
         self._file = open_file(self.path)
         about = {"source": source, "fields": list(layout.names), "start_s": start_s, "start_ns": start_ns}
-        self._file.metadata(ABOUT, {**about, "versions": versions(), "configuration": dict(configuration or {})})
-        self._file.metadata("sha256", {name: digest(data) for name, data in (files or {}).items()})
-        for name, data in (files or {}).items():
-            self._file.attach(name, data, _media_type(name), start_ns)
+        self._write_head({**about, "versions": versions(), "configuration": dict(configuration or {})}, files or {})
         self._ends, self._closed = threading.Event(), False
         self.say(start_s, "the recording begins")
         self._thread = threading.Thread(target=self._write_all, name="tral recorder", daemon=True)
@@ -218,6 +218,23 @@ class Recorder:
         """Close the file, whatever happened."""
         self.close()
 
+    def _write_head(self, about: Mapping[str, object], files: Mapping[str, bytes]) -> None:
+        """Write what is known before the drive.
+
+        Raises:
+            ConfigError: the disk does not take it.
+        """
+        try:
+            self._file.metadata(ABOUT, about)
+            self._file.metadata("sha256", {name: digest(data) for name, data in files.items()})
+            for name, data in files.items():
+                media_type = "application/json" if name.endswith(".json") else "application/octet-stream"
+                self._file.attach(name, data, media_type, self._encoder.log_ns(0.0))
+            self._file.sync()
+        except OSError as error:
+            self._file.abandon()
+            raise ConfigError(f"recording {self.path}: {error.strerror}: choose another disk") from error
+
     def _put(self, queue: _Queue, item: Item) -> None:
         if not (self.failure or self._closed):
             queue.put((self._wall_ns(), item))
@@ -240,12 +257,23 @@ class Recorder:
     def _write_waiting(self) -> None:
         for queue in (self._queue, self._images):
             for wall_ns, item in queue.take():
-                for topic, data in self._encoder.messages(item):
+                try:
+                    messages = list(self._encoder.messages(item))
+                except Exception as error:  # whatever is wrong with one item, the others are recorded
+                    self._refuse(item, error)
+                    continue
+                for topic, data in messages:
                     self._file.message(topic, data, self._encoder.log_ns(item.time_s), wall_ns)
+
+    def _refuse(self, item: Item, error: Exception) -> None:
+        """Count an item that no message can be made of, and tell the first."""
+        self.refused += 1
+        if self.refused == 1:
+            _log.error("%s: a %s cannot be recorded: %s", self.path, type(item).__name__, reason(error))
 
     def _tell_end(self) -> None:
         dropped = {"ticks": self._queue.dropped, "images": self._images.dropped}
-        self._file.metadata("end", {"ticks": self._ticks, "dropped": dropped})
+        self._file.metadata("end", {"ticks": self._ticks, "dropped": dropped, "refused": self.refused})
         if self.dropped:
             _log.warning("%s: the disk was too slow: %d messages were dropped", self.path, self.dropped)
 
@@ -259,7 +287,3 @@ class Recorder:
     def _fail(self, why: str) -> None:
         self.failure = f"recording {self.path}: {why}"
         _log.error(self.failure)
-
-
-def _media_type(name: str) -> str:
-    return "application/json" if name.endswith(".json") else "application/octet-stream"
