@@ -37,20 +37,24 @@ ABOUT = "tral"
 _log = logging.getLogger("tral_env.recording")
 
 
+_Waiting = tuple[int, type[Item], tuple[Any, ...]]
+"""What waits: its calendar time, ns since 1970, its kind, and its fields."""
+
+
 class _Queue:
     """What waits for the thread. Nobody waits for it: what finds it full is dropped and counted."""
 
     def __init__(self, room: int) -> None:
-        self._room, self._items, self.dropped = room, deque[tuple[int, Item]](), 0
+        self._room, self._items, self.dropped = room, deque[_Waiting](), 0
 
-    def put(self, stamped: tuple[int, Item]) -> None:
-        """Hand over an item with its calendar time, ns since 1970, or drop it."""
+    def put(self, item: _Waiting) -> None:
+        """Hand over an item, or drop it."""
         if len(self._items) < self._room:
-            self._items.append(stamped)
+            self._items.append(item)
         else:
             self.dropped += 1
 
-    def take(self) -> Iterator[tuple[int, Item]]:
+    def take(self) -> Iterator[_Waiting]:
         """Take the items that wait now."""
         for _ in range(len(self._items)):
             yield self._items.popleft()
@@ -149,24 +153,32 @@ class Recorder:
             transitions: those that fired, as `tral_fsm.runtime.machine.Transit`.
             truth: ground truth after the step by name, which must not change any more.
         """
-        # By position: a tuple with names takes a third of the time of a dataclass, and this runs in the control loop.
-        item = RecordedTick(
-            self._ticks,
-            time_s - self._start_s,
-            time_s,
-            np.asarray(observation, np.float32).tobytes(),
-            np.asarray(action, np.float64).tobytes(),
-            applied,
-            pulses_us,
-            late_ticks,
-            lateness_s,
-            state,
-            wanted,
-            tuple(transitions),
-            truth,
+        # A plain tuple and the bytes of the arrays: after the sleep of a control loop all code is cold, and a tuple
+        # with names and two casts would take twice as long as the rest.
+        observed = observation if isinstance(observation, np.ndarray) else np.asarray(observation)
+        answered = action if isinstance(action, np.ndarray) else np.asarray(action)
+        self._put(
+            self._queue,
+            RecordedTick,
+            (
+                self._ticks,
+                time_s - self._start_s,
+                time_s,
+                observed.tobytes(),
+                observed.dtype,
+                answered.tobytes(),
+                answered.dtype,
+                applied,
+                pulses_us,
+                late_ticks,
+                lateness_s,
+                state,
+                wanted,
+                tuple(transitions),
+                truth,
+            ),
         )
         self._ticks += 1
-        self._put(self._queue, item)
 
     def image(self, time_s: float, pixels: NDArray[np.uint8] | bytes, camera: str = "camera") -> None:
         """Record an image; another thread than that of the control loop may call it.
@@ -176,7 +188,7 @@ class Recorder:
             pixels: (height, width, 3) RGB or (height, width) grey, which must not change any more; or a JPEG file.
             camera: name of the camera.
         """
-        self._put(self._images, Image(time_s=time_s - self._start_s, pixels=pixels, camera=camera))
+        self._put(self._images, Image, (time_s - self._start_s, pixels, camera))
 
     def frame(self, time_s: float, source: str, data: bytes) -> None:
         """Record bytes of a sensor as they came, before anything was made of them.
@@ -186,7 +198,7 @@ class Recorder:
             source: name of the sensor.
             data: the bytes.
         """
-        self._put(self._queue, Frame(time_s=time_s - self._start_s, source=source, data=data))
+        self._put(self._queue, Frame, (time_s - self._start_s, source, data))
 
     def say(self, time_s: float, text: str, level: str = "info") -> None:
         """Record a word about the drive.
@@ -197,7 +209,7 @@ class Recorder:
             level: "info", "warning" or "error".
         """
         one_of("level", level, LEVELS)
-        self._put(self._queue, Word(time_s=time_s - self._start_s, text=text, level=level))
+        self._put(self._queue, Word, (time_s - self._start_s, text, level))
 
     def close(self) -> None:
         """Write what waits, and the index; a second call does nothing. An error of the disk stands in `failure`."""
@@ -235,9 +247,9 @@ class Recorder:
             self._file.abandon()
             raise ConfigError(f"recording {self.path}: {error.strerror}: choose another disk") from error
 
-    def _put(self, queue: _Queue, item: Item) -> None:
+    def _put(self, queue: _Queue, kind: type[Item], fields: tuple[Any, ...]) -> None:
         if not (self.failure or self._closed):
-            queue.put((self._wall_ns(), item))
+            queue.put((self._wall_ns(), kind, fields))
 
     def _write_all(self) -> None:
         """Write until the end, or until the disk refuses."""
@@ -256,7 +268,8 @@ class Recorder:
 
     def _write_waiting(self) -> None:
         for queue in (self._queue, self._images):
-            for wall_ns, item in queue.take():
+            for wall_ns, kind, fields in queue.take():
+                item = kind._make(fields)
                 try:
                     messages = list(self._encoder.messages(item))
                 except Exception as error:  # whatever is wrong with one item, the others are recorded
