@@ -25,7 +25,7 @@ from tral_env.hardware.episode import Episode, episode_recorder
 from tral_env.hardware.i2c import BusName, Smbus, named
 from tral_env.hardware.pulses import CarCalibration
 from tral_env.hardware.pwm import Pca9685, PulseOutput, Recorder
-from tral_env.hardware.sensors import Sensors, provided_by, watch_frames
+from tral_env.hardware.sensors import Sensors, provided_by, watch_frames, watch_images
 from tral_env.hardware.sonar import SonarArray
 from tral_env.interface import (
     CONTROL_PERIOD_S,
@@ -191,6 +191,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         )
         """Records the episodes, or nothing without `record`."""
         watch_frames(self.sensors, self.recording.frame)
+        watch_images(self.sensors, self.recording.image)
 
     @property
     def provided_readings(self) -> frozenset[str] | None:
