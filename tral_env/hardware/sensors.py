@@ -17,8 +17,8 @@ from tral_env.sensors.hall import EdgeSpeed
 FrameWatcher = Callable[[str, bytes], None]
 """Called with the name of a sensor and the bytes that came from it, before anything is made of them."""
 ImageWatcher = Callable[[float, NDArray[np.uint8]], None]
-"""Called with an image that does not change any more: its time of exposure on the environment's clock, s, and its pixels,
-(height, width, 3) RGB or (height, width) grey."""
+"""Called with an image that does not change any more: its time of exposure on the environment's clock, s, and its
+pixels, (height, width, 3) RGB or (height, width) grey."""
 
 
 class Sensors(Protocol):
