@@ -43,10 +43,18 @@ CHEAPER = {
     "python benchmarks/marker_accuracy.py --out runs/marker_accuracy.json": "--views 16",
     "python benchmarks/gate_accuracy.py --out runs/gate_accuracy.json": "--views 12",
     "python benchmarks/detector_fit.py": "--views 48",
+    "python benchmarks/recorder.py --out runs/recorder.json": "--seconds 0.5 --kills 1 --no-images",
 }
 """Shell examples that would take too long -> options that come after theirs and win."""
 
 LITERAL = (
+    "tral drive --policy wall --course short --no-video --record --out runs/recorded",
+    "tral replay docs/recordings/short.mcap",
+    "tral replay docs/recordings/short.mcap --against simulation",
+    "tral replay docs/recordings/short.mcap --policy corridor",
+    "tral replay docs/recordings/short.mcap --video",
+    "tral replay docs/recordings/short.mcap --to mcap",
+    "tral replay docs/recordings/short.mcap --to csv --to lerobot",
     "python benchmarks/plot_perception.py runs/img",
     "tral tune --list-params --policy office",
     "tral doctor",
@@ -76,9 +84,9 @@ IN_CHECKOUT = ("ruff", "mypy")
 FOLLOWED_ELSEWHERE = "docs/tutorial.md"
 """Its examples are files and commands that need one another: test_tutorial_page.py follows it in order."""
 
-SKIPS_WITHOUT = {"benchmarks/compare.py": "stable_baselines3", "train": "torch", "tpe": "optuna"}
+SKIPS_WITHOUT = {"lerobot": "pyarrow", "benchmarks/compare.py": "stable_baselines3", "train": "torch", "tpe": "optuna"}
 
-PAGE_SKIPS_WITHOUT = {"docs/learning.md": ("stable_baselines3", "skrl")}
+PAGE_SKIPS_WITHOUT = {"docs/learning.md": ("stable_baselines3", "skrl"), "docs/recording.md": ("pyarrow",)}
 
 SHELL = {
     command: example

@@ -107,3 +107,14 @@ def test_each_requirement_is_one_of_the_project_with_its_version() -> None:
     assert set(lines) <= known
     assert set(project["optional-dependencies"]["car"]) <= set(lines)
     assert not {re.split(r"\W", line)[0] for line in lines} & set(HIDDEN)
+
+
+def test_a_policy_is_deployed_and_its_drive_recorded(tmp_path: Path) -> None:
+    program = """
+from tral_fsm.cli import app
+app(["car", "init", "car.toml", "--board", "log"], standalone_mode=False)
+app(["deploy", "--policy", "slow.py:Slow", "--dry", "--arm", "--seconds", "0.2", "--out", "out"])
+"""
+    (tmp_path / "slow.py").write_text("class Slow:\n    def act(self, observation):\n        return [0.0, 0.1]\n")
+    assert "time limit" in lean(program, tmp_path)
+    assert (tmp_path / "out" / "drive.mcap").stat().st_size > 1000

@@ -13,9 +13,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
+import cv2
 import numpy as np
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Attachment, Channel, Chunk, DataEnd, Header, McapRecord, Message, Metadata, Schema
+from mcap.records import Attachment, Channel, Chunk, DataEnd, Header, McapRecord, Message, Metadata
 from mcap.stream_reader import StreamReader, breakup_chunk
 from numpy.typing import NDArray
 from zstandard import ZstdError
@@ -58,6 +59,11 @@ class Picture(NamedTuple):
     time_s: float
     camera: str
     jpeg: bytes
+
+    def pixels(self) -> NDArray[np.uint8]:
+        """The image, (height, width, 3) RGB."""
+        found: Any = cv2.imdecode(np.frombuffer(self.jpeg, np.uint8), cv2.IMREAD_COLOR)
+        return np.asarray(cv2.cvtColor(found, cv2.COLOR_BGR2RGB), np.uint8)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -208,7 +214,7 @@ def read(path: Path | str) -> Recording:
     about: dict[str, Any] = {}
     files: dict[str, bytes] = {}
     messages: dict[str, list[dict[str, Any]]] = {}
-    with _opened(path) as stream:
+    with opened(path) as stream:
         scan = Scan(stream, path)
         for record in scan.records():
             if isinstance(record, Metadata):
@@ -249,8 +255,11 @@ class Scan:
         """Topic of a message that was met; empty: its chunk of names is lost."""
         return self._topics.get(message.channel_id, "")
 
-    def records(self) -> Iterator[McapRecord]:
-        """The records, those within chunks too.
+    def records(self, names: bool = False) -> Iterator[McapRecord]:
+        """The messages, and what stands beside them.
+
+        Args:
+            names: whether schemas and channels are given, too.
 
         Raises:
             BadFileError: the file is no recording.
@@ -262,7 +271,7 @@ class Scan:
             raise BadFileError(f"{self._path}: expected a recording, a file of `Recorder`")
         while (record := self._next(found)) is not None and not isinstance(record, DataEnd):
             if isinstance(record, Chunk):
-                yield from self._within(record)
+                yield from (one for one in self._within(record) if names or isinstance(one, Message))
             elif isinstance(record, Metadata | Attachment):
                 yield record
 
@@ -283,14 +292,19 @@ class Scan:
             self._torn(error)
             return []
         self._topics |= {record.id: record.topic for record in records if isinstance(record, Channel)}
-        return [record for record in records if not isinstance(record, Channel | Schema)]
+        return records
 
     def _torn(self, error: Exception) -> None:
         self.damage = self.damage or f"torn before byte {self._stream.tell()} ({type(error).__name__})"
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[IO[bytes]]:
+def opened(path: Path) -> Iterator[IO[bytes]]:
+    """Open a recording for reading.
+
+    Raises:
+        ConfigError: it cannot be opened.
+    """
     try:
         stream = path.open("rb")
     except OSError as error:
@@ -300,7 +314,7 @@ def _opened(path: Path) -> Iterator[IO[bytes]]:
 
 
 def _json_messages(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
-    with _opened(path) as stream:
+    with opened(path) as stream:
         scan = Scan(stream, path)
         for record in scan.records():
             if isinstance(record, Message):

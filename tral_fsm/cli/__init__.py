@@ -21,6 +21,7 @@ from tral_fsm.cli.doctor import command as doctor_command
 from tral_fsm.cli.drive import command as drive_command
 from tral_fsm.cli.fsm import app as fsm_app
 from tral_fsm.cli.print import app as print_app
+from tral_fsm.cli.replay import command as replay_command
 from tral_fsm.cli.teleop import command as teleop_command
 from tral_fsm.cli.train import command as train_command
 from tral_fsm.cli.tune import command as tune_command
@@ -37,6 +38,7 @@ app = typer.Typer(
 app.command("drive")(drive_command)
 app.command("deploy")(deploy_command)
 app.command("teleop")(teleop_command)
+app.command("replay")(replay_command)
 app.command("courses")(courses_command)
 app.command("compare")(compare_command)
 app.command("tune")(tune_command)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
@@ -55,16 +55,22 @@ def table_of_episodes(report: Mapping[str, Any]) -> Table:
     arguments = report["arguments"]
     name = report["episodes"][0]["scenario"]
     title = f"{arguments['policy']} on {name}, {arguments['camera']} camera"
+    table = table_of_drive(report["episodes"], title)
+    if len(report["episodes"]) > 1:
+        table.add_section()
+        table.add_row(*_figure_cells(report["figures"]), style="bold")
+    return table
+
+
+def table_of_drive(episodes: Sequence[Mapping[str, Any]], title: str) -> Table:
+    """Table with a row for each episode, which is the record of its result."""
     table = narrow_table(title)
     for heading in ("seed", "success"):
         table.add_column(heading, no_wrap=True)
     for heading in ("progress", "time", "mean\nspeed", "clearance\nRMSE", "gates", "collisions"):
         table.add_column(heading, justify="right", no_wrap=True)
-    for row in report["episodes"]:
+    for row in episodes:
         table.add_row(*_episode_cells(row))
-    if len(report["episodes"]) > 1:
-        table.add_section()
-        table.add_row(*_figure_cells(report["figures"]), style="bold")
     return table
 
 

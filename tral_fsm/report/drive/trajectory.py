@@ -54,18 +54,49 @@ def trajectory_figure(episode: Episode, plan: Plan, tones: Mapping[str, str] | N
         plan: its course.
         tones: colours of states by name, see `tral_fsm.draw.panels.state_tones`; None: by first tick.
     """
-    trace = episode.trace
+    return _figure(episode.trace, title(episode), tones, plan, episode)
+
+
+def save_recorded(trace: EpisodeTrace, heading: str, path: Path, tones: Mapping[str, str] | None = None) -> None:
+    """Draw a drive on a course that nobody knows into a PNG file: its path, and the ranges over time.
+
+    Args:
+        trace: the drive; its poses may be dead reckoning.
+        heading: a line above the picture.
+        path: the file.
+        tones: as in `trajectory_figure`.
+    """
+    write_figure(path, _figure(trace, heading, tones), _DPI)
+
+
+def _figure(
+    trace: EpisodeTrace,
+    heading: str,
+    tones: Mapping[str, str] | None,
+    plan: Plan | None = None,
+    episode: Episode | None = None,
+) -> Figure:
+    """Path and ranges of a drive, on its course and with its outcome where these are known."""
     colours = StateColours(trace.states, tones)
     named = _named_transits(trace)
-    parts = [_map_height(plan), _LINE_IN * _lines(_shown(colours), 11), _RANGES_IN, _LINE_IN * _lines(named, 0)]
+    points = trace.pose[:, :2] if plan is None else np.vstack([plan.box_position[:, :2], plan.route])
+    parts = [_map_height(points), _LINE_IN * _lines(_shown(colours), 11), _RANGES_IN, _LINE_IN * _lines(named, 0)]
     figure = Figure(figsize=(_WIDTH_IN, sum(parts) + 1.2), dpi=_DPI, layout="constrained")
     FigureCanvasAgg(figure)
     above, legend, below, names = figure.subplots(4, 1, height_ratios=[max(part, 0.01) for part in parts])
-    draw_plan(plan, above)
+    if plan is not None:
+        draw_plan(plan, above)
     _draw_path(above, trace, colours)
-    _draw_events(above, episode)
+    _draw_events(above, trace)
+    if episode is not None:
+        _draw_outcome(above, episode)
+    else:
+        above.margins(x=0.05, y=0.3)
+        above.autoscale_view()
+        above.set_xlabel("x [m]")
+        above.set_ylabel("y [m]")
     above.set_aspect("equal")
-    above.set_title(textwrap.fill(title(episode), 130), loc="left", fontsize=11, parse_math=False)
+    above.set_title(textwrap.fill(heading, 130), loc="left", fontsize=11, parse_math=False)
     _draw_bands(below, trace, colours)
     _draw_ranges(below, trace)
     _draw_legend(legend, above, below, colours)
@@ -98,9 +129,8 @@ def runs(states: tuple[str, ...]) -> Iterator[tuple[str, int, int]]:
             first = i
 
 
-def _map_height(plan: Plan) -> float:
-    """Height of the map for the shape of the course, inches."""
-    points = np.vstack([plan.box_position[:, :2], plan.route])
+def _map_height(points: NDArray[np.float64]) -> float:
+    """Height of the map for the shape of what it shows, (N, 2) points in m; inches."""
     wide, high = np.ptp(points, axis=0) + 1.0
     return float(np.clip(_WIDTH_IN * high / wide, 1.6, 9.0))
 
@@ -198,14 +228,17 @@ def _legend(ax: Axes, handles: Sequence[Any], labels: Sequence[str], **style: An
         text.set_parse_math(False)  # names are no formulas
 
 
-def _draw_events(ax: Axes, episode: Episode) -> None:
-    trace = episode.trace
+def _draw_events(ax: Axes, trace: EpisodeTrace) -> None:
     ax.plot(*trace.pose[0, :2], "o", color="black", markersize=6, zorder=7, label="start")
     passed = np.flatnonzero(np.diff(trace.gates_passed, prepend=0) > 0)
     if len(passed):
         ax.plot(
             *trace.pose[passed, :2].T, "D", color="limegreen", markeredgecolor="black", zorder=7, label="gate passed"
         )
+
+
+def _draw_outcome(ax: Axes, episode: Episode) -> None:
+    trace = episode.trace
     marks = {"success": "*", "collision": "X", "missed_gate": "P", "timeout": "s"}
     colour = "gold" if episode.success else "red"
     ax.plot(

@@ -185,15 +185,17 @@ def _draw_state(image: Image, tick: Tick, colour: tuple[int, int, int]) -> None:
     cv2.rectangle(image, (12, 12), (24, 86), colour, cv2.FILLED)
     cv2.rectangle(image, (12, 12), (24, 86), _WHITE, 1)  # dark colours stand out from the shade
     _text(image, tick.state or "no states", (34, 40), 0.75, weight=2)
-    line = f"{info['time_s']:5.1f} s   {100 * info['progress']:3.0f} %   {info['speed_mps']:.2f} m/s"
-    if info["gates_total"]:
+    # A real car does not know its progress, and says how far it has driven.
+    way = f"{100 * info['progress']:3.0f} %" if "progress" in info else f"{info['distance_m']:.1f} m"
+    line = f"{info['time_s']:5.1f} s   {way}   {info['speed_mps']:.2f} m/s"
+    if info.get("gates_total"):
         line += f"   gates {info['gates_passed']}/{info['gates_total']}"
     _text(image, line, (34, 70))
 
 
 def _draw_outcome(image: Image, tick: Tick, over: bool) -> None:
-    ended = [word for word in ("success", "collision", "missed_gate") if tick.info[word]]
-    if ended or over:
+    ended = [word for word in ("success", "collision", "missed_gate") if tick.info.get(word)]
+    if ended or (over and "success" in tick.info):
         word = ended[0] if ended else "timeout"
         colour = _GREEN if word == "success" else _RED
         _text(image, word.replace("_", " ").upper(), (WIDTH // 2 - 110, HEIGHT // 2), 1.4, colour, 3)
