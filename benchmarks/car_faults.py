@@ -36,9 +36,12 @@ DRIVING_S = 2.5
 LOOK_S = 0.002
 SWITCH_S = 0.0005
 """Threads of the twin give way to each other after this time, as in a process of its own."""
+TRIES = 3
 END_S = 12.0
 """A fault has ended the pulses after this time, or the table says that it did not."""
-COURSE = {"name": "long", "segments": [{"length": 40.0}]}
+LENGTH_M = 40.0
+SHORT_M = 5.5
+"""A serial board of 2016 does not tell "no echo" from "nothing new": its front ultrasonic needs a wall in reach."""
 
 
 def stop_self(number: signal.Signals) -> Callable[[], None]:
@@ -94,11 +97,23 @@ TWIN = {
     "disk full while recording": ("disk-full", 1.0),
 }
 """What happens to the car: a fault of the twin, and its rate."""
+CAMERA = {"camera gone": ("camera-gone", 1.0), "camera frozen": ("camera-frozen", 1.0)}
+"""The same, for a car with a camera."""
+SERIAL = {"serial unplugged": ("serial-unplugged", 1.0), "serial garbage": ("serial-garbage", 1.0)}
+"""The same, for a car with a serial board."""
+BOARDS = ("board2016", "ucboard")
 BLOCKED_S = 1.0
 """A bus that blocks does so for so long, s."""
 GOES_ON = ("hall bouncing", "I2C errors, 1 in 10", "disk full while recording")
 """These end no drive."""
-ALL = (*POLICY, *SIGNALS, *HANDS, *TWIN)
+CAR = {**TWIN, **CAMERA, **{f"{name}, {board}": fault for board in BOARDS for name, fault in SERIAL.items()}}
+"""All that happens to the car."""
+ALL = (*POLICY, *SIGNALS, *HANDS, *CAR)
+
+
+def kind_of(fault: str) -> str:
+    """Which car the fault needs: "pca9685", "camera", or the name of a serial board."""
+    return "camera" if fault in CAMERA else next((board for board in BOARDS if fault.endswith(board)), "pca9685")
 
 
 class Driver:
@@ -154,15 +169,32 @@ class Silent:
 
 def drive(folder: Path) -> None:
     """Be the process that drives."""
-    from tral_env.hardware.sensors import SensorGroup
-    from tral_env.hardware.sonar import SonarArray
-    from tral_env.twin.hall import TwinHall
     from tral_fsm.programs.deploy import DeployArguments, run
 
     twin = json.loads((folder / "twin.json").read_text())
     arguments = DeployArguments(policy=f"{HERE}:Driver", config=str(folder / "car.toml"), max_duration_s=END_S + 30.0)
-    sensors = SensorGroup(SonarArray(bus=twin["i2c"]), TwinHall(Path(twin["hall"])))
-    run(arguments, Path(twin["out"]), [Person()], Silent(), must_hold=True, sensors=sensors)
+    run(arguments, Path(twin["out"]), [Person()], Silent(), must_hold=True, check=unasked, sensors=sensors_of(twin))
+
+
+def unasked(car: Any) -> tuple[()]:
+    """Ask nothing before the drive: nobody calibrated the twin."""
+    return ()
+
+
+def sensors_of(twin: dict[str, Any]) -> Any:
+    """Sensors that a car file cannot name: a hall pin that is a socket; None: those of the car file."""
+    from tral_env.hardware.camera import Camera
+    from tral_env.hardware.camera_options import CameraOptions
+    from tral_env.hardware.sensors import SensorGroup
+    from tral_env.hardware.sonar import SonarArray
+    from tral_env.twin.hall import TwinHall
+
+    if twin["kind"] in BOARDS:
+        return None
+    sensors = [SonarArray(bus=twin["i2c"]), TwinHall(Path(twin["hall"]))]
+    if twin["kind"] == "camera":
+        sensors.append(Camera(CameraOptions(device=twin["camera"], lens=twin["lens"])))
+    return SensorGroup(*sensors)
 
 
 class Looks:
@@ -209,7 +241,9 @@ def measure(fault: str, twin: Any, folder: Path, neutral_us: float) -> dict[str,
     out = folder / "out"
     if fault == "disk full while recording":
         out = Path(twin.disk) / "out"
-    described = {"i2c": str(twin.i2c_path), "hall": twin.status()["hall"], "out": str(out)}
+    status = twin.status()
+    described = {name: status[name] for name in ("i2c", "hall", "camera")}
+    described |= {"kind": kind_of(fault), "out": str(out), "lens": str(folder / "lens.yaml")}
     (folder / "twin.json").write_text(json.dumps(described))
     mark = folder / "mark"
     mark.unlink(missing_ok=True)
@@ -236,6 +270,18 @@ def measure(fault: str, twin: Any, folder: Path, neutral_us: float) -> dict[str,
     return {"fault": fault, "told": told, **times(looks.rows, fault_s, neutral_us)}
 
 
+def measure_anyhow(fault: str, twin: Any, folder: Path) -> dict[str, Any]:
+    """A drive that begins at the second or third try counts, too: a busy computer may stall the twin's bus before."""
+    for left in reversed(range(TRIES)):
+        try:
+            return measure(fault, twin, folder, neutral_us=1530.0)
+        except RuntimeError as error:
+            print(error, file=sys.stderr)
+            if not left:
+                raise
+    raise AssertionError
+
+
 def begin(fault: str, twin: Any, policy: int, mark: Path) -> float:
     """Let a fault begin; its time, s."""
     fault_s = int(mark.read_text() or time.monotonic_ns()) / 1e9
@@ -243,8 +289,8 @@ def begin(fault: str, twin: Any, policy: int, mark: Path) -> float:
         who, number = SIGNALS[fault]
         pid, fault_s = pid_of(who, policy), time.monotonic()
         os.kill(pid, number)
-    elif fault in TWIN:
-        name, rate = TWIN[fault]
+    elif fault in CAR:
+        name, rate = CAR[fault]
         fault_s = time.monotonic()
         seconds = BLOCKED_S if fault == "bus blocks for 1 s" else float("inf")
         twin.faults.begin(name, rate=rate, seconds=seconds)
@@ -262,8 +308,8 @@ def wait_for_the_end(looks: Looks, fault: str, policy: subprocess.Popen[bytes]) 
 
 def end(fault: str, twin: Any, policy: subprocess.Popen[bytes]) -> None:
     """End the fault and the drive, whatever happened."""
-    if fault in TWIN:
-        twin.faults.end(TWIN[fault][0])
+    if fault in CAR:
+        twin.faults.end(CAR[fault][0])
     if fault == "SIGSTOP of the keeper":
         os.kill(pid_of("tral-keeper", policy.pid), signal.SIGCONT)
     if policy.poll() is None:
@@ -293,25 +339,19 @@ def times(rows: list[tuple[float, float, float]], fault_s: float, neutral_us: fl
     return {"neutral_ms": last(drives), "off_ms": last(pulses), "way_m": way, "speed_mps": after[0][2]}
 
 
-def car_file(twin: Any) -> str:
+def car_file(twin: Any, kind: str) -> str:
     """The car file of a twin."""
-    return f"""
-version = 1
-name = "twin"
-
-[board]
-driver = "pca9685"
-bus = "{twin.i2c_path}"
-oscillator_hz = {twin.settings.clock_hz:.0f}
-clock_measured = true
-
-[pulses]
-file = "tt01"
-
-[[sensors]]
-driver = "srf08"
-bus = "{twin.i2c_path}"
-"""
+    if kind in BOARDS:
+        port = twin.status()["serial"][kind]
+        board = sensors = f'driver = "{kind}"\nport = "{port}"\n'
+    else:
+        board = (
+            f'driver = "pca9685"\nbus = "{twin.i2c_path}"\noscillator_hz = {twin.settings.clock_hz:.0f}\n'
+            "clock_measured = true\n"
+        )
+        sensors = f'driver = "srf08"\nbus = "{twin.i2c_path}"\n'
+    head = 'version = 1\nname = "twin"\n'
+    return f'{head}\n[board]\n{board}\n[pulses]\nfile = "tt01"\n\n[[sensors]]\n{sensors}'
 
 
 def row(fault: str, drives: list[dict[str, Any]]) -> str:
@@ -319,47 +359,63 @@ def row(fault: str, drives: list[dict[str, Any]]) -> str:
     cells = []
     for name in ("neutral_ms", "off_ms"):
         values = [each[name] for each in drives]
-        if fault in GOES_ON or None in values:
-            cells.append("drives on" if fault in GOES_ON else "stays")
+        if fault in GOES_ON:
+            cells.append("drives on")
+        elif name == "off_ms" and kind_of(fault) in BOARDS:
+            cells.append("neutral stays")
+        elif None in values or max(values) > END_S * 1e3 - 500.0:
+            cells.append("stays")
         else:
             cells.append(f"{statistics.median(values):.0f}, {max(values):.0f} ms")
-    way = "-" if fault in GOES_ON else f"{max(each['way_m'] for each in drives):.2f} m"
+    way = "-" if fault in GOES_ON or "stays" in cells else f"{max(each['way_m'] for each in drives):.2f} m"
     return f"| {fault} | {cells[0]} | {cells[1]} | {way} |"
+
+
+def measure_all(faults: list[str], runs: int, out: Path | None) -> None:
+    """Measure faults, those of one car after the other, and print the table."""
+    from tral_env.calibration.camera_info import write_camera_info
+    from tral_env.config import CameraConfig
+    from tral_env.twin.settings import TwinSettings
+    from tral_env.twin.twin import Twin
+
+    drives: list[dict[str, Any]] = []
+    sys.setswitchinterval(SWITCH_S)
+    print("| fault | neutral: median, longest | no pulses: median, longest | way |\n| --- | --- | --- | --- |")
+    for kind in dict.fromkeys(map(kind_of, faults)):
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            length = SHORT_M if kind in BOARDS else LENGTH_M
+            course = {"name": "faults", "segments": [{"length": length}]}
+            (folder / "course.json").write_text(json.dumps(course))
+            write_camera_info(folder / "lens.yaml", CameraConfig())
+            settings = TwinSettings(
+                name="faults", scenario="straight", course=str(folder / "course.json"), randomization="none", bus=None,
+                board="pca9685" if kind == "camera" else kind, serial=kind in BOARDS, camera=kind == "camera",
+                folder=str(folder / "twin"), seed=3,
+            )  # fmt: skip
+            with Twin(settings) as twin:
+                (folder / "car.toml").write_text(car_file(twin, kind))
+                for fault in (each for each in faults if kind_of(each) == kind):
+                    measured = [measure_anyhow(fault, twin, folder) for _ in range(runs)]
+                    drives += measured
+                    print(row(fault, measured), measured[-1]["told"], flush=True)
+                    if out is not None:
+                        report = {"host": platform.platform(), "python": platform.python_version(), "drives": drives}
+                        out.write_text(json.dumps(report, indent=1))
 
 
 def main() -> None:
     """Measure all faults, or some."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("--runs", type=int, default=3)
-    parser.add_argument("--faults", default=",".join(ALL))
+    parser.add_argument("--faults", default=";".join(ALL))
     parser.add_argument("--out", type=Path)
     parser.add_argument("--drive", type=Path, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.drive is not None:
         drive(given.drive)
         return
-    from tral_env.twin.settings import TwinSettings
-    from tral_env.twin.twin import Twin
-
-    drives: list[dict[str, Any]] = []
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "course.json").write_text(json.dumps(COURSE))
-        settings = TwinSettings(
-            name="faults", scenario="straight", course=str(folder / "course.json"), randomization="none", bus=None,
-            serial=False, folder=str(folder / "twin"), seed=3,
-        )  # fmt: skip
-        sys.setswitchinterval(SWITCH_S)
-        with Twin(settings) as twin:
-            (folder / "car.toml").write_text(car_file(twin))
-            print("| fault | neutral: median, longest | no pulses: median, longest | way |\n| --- | --- | --- | --- |")
-            for fault in given.faults.split(","):
-                measured = [measure(fault, twin, folder, neutral_us=1530.0) for _ in range(given.runs)]
-                drives += measured
-                print(row(fault, measured), measured[-1]["told"], flush=True)
-                if given.out is not None:
-                    report = {"host": platform.platform(), "python": platform.python_version(), "drives": drives}
-                    given.out.write_text(json.dumps(report, indent=1))
+    measure_all(given.faults.split(";"), given.runs, given.out)
 
 
 if __name__ == "__main__":

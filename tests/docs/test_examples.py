@@ -39,6 +39,7 @@ CHEAPER = {
     "python benchmarks/marker_accuracy.py --out runs/marker_accuracy.json": "--views 16",
     "python benchmarks/gate_accuracy.py --out runs/gate_accuracy.json": "--views 12",
     "python benchmarks/detector_fit.py": "--views 48",
+    "python benchmarks/recorder.py --out runs/recorder.json": "--seconds 0.5 --kills 1 --no-images",
 }
 """Shell examples that would take too long -> options that come after theirs and win."""
 
@@ -53,6 +54,7 @@ LITERAL = (
     "python benchmarks/plot_perception.py runs/img",
     "tral tune --list-params --policy office",
     "tral doctor",
+    "tral car init car.toml --board pca9685 --sensor srf08 --sensor hall",
     "tral courses",
     "tral calibrate --simulated --out runs/calibrate",
     "tral detect docs/img/detect_view.png --lens default --out runs/seen.png",

@@ -112,6 +112,34 @@ def test_what_came_from_the_sensors_is_recorded_before_anything_is_made_of_it(tm
     assert frames[-1].data == b"\x01"
 
 
+class Eye:
+    """A camera that has taken an image of one colour at each reading."""
+
+    def start(self) -> None:
+        pass
+
+    def watch_images(self, watcher) -> None:
+        self.watcher = watcher
+
+    def read(self, now: float):
+        self.watcher(now - 0.05, np.full((48, 64, 3), 90, np.uint8))
+        return {}
+
+    def stop(self) -> None:
+        pass
+
+
+def test_images_of_a_camera_are_recorded_with_the_time_of_their_exposure(tmp_path: Path):
+    env, _ = car(tmp_path / "drive.mcap", sensors=SensorGroup(Eye()))
+    env.reset()
+    for _ in range(3):
+        env.step(GO)
+    env.close()
+    pictures = list(read(tmp_path / "drive.mcap").pictures())
+    assert [picture.time_s for picture in pictures] == pytest.approx([-0.05, -0.0375, -0.025, -0.0125])
+    assert pictures[0].pixels().shape == (48, 64, 3)
+
+
 class Broken:
     """Sensors that fail at the second reading."""
 

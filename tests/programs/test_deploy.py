@@ -13,6 +13,7 @@ import pytest
 from on_the_car import Person, Rolling, Words, car_file, parts
 
 from tral_env.errors import ConfigError, HardwareError, PolicyError, SourceLostError
+from tral_env.hardware.bringup.preflight import Finding
 from tral_env.hardware.faults import FaultLimits
 from tral_env.recording.read import read
 from tral_fsm.programs.deploy import SUMMARY, DeployArguments, run
@@ -43,10 +44,10 @@ class Hungry:
 
 def deploy(folder: Path, person: Person | None = None, name: str = "Straight", **changes: Any) -> dict[str, Any]:
     (folder / "own.py").write_text(POLICY)
-    options = {key: changes.pop(key) for key in ("must_hold", "faults") if key in changes}
+    options = {key: changes.pop(key) for key in ("must_hold", "faults", "check") if key in changes}
     sensors, words = changes.pop("sensors", None), changes.pop("words", Words())
     arguments = DeployArguments(
-        policy=f"{folder}/own.py:{name}", config=car_file(folder), dry=True, **({"max_duration_s": 2.0} | changes)
+        policy=f"{folder}/own.py:{name}", config=car_file(folder), **({"max_duration_s": 2.0, "dry": True} | changes)
     )
     devices = [person] if person is not None else []
     return run(arguments, folder / "out", devices, words, **parts(sensors), **options)
@@ -62,7 +63,6 @@ def test_a_drive_ends_by_its_time_and_leaves_a_summary_and_a_recording(tmp_path:
     assert report["figures"]["late_ticks"] == 0
     assert report["figures"]["states_s"] == {"straight": pytest.approx(2.0)}
     assert words.said == [
-        "pre-flight: all sensors are live",
         "To arm, press r on the keyboard; q or back ends. Any other key stops the car.",
     ]
     assert words.shown[-1].startswith("   1.8 s    80 Hz  late 0.0%  L 1.0")
@@ -174,28 +174,17 @@ def test_a_policy_that_needs_what_the_car_does_not_read_is_refused(tmp_path: Pat
         deploy(tmp_path, Person(), name="Hungry")
 
 
-@pytest.mark.parametrize(
-    ("change", "problem"),
-    [
-        ({"battery": 5.5}, "the battery has 5.5 V, below 6 V"),
-        ({"ultrasonic_left": None}, "no reading of ultrasonic_left within 0.5 s"),
-    ],
-)
-def test_the_preflight_refuses(tmp_path: Path, change: dict[str, Any], problem: str) -> None:
-    def changed(driven: float, readings: dict[str, float]) -> dict[str, float]:
-        return {name: value for name, value in (readings | change).items() if value is not None}
-
-    with pytest.raises(HardwareError, match=f"pre-flight: {problem}"):
-        deploy(tmp_path, Person(), sensors=Rolling(changed))
-
-
-def test_a_car_without_sensors_has_nothing_to_ask(tmp_path: Path) -> None:
-    words = Words()
-    (tmp_path / "blind.py").write_text("class Blind:\n    def act(self, observation):\n        return [0.0, 0.1]\n")
-    arguments = DeployArguments(policy=f"{tmp_path}/blind.py:Blind", config=car_file(tmp_path), dry=True)
-    with_none = parts() | {"sensors": None}
-    run(arguments, tmp_path / "out", [Person(lambda now: Hands(end=now > 1.0))], words, **with_none)
-    assert words.said[0] == "pre-flight: the car has no sensors"
+def test_the_preflight_is_told_and_refuses(tmp_path: Path) -> None:
+    words, found = Words(), [Finding(what="srf08", told="left 0.80 m"), Finding(what="board log")]
+    options = {"dry": False, "check": lambda car: [*found, Finding(what="battery", problem="5.20 V is too low")]}
+    with pytest.raises(HardwareError, match=r"the pre-flight refuses this car:\n  battery: 5.20 V is too low"):
+        deploy(tmp_path, Person(), words=words, **options)
+    assert words.said == [
+        "pre-flight, srf08: left 0.80 m",
+        "pre-flight, board log: ok",
+        "pre-flight, battery: 5.20 V is too low",
+    ]
+    assert not (tmp_path / "out").exists()
 
 
 def test_lateness_is_of_the_ticks(tmp_path: Path) -> None:

@@ -27,9 +27,9 @@ def chunks(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, list[int]]:
     file, encoder, ends = RecordingFile(path), Encoder(CORE_LAYOUT, 0), []
     file.metadata(ABOUT, {"source": "car", "fields": list(CORE_LAYOUT.names), "configuration": {}})
     for k, row in enumerate(observations(10)):
-        tick = RecordedTick(
-            k, k / 80, k / 80, row.tobytes(), np.zeros(2).tobytes(), None, None, 0, 0.0, "", None, (), None
-        )
+        zero = np.zeros(2)
+        head = (k, k / 80, k / 80, row.tobytes(), row.dtype, zero.tobytes(), zero.dtype)
+        tick = RecordedTick(*head, None, None, 0, 0.0, "", None, (), None)
         for topic, data in encoder.messages(tick):
             file.message(topic, data, k, k)
         file.sync()

@@ -198,3 +198,29 @@ def test_a_full_disk_ends_the_recording_with_a_word_and_not_the_drive(tmp_path: 
     assert recorder.failure in caplog.text
     recorder.tick(time_s=1.0, observation=row, action=(0.0, 0.0))
     assert read(tmp_path / "drive.mcap").tick.tolist() == [0, 1, 2]
+
+
+def test_what_no_message_can_be_made_of_is_refused_and_the_rest_recorded(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+):
+    row = observations(1)[0]
+    with Recorder(tmp_path / "drive.mcap") as recorder:
+        recorder.image(0.0, np.zeros((3, 4, 5), np.uint8))
+        recorder.tick(time_s=0.0, observation=row, action=(0.0, 0.0), lateness_s=float("nan"))
+        recorder.tick(time_s=0.1, observation=row, action=(0.0, 0.0))
+    assert recorder.refused == 2
+    assert "cannot be recorded" in caplog.text
+    assert not recorder.failure
+    assert read(tmp_path / "drive.mcap").tick.tolist() == [1]
+
+
+class _FullFromTheStart(RecordingFile):
+    """A disk that takes nothing."""
+
+    def metadata(self, name: str, values: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_disk_that_is_full_from_the_start_is_told_before_the_drive(tmp_path: Path):
+    with pytest.raises(ConfigError, match="No space left on device"):
+        Recorder(tmp_path / "drive.mcap", open_file=_FullFromTheStart)

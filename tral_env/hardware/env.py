@@ -25,7 +25,7 @@ from tral_env.hardware.i2c import BusName, Smbus
 from tral_env.hardware.opening import OUTPUTS, SENSORS, Wanted, open_parts
 from tral_env.hardware.pulses import CarCalibration
 from tral_env.hardware.pwm import PulseOutput
-from tral_env.hardware.sensors import Sensors, image_times, provided_by, watch_frames
+from tral_env.hardware.sensors import Sensors, image_times, provided_by, watch_frames, watch_images
 from tral_env.interface import (
     CONTROL_PERIOD_S,
     CONTROL_RATE_HZ,
@@ -194,6 +194,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         )  # fmt: skip
         """Records the episodes, or nothing without `record`."""
         watch_frames(self.sensors, self.recording.frame)
+        watch_images(self.sensors, self.recording.image)
 
     @property
     def provided_readings(self) -> frozenset[str] | None:

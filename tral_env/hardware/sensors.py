@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tral_env.config import HallConfig
 from tral_env.hardware.physical import Physical
@@ -15,6 +16,9 @@ from tral_env.sensors.hall import EdgeSpeed
 
 FrameWatcher = Callable[[str, bytes], None]
 """Called with the name of a sensor and the bytes that came from it, before anything is made of them."""
+ImageWatcher = Callable[[float, NDArray[np.uint8]], None]
+"""Called with an image that does not change any more: its time of exposure on the environment's clock, s, and its
+pixels, (height, width, 3) RGB or (height, width) grey."""
 
 
 class Sensors(Protocol):
@@ -22,7 +26,8 @@ class Sensors(Protocol):
 
     It should also have `provided_readings`, the names of all readings that it may give, as a frozenset: then
     `tral_env.interface.check_readings` can refuse a policy that needs more. With `watch_frames(watcher)`, which takes a
-    `FrameWatcher`, a recording has what it received, too.
+    `FrameWatcher`, a recording has what it received, too; a camera has `watch_images(watcher)`, which takes an
+    `ImageWatcher`.
     """
 
     def start(self) -> None:
@@ -58,6 +63,13 @@ def provided_by(sensors: Sensors | None) -> frozenset[str] | None:
 def watch_frames(sensors: Sensors | None, watcher: FrameWatcher) -> None:
     """Call a watcher for each frame of sensors from now on; those without frames call nothing."""
     watch: Callable[[FrameWatcher], None] | None = getattr(sensors, "watch_frames", None)
+    if watch is not None:
+        watch(watcher)
+
+
+def watch_images(sensors: Sensors | None, watcher: ImageWatcher) -> None:
+    """Call a watcher for each image of the cameras among sensors from now on."""
+    watch: Callable[[ImageWatcher], None] | None = getattr(sensors, "watch_images", None)
     if watch is not None:
         watch(watcher)
 
@@ -100,6 +112,11 @@ class SensorGroup(Physical):
         """Call a watcher for each frame of each sensor."""
         for member in self._members:
             watch_frames(member, watcher)
+
+    def watch_images(self, watcher: ImageWatcher) -> None:
+        """Call a watcher for each image of each camera."""
+        for member in self._members:
+            watch_images(member, watcher)
 
     def start(self) -> None:
         """Begin anew with each sensor."""

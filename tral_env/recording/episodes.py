@@ -119,6 +119,11 @@ class EpisodeRecorder:
         if self.current is not None:
             self.current.frame(self._clock(), source, data)
 
+    def image(self, exposed_s: float, pixels: NDArray[np.uint8]) -> None:
+        """Record an image; see `Recorder.image`."""
+        if self.current is not None:
+            self.current.image(exposed_s, pixels)
+
     def say(self, text: str, level: str = "info") -> None:
         """Record a word."""
         if self.current is not None:

@@ -62,7 +62,9 @@ def write_dataset(recordings: Sequence[Recording], folder: Path, task: str = "")
     _pyarrow()
     _check(recordings, folder)
     tasks: dict[str, int] = {}
-    rows, stats, size = [], [], None
+    rows: list[dict[str, Any]] = []
+    stats: list[Stats] = []
+    size = None
     for index, recording in enumerate(recordings):
         words = task or _task(recording)
         first = rows[-1]["dataset_to_index"] if rows else 0

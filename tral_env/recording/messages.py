@@ -29,9 +29,13 @@ class RecordedTick(NamedTuple):
     time_s: float
     clock_s: float
     observation: bytes
-    """float32, the columns of the layout."""
+    """The columns of the layout."""
+    observation_type: np.dtype[Any]
+    """What those bytes are."""
     action: bytes
-    """float64: steering, throttle."""
+    """Steering, throttle."""
+    action_type: np.dtype[Any]
+    """What those bytes are."""
     applied: tuple[float, float] | None
     pulses_us: tuple[float, float] | None
     late_ticks: int
@@ -100,9 +104,9 @@ class Encoder:
 
     def _tick(self, tick: RecordedTick) -> Iterator[Message]:
         head = {"tick": tick.number, "time_s": tick.time_s}
-        row = np.frombuffer(tick.observation, np.float32).tolist()
+        row = np.frombuffer(tick.observation, tick.observation_type).astype(np.float32).tolist()
         yield self._observation, (self._row % (tick.number, tick.time_s, tick.clock_s, *row)).encode()
-        yield topics.ACTION, _json({**head, **_named(np.frombuffer(tick.action))})
+        yield topics.ACTION, _json({**head, **_named(np.frombuffer(tick.action, tick.action_type))})
         if tick.applied is not None:
             steering_us, throttle_us = tick.pulses_us or (None, None)
             pulses = {"steering_us": steering_us, "throttle_us": throttle_us}

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.checks import one_of
+from tral_env.errors import ConfigError, reason
 from tral_env.interface import CORE_LAYOUT, Layout
 from tral_env.recording.about import digest, versions
 from tral_env.recording.file import RecordingFile
@@ -36,20 +37,24 @@ ABOUT = "tral"
 _log = logging.getLogger("tral_env.recording")
 
 
+_Waiting = tuple[int, type[Item], tuple[Any, ...]]
+"""What waits: its calendar time, ns since 1970, its kind, and its fields."""
+
+
 class _Queue:
     """What waits for the thread. Nobody waits for it: what finds it full is dropped and counted."""
 
     def __init__(self, room: int) -> None:
-        self._room, self._items, self.dropped = room, deque[tuple[int, Item]](), 0
+        self._room, self._items, self.dropped = room, deque[_Waiting](), 0
 
-    def put(self, stamped: tuple[int, Item]) -> None:
-        """Hand over an item with its calendar time, ns since 1970, or drop it."""
+    def put(self, item: _Waiting) -> None:
+        """Hand over an item, or drop it."""
         if len(self._items) < self._room:
-            self._items.append(stamped)
+            self._items.append(item)
         else:
             self.dropped += 1
 
-    def take(self) -> Iterator[tuple[int, Item]]:
+    def take(self) -> Iterator[_Waiting]:
         """Take the items that wait now."""
         for _ in range(len(self._items)):
             yield self._items.popleft()
@@ -93,21 +98,20 @@ class Recorder:
             open_file: makes the file.
 
         Raises:
-            ConfigError: the file exists or cannot be made, or the source is unknown.
+            ConfigError: the file exists or cannot be written, or the source is unknown.
         """
         one_of("source", source, ("car", "simulation"))
         self.path, self._start_s, self._wall_ns = Path(path), start_s, wall_ns
         self.failure = ""
         """Why the recording has ended early; empty: it has not."""
+        self.refused = 0
+        """Number of items that could not be made into messages, such as an image of a wrong shape."""
         self._ticks, self._queue, self._images = 0, _Queue(MAX_WAITING), _Queue(MAX_WAITING_IMAGES)
         start_ns = wall_ns()
         self._encoder = Encoder(layout, start_ns)
         self._file = open_file(self.path)
         about = {"source": source, "fields": list(layout.names), "start_s": start_s, "start_ns": start_ns}
-        self._file.metadata(ABOUT, {**about, "versions": versions(), "configuration": dict(configuration or {})})
-        self._file.metadata("sha256", {name: digest(data) for name, data in (files or {}).items()})
-        for name, data in (files or {}).items():
-            self._file.attach(name, data, _media_type(name), start_ns)
+        self._write_head({**about, "versions": versions(), "configuration": dict(configuration or {})}, files or {})
         self._ends, self._closed = threading.Event(), False
         self.say(start_s, "the recording begins")
         self._thread = threading.Thread(target=self._write_all, name="tral recorder", daemon=True)
@@ -149,24 +153,32 @@ class Recorder:
             transitions: those that fired, as `tral_fsm.runtime.machine.Transit`.
             truth: ground truth after the step by name, which must not change any more.
         """
-        # By position: a tuple with names takes a third of the time of a dataclass, and this runs in the control loop.
-        item = RecordedTick(
-            self._ticks,
-            time_s - self._start_s,
-            time_s,
-            np.asarray(observation, np.float32).tobytes(),
-            np.asarray(action, np.float64).tobytes(),
-            applied,
-            pulses_us,
-            late_ticks,
-            lateness_s,
-            state,
-            wanted,
-            tuple(transitions),
-            truth,
+        # A plain tuple and the bytes of the arrays: after the sleep of a control loop all code is cold, and a tuple
+        # with names and two casts would take twice as long as the rest.
+        observed = observation if isinstance(observation, np.ndarray) else np.asarray(observation)
+        answered = action if isinstance(action, np.ndarray) else np.asarray(action)
+        self._put(
+            self._queue,
+            RecordedTick,
+            (
+                self._ticks,
+                time_s - self._start_s,
+                time_s,
+                observed.tobytes(),
+                observed.dtype,
+                answered.tobytes(),
+                answered.dtype,
+                applied,
+                pulses_us,
+                late_ticks,
+                lateness_s,
+                state,
+                wanted,
+                tuple(transitions),
+                truth,
+            ),
         )
         self._ticks += 1
-        self._put(self._queue, item)
 
     def image(self, time_s: float, pixels: NDArray[np.uint8] | bytes, camera: str = "camera") -> None:
         """Record an image; another thread than that of the control loop may call it.
@@ -176,7 +188,7 @@ class Recorder:
             pixels: (height, width, 3) RGB or (height, width) grey, which must not change any more; or a JPEG file.
             camera: name of the camera.
         """
-        self._put(self._images, Image(time_s=time_s - self._start_s, pixels=pixels, camera=camera))
+        self._put(self._images, Image, (time_s - self._start_s, pixels, camera))
 
     def frame(self, time_s: float, source: str, data: bytes) -> None:
         """Record bytes of a sensor as they came, before anything was made of them.
@@ -186,7 +198,7 @@ class Recorder:
             source: name of the sensor.
             data: the bytes.
         """
-        self._put(self._queue, Frame(time_s=time_s - self._start_s, source=source, data=data))
+        self._put(self._queue, Frame, (time_s - self._start_s, source, data))
 
     def say(self, time_s: float, text: str, level: str = "info") -> None:
         """Record a word about the drive.
@@ -197,7 +209,7 @@ class Recorder:
             level: "info", "warning" or "error".
         """
         one_of("level", level, LEVELS)
-        self._put(self._queue, Word(time_s=time_s - self._start_s, text=text, level=level))
+        self._put(self._queue, Word, (time_s - self._start_s, text, level))
 
     def close(self) -> None:
         """Write what waits, and the index; a second call does nothing. An error of the disk stands in `failure`."""
@@ -218,9 +230,26 @@ class Recorder:
         """Close the file, whatever happened."""
         self.close()
 
-    def _put(self, queue: _Queue, item: Item) -> None:
+    def _write_head(self, about: Mapping[str, object], files: Mapping[str, bytes]) -> None:
+        """Write what is known before the drive.
+
+        Raises:
+            ConfigError: the disk does not take it.
+        """
+        try:
+            self._file.metadata(ABOUT, about)
+            self._file.metadata("sha256", {name: digest(data) for name, data in files.items()})
+            for name, data in files.items():
+                media_type = "application/json" if name.endswith(".json") else "application/octet-stream"
+                self._file.attach(name, data, media_type, self._encoder.log_ns(0.0))
+            self._file.sync()
+        except OSError as error:
+            self._file.abandon()
+            raise ConfigError(f"recording {self.path}: {error.strerror}: choose another disk") from error
+
+    def _put(self, queue: _Queue, kind: type[Item], fields: tuple[Any, ...]) -> None:
         if not (self.failure or self._closed):
-            queue.put((self._wall_ns(), item))
+            queue.put((self._wall_ns(), kind, fields))
 
     def _write_all(self) -> None:
         """Write until the end, or until the disk refuses."""
@@ -239,13 +268,25 @@ class Recorder:
 
     def _write_waiting(self) -> None:
         for queue in (self._queue, self._images):
-            for wall_ns, item in queue.take():
-                for topic, data in self._encoder.messages(item):
+            for wall_ns, kind, fields in queue.take():
+                item = kind._make(fields)
+                try:
+                    messages = list(self._encoder.messages(item))
+                except Exception as error:  # whatever is wrong with one item, the others are recorded
+                    self._refuse(item, error)
+                    continue
+                for topic, data in messages:
                     self._file.message(topic, data, self._encoder.log_ns(item.time_s), wall_ns)
+
+    def _refuse(self, item: Item, error: Exception) -> None:
+        """Count an item that no message can be made of, and tell the first."""
+        self.refused += 1
+        if self.refused == 1:
+            _log.error("%s: a %s cannot be recorded: %s", self.path, type(item).__name__, reason(error))
 
     def _tell_end(self) -> None:
         dropped = {"ticks": self._queue.dropped, "images": self._images.dropped}
-        self._file.metadata("end", {"ticks": self._ticks, "dropped": dropped})
+        self._file.metadata("end", {"ticks": self._ticks, "dropped": dropped, "refused": self.refused})
         if self.dropped:
             _log.warning("%s: the disk was too slow: %d messages were dropped", self.path, self.dropped)
 
@@ -259,7 +300,3 @@ class Recorder:
     def _fail(self, why: str) -> None:
         self.failure = f"recording {self.path}: {why}"
         _log.error(self.failure)
-
-
-def _media_type(name: str) -> str:
-    return "application/json" if name.endswith(".json") else "application/octet-stream"

@@ -1,8 +1,9 @@
 """Device files of the twin, as a program of its own: FUSE on one side, a socket to the twin on the other.
 
-``device_files.py MOUNT I2C_NAME I2C_SOCKET TREE_SOCKET LIFE_SOCKET LINK DISK``. It runs by path, without this package,
-and holds no model: each transaction goes to the twin. When the twin ends, however it ends, this program takes the mount
-away. The requests of i2c-dev are those of the kernel's documentation, Documentation/i2c/dev-interface.rst.
+``device_files.py I2C_NAME I2C_SOCKET TREE_SOCKET LIFE_SOCKET MOUNT LINK DISK`` shows them, and ``--take-away MOUNT LINK
+DISK`` takes away what a killed one left. It runs by path, without this package, and holds no model: each transaction
+goes to the twin. When the twin ends, however it ends, this program takes the mount away. The requests of i2c-dev are
+those of the kernel's documentation, Documentation/i2c/dev-interface.rst.
 """
 
 from __future__ import annotations
@@ -294,7 +295,9 @@ def main(arguments: list[str]) -> None:
     """Show the files until the twin ends."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    mount, name, *numbers, link, disk = arguments
+    if arguments[0] == "--take-away":
+        return take_away(*arguments[1:])
+    name, *numbers, mount, link, disk = arguments
     i2c, tree = (Line(int(number)) for number in numbers[:2])
     life = socket.socket(fileno=int(numbers[2]))
 

@@ -116,10 +116,11 @@ class DeviceFiles:
         pairs = [socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET) for _ in range(3)]
         (self._i2c, _), (self._tree, _), (self._life, _) = pairs
         theirs = [pair[1] for pair in pairs]
-        program = Path(__file__).with_name("device_files.py")
+        self._program = [sys.executable, "-P", str(Path(__file__).with_name("device_files.py"))]
+        self._places = [str(mount), str(link or ""), str(disk or "")]
         numbers = [str(each.fileno()) for each in theirs]
         self._process = subprocess.Popen(
-            [sys.executable, "-P", str(program), str(mount), i2c_name, *numbers, str(link or ""), str(disk or "")],
+            [*self._program, i2c_name, *numbers, *self._places],
             pass_fds=[each.fileno() for each in theirs], stdin=subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip
         for each in theirs:
@@ -136,6 +137,11 @@ class DeviceFiles:
             self.close()
             raise HardwareError(f"the device files could not be mounted at {mount}")
 
+    @property
+    def pid(self) -> int:
+        """Process id of the program that shows the files."""
+        return self._process.pid
+
     def close(self) -> None:
         """Take the files away; a second call does nothing."""
         for each in (self._life, self._i2c, self._tree):
@@ -147,13 +153,15 @@ class DeviceFiles:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        if self._process.returncode != 0:  # it was killed, and has taken nothing away
+            subprocess.run([*self._program, "--take-away", *self._places], check=False)
 
     def _serve(self, line: socket.socket, answer: Callable[[bytes], bytes]) -> None:
         threading.Thread(target=_answer_all, args=(line, answer), daemon=True).start()
 
 
 def _make_link(link: Path, target: Path) -> None:
-    if link.is_symlink() and not link.exists():
+    if link.is_symlink() and not os.path.exists(link):  # noqa: PTH110 (a dead mount fails in Path.exists)
         link.unlink()  # of a twin that died
     try:
         link.symlink_to(target)

@@ -240,9 +240,7 @@ class Faults:
         Raises:
             ConfigError: no fault has this name, or the rate is none.
         """
-        fault = _fault(name, rate)
-        fault.begin(self._twin, rate)
-        self.active[name] = self._twin.clock() + seconds
+        self._begin(name, rate, self._twin.clock() + seconds)
 
     def end(self, name: str) -> None:
         """End a fault; one that is not active stays so.
@@ -263,10 +261,14 @@ class Faults:
         due = [each for each in self._coming if each[0] <= now_s]
         self._coming = [each for each in self._coming if each[0] > now_s]
         for _, name, rate, seconds in due:
-            self.begin(name, rate=rate, seconds=seconds)
+            self._begin(name, rate, now_s + seconds)
         for name, end_s in tuple(self.active.items()):
             if end_s <= now_s:
                 self.end(name)
+
+    def _begin(self, name: str, rate: float, end_s: float) -> None:
+        _fault(name, rate).begin(self._twin, rate)
+        self.active[name] = end_s
 
 
 def _fault(name: str, rate: float) -> Fault:

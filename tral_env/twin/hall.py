@@ -37,17 +37,18 @@ class EdgeEvent:
 
     timestamp_ns: int
     """Time of the edge on CLOCK_MONOTONIC, ns."""
-    event_type: int
-    """`NEAR` or `AWAY`, the numbers of gpiod's ``EdgeEvent.Type``."""
+    event_type: object
+    """`NEAR` or `AWAY`, or what the reader calls them."""
     line_offset: int
     global_seqno: int
     line_seqno: int
     """Counts all edges: a gap tells that some were lost."""
 
     @classmethod
-    def unpack(cls, data: bytes) -> EdgeEvent:
-        """An event from the kernel's structure."""
-        return cls(*_EVENT.unpack(data))
+    def unpack(cls, data: bytes, kinds: Callable[[int], object] = int) -> EdgeEvent:
+        """An event from the kernel's structure; `kinds` makes an identity what the reader calls it."""
+        timestamp_ns, kind, *numbers = _EVENT.unpack(data)
+        return cls(timestamp_ns, kinds(kind), *numbers)
 
 
 class HallPin:
@@ -114,13 +115,17 @@ def _send(reader: socket.socket, event: bytes) -> bool:
 class LineRequest(Physical):
     """The reader's end: the part of ``gpiod.LineRequest`` that a reader of edges uses."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, kinds: Callable[[int], object] = int) -> None:
         """Connect to the pin of a twin.
+
+        Args:
+            path: of the pin's socket.
+            kinds: makes an event's number what the reader compares it with, such as ``gpiod.EdgeEvent.Type``.
 
         Raises:
             HardwareError: no twin is there.
         """
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._socket, self._kinds = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET), kinds
         try:
             self._socket.connect(str(path))
         except OSError as error:
@@ -153,7 +158,7 @@ class LineRequest(Physical):
         data = self._socket.recv(_EVENT.size)
         if not data:
             raise OSError(errno.ENODEV, "the hall sensor's pin is gone")
-        return EdgeEvent.unpack(data)
+        return EdgeEvent.unpack(data, self._kinds)
 
 
 @dataclass(frozen=True, kw_only=True)

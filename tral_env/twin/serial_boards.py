@@ -133,7 +133,7 @@ class _Group:
 
 @dataclass
 class Ucboard:
-    """The later board (ucboard), with the commands that drivers of the cars use; measuring groups are readable text alone."""
+    """The later board (ucboard), with the commands that drivers of cars use; its measuring groups are readable text."""
 
     calibration: CarCalibration
     """Pulses of its servo and motor controller."""
@@ -204,7 +204,7 @@ class Ucboard:
             return ":ERR(256):Unknown command!"
         try:
             return handlers[arguments[0]](start, arguments[1:], options, now_s)
-        except (ValueError, IndexError):
+        except (ValueError, LookupError):
             return ":ERR(257):Wrong arguments!"
 
     def _drv(self, start: str, arguments: list[str], options: dict[str, str], now_s: float) -> str:
@@ -214,7 +214,7 @@ class Ucboard:
             self.dead_man_s = int(options["DMS"]) / 1e3
         self._driven_s = now_s
         if not arguments:
-            return f":~DMS={options['DMS']}" if options else ":ok"
+            return f":~DMS={options['DMS']}" if "DMS" in options else ":ok"
         kind, numbers = arguments[0], [int(each) for each in arguments[1:]]
         if kind == "OFF":
             self.drive = "OFF"

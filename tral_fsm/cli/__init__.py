@@ -1,4 +1,4 @@
-"""The `tral` command: drive, replay, deploy, teleop, courses, fsm, tune, train, calibrate, detect, print, doctor, bench, twin.
+"""The `tral` command: drives, cars, machines, tuning, training, calibration, printing, speed; `tral --help` lists all.
 
 Each subcommand has a file; heavy modules are imported when a command needs them.
 """
@@ -11,6 +11,7 @@ import typer
 
 from tral_fsm.cli.bench import app as bench_app
 from tral_fsm.cli.calibrate import command as calibrate_command
+from tral_fsm.cli.car import app as car_app
 from tral_fsm.cli.compare import command as compare_command
 from tral_fsm.cli.console import Guarded
 from tral_fsm.cli.courses import command as courses_command
@@ -35,9 +36,9 @@ app = typer.Typer(
     epilog="Exit codes: 0 success, 1 an episode failed or a file is bad, 2 bad usage, 3 the computer lacks something.",
 )
 app.command("drive")(drive_command)
-app.command("replay")(replay_command)
 app.command("deploy")(deploy_command)
 app.command("teleop")(teleop_command)
+app.command("replay")(replay_command)
 app.command("courses")(courses_command)
 app.command("compare")(compare_command)
 app.command("tune")(tune_command)
@@ -45,6 +46,7 @@ app.command("train")(train_command)
 app.command("calibrate")(calibrate_command)
 app.command("detect")(detect_command)
 app.command("doctor")(doctor_command)
+app.add_typer(car_app, name="car")
 app.add_typer(fsm_app, name="fsm")
 app.add_typer(print_app, name="print")
 app.add_typer(bench_app, name="bench")

@@ -45,7 +45,7 @@ def _table_of_recording(report: Mapping[str, Any]) -> Table:
 
 
 def _table_of_residuals(report: Mapping[str, Any]) -> Table:
-    from tral_fsm.evaluation.replay import QUANTITIES
+    from tral_fsm.evaluation.replayed import QUANTITIES
 
     ended = f"the simulated drive ended early: {report['ended'].replace('_', ' ')}" if report["ended"] else ""
     table = narrow_table("recorded minus simulated, on the same commands", ended)

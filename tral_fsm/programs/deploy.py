@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from tral_env.checks import check_number
-from tral_env.errors import ConfigError, HardwareError
+from tral_env.errors import ConfigError, HardwareError, problem_list
+from tral_env.hardware.bringup.preflight import Finding, check_car
+from tral_env.hardware.car_file import CarFile, load_car
 from tral_env.interface import check_readings
 from tral_fsm.programs.car_drive import CarDrive, Console, report_of
 from tral_fsm.programs.drive import RECORDING, SUMMARY
-from tral_fsm.programs.preflight import preflight
 from tral_fsm.programs.seat import CarSeat
 from tral_fsm.teleop.hands import Device
 from tral_fsm.teleop.overseer import Overseer, Signals
@@ -63,6 +64,7 @@ def run(
     console: Console,
     *,
     must_hold: bool = False,
+    check: Callable[[CarFile], Sequence[Finding]] = check_car,
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
     **options: Any,
@@ -75,6 +77,7 @@ def run(
         devices: what a person arms and stops with.
         console: where the drive tells what happens.
         must_hold: whether the first device has a dead man's button that must be held.
+        check: looks at the car before a drive that is no dry run.
         clock: clock of the drive, s.
         sleep: waits some seconds.
         options: more options of the car's environment, for a car without devices.
@@ -87,14 +90,15 @@ def run(
         HardwareError: a device does not answer, or the pre-flight found a fault.
         PolicyError: the policy failed; the car was stopped.
     """
-    from tral_env.hardware.car_file import load_car
     from tral_env.hardware.env import TralCarEnv
     from tral_fsm.evaluation.own_policy import find_policy
-    from tral_fsm.evaluation.recording import files_of_policy
+    from tral_fsm.evaluation.policy_files import files_of_policy
 
     require_hands(devices, arguments.arm)
     car = load_car(arguments.config)
     policy = find_policy(arguments.policy)
+    if not arguments.dry:
+        preflight(check(car), console)
     prepare(out)
     record = out / RECORDING if arguments.record else None
     with (
@@ -112,13 +116,22 @@ def run(
         ) as env,
     ):
         check_readings(policy, env)
-        if problems := preflight(env.sensors, car.battery.stop_v, clock, sleep):
-            raise HardwareError(f"pre-flight: {'; '.join(problems)}")
-        console.say("pre-flight: " + ("the car has no sensors" if env.sensors is None else "all sensors are live"))
         overseer = Overseer(devices, clock, signals, must_hold=must_hold)
         seat = CarSeat(env, files_of_policy(arguments.policy, policy))
         drive = CarDrive(seat, policy, overseer, console, clock, sleep)
         return finish(asdict(arguments), out, drive, "" if arguments.arm else how_to_arm(devices, must_hold), record)
+
+
+def preflight(findings: Sequence[Finding], console: Console) -> None:
+    """Tell what a check of the car found.
+
+    Raises:
+        HardwareError: something is wrong.
+    """
+    for each in findings:
+        console.say(f"pre-flight, {each.what}: {each.problem or each.told or 'ok'}")
+    if problems := [f"{each.what}: {each.problem}" for each in findings if each.problem]:
+        raise HardwareError(problem_list("the pre-flight refuses this car:", problems))
 
 
 def how_to_arm(devices: list[Device], must_hold: bool) -> str:

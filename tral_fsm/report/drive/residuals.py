@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tral_fsm.evaluation.files import write_figure
-from tral_fsm.evaluation.replay import QUANTITIES, Comparison
+from tral_fsm.evaluation.replayed import QUANTITIES, Comparison
 
 _RECORDED, _SIMULATED, _DIFFERENCE = "#0b3c8c", "#d97706", "#a30000"
 _DPI = 120

@@ -91,7 +91,10 @@ def _figure(
     if episode is not None:
         _draw_outcome(above, episode)
     else:
+        above.margins(x=0.05, y=0.3)
         above.autoscale_view()
+        above.set_xlabel("x [m]")
+        above.set_ylabel("y [m]")
     above.set_aspect("equal")
     above.set_title(textwrap.fill(heading, 130), loc="left", fontsize=11, parse_math=False)
     _draw_bands(below, trace, colours)
