@@ -43,6 +43,7 @@ CHEAPER = {
     "python benchmarks/marker_accuracy.py --out runs/marker_accuracy.json": "--views 16",
     "python benchmarks/gate_accuracy.py --out runs/gate_accuracy.json": "--views 12",
     "python benchmarks/detector_fit.py": "--views 48",
+    "tral twin up --scenario corners --seed 3": "--name page-of-tests --bus 906 --seconds 0.5",
 }
 """Shell examples that would take too long -> options that come after theirs and win."""
 
@@ -50,6 +51,7 @@ LITERAL = (
     "python benchmarks/plot_perception.py runs/img",
     "tral tune --list-params --policy office",
     "tral doctor",
+    "tral twin fault list",
     "tral courses",
     "tral calibrate --simulated --out runs/calibrate",
     "tral detect docs/img/detect_view.png --lens default --out runs/seen.png",

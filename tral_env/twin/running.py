@@ -25,7 +25,10 @@ _END_S = 10.0
 
 
 def serve(
-    settings: TwinSettings, ready: Callable[[dict[str, Any]], None], ended: threading.Event | None = None
+    settings: TwinSettings,
+    ready: Callable[[dict[str, Any]], None],
+    ended: threading.Event | None = None,
+    seconds: float | None = None,
 ) -> None:
     """Run a twin until it is told to end, by the control socket, by a signal or by an event.
 
@@ -33,6 +36,7 @@ def serve(
         settings: of the twin.
         ready: is told the first status, when everything stands.
         ended: ends it too.
+        seconds: it ends by itself after so long; None: never.
 
     Raises:
         TralError: it cannot be built.
@@ -48,7 +52,7 @@ def serve(
         ):
             twin.start()
             ready(twin.status())
-            ended.wait()
+            ended.wait(seconds)
     finally:
         sys.setswitchinterval(interval)
         for number, handler in before:

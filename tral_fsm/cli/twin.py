@@ -27,6 +27,7 @@ def up(
     board: Annotated[Board, typer.Option(help="Who is wired to servo and motor controller.")] = "pca9685",
     camera: Annotated[bool, typer.Option(help="Serve the camera's images, which needs OpenGL.")] = False,
     bus: Annotated[int, typer.Option(min=0, max=999, help="Number N of the bus: root gets /dev/i2c-N.")] = 7,
+    seconds: Annotated[float | None, typer.Option(help="The twin ends by itself after so long.")] = None,
     name: Name = "twin",
 ) -> None:
     """Run a twin until Ctrl-C or `tral twin down`."""
@@ -44,7 +45,7 @@ def up(
         camera=camera,
         bus=bus,
     )
-    serve(settings, _show_start)
+    serve(settings, _show_start, seconds=seconds)
 
 
 @app.command("status")
