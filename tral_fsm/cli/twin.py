@@ -59,6 +59,7 @@ def fault(
     fault: Annotated[str, typer.Argument(help="Name of the fault, or `list`.", metavar="NAME")],
     rate: Annotated[float, typer.Option(help="Share of what fails, for faults that have one.")] = 0.1,
     seconds: Annotated[float | None, typer.Option(help="The fault ends by itself after so long.")] = None,
+    after: Annotated[float, typer.Option(min=0.0, help="The fault begins in so many seconds.")] = 0.0,
     off: Annotated[bool, typer.Option("--off", help="End the fault.")] = False,
     name: Name = "twin",
 ) -> None:
@@ -69,7 +70,7 @@ def fault(
         for each, what in FAULTS.items():
             typer.echo(f"{each:17} {what.told}")
         return
-    _ask(name, do="fault", name=fault, rate=rate, seconds=seconds, off=off)
+    _ask(name, do="fault", name=fault, rate=rate, seconds=seconds, after=after, off=off)
 
 
 @app.command("reset")
