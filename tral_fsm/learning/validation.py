@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -34,8 +35,12 @@ class Score:
         return self.successes / self.episodes
 
     def is_better_than(self, other: Score | None) -> bool:
-        """Whether more drives arrive; where as many do, whether the cars come farther."""
-        return other is None or (self.successes, self.progress) > (other.successes, other.progress)
+        """Whether more drives arrive; where as many do, whether the cars come farther, and then whether faster."""
+        return other is None or self._rank > other._rank
+
+    @property
+    def _rank(self) -> tuple[int, float, float]:
+        return self.successes, round(self.progress, 3), -math.inf if self.time_s is None else -self.time_s
 
     def record(self) -> dict[str, Any]:
         """The score, for JSON."""
