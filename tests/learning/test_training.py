@@ -320,12 +320,15 @@ def test_a_validation_finds_what_a_machine_does_and_ends_for_cars_that_stand() -
     validation.close()
 
 
-def test_where_as_many_arrive_the_way_decides() -> None:
+def test_where_as_many_arrive_the_way_decides_and_then_the_time() -> None:
     few = Score(episodes=4, successes=1, progress=0.9, time_s=1.0)
     more = Score(episodes=4, successes=2, progress=0.5, time_s=9.0)
     farther = Score(episodes=4, successes=2, progress=0.6, time_s=9.0)
     assert more.is_better_than(few)
     assert farther.is_better_than(more)
+    faster = replace(farther, time_s=8.0)
+    assert faster.is_better_than(farther)
+    assert not farther.is_better_than(faster)
     assert not more.is_better_than(more)
     assert few.is_better_than(None)
 
