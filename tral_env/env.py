@@ -65,7 +65,7 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
     | `battery` | 1 | voltage of the drive battery under load, V |
 
     These groups are for learners and for your own code: a state machine sees the core readings only. The options
-    `observation="features"`, `history` and `spacing_s` make an observation for a network, `Box(-1, 1, (H * F,))`.
+    `observation="features"`, `history`, `spacing_s` and `growth` make an observation for a network, `Box(-1, 1, (H * F,))`.
 
     ## Rewards
     The reward is the sum of these terms, which `info["reward_terms"]` tells by name. The weights are fields of
@@ -140,6 +140,7 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
     | `scenario` | `'office'` | Family of the generated courses: one of `tral_env.course.generate.SCENARIOS`, which `tral courses` lists. Several in a tuple: every episode draws one of them. |
     | `course` | `None` | Every episode drives this `Course` instead of generated ones. Also its name, one of those that `tral courses` lists, the path of its JSON file, or a mapping of what that file would hold. |
     | `courses` | `None` | Every episode draws one of so many courses, 1 or more. Each is built when it is first driven and then kept (up to 40 kB); course k is the one that `reset(seed=k)` gives without this option. `None`: every episode builds a new course, which takes most of a reset. |
+    | `anywhere` | `0.0` | Share of the episodes on generated courses that begin anywhere on the route instead of at its start, 0 to 1: a learner that crashes early sees more of the courses. |
     | `camera` | `'projected'` | `"projected"`: the corners of the markers are projected through the lens, without OpenGL. `"rendered"`: OpenCV's detector searches a rendered image. |
     | `randomization` | `'default'` | How much cars differ from one another: `"none"`, `"default"`, `"hard"`, the path of a file of ranges (.json, .yaml, .yml), or a `Randomization` of other ranges. |
     | `groups` | `()` | Optional groups of readings behind the core ones: names out of `"line"`, `"imu"`, `"battery"`. |
@@ -151,6 +152,7 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
     | `observation` | `'readings'` | `"readings"`: what the car measures, in SI units. `"features"`: the same, made ready for a network, see `tral_env.learner.LearnerView`. |
     | `history` | `1` | Number of frames in an observation, the oldest first. At a reset all of them are the first one. |
     | `spacing_s` | `None` | Time between two frames, a whole number of ticks, s. `None`: that between two decisions. |
+    | `growth` | `1.0` | Each distance between two frames is so many times the next one nearer to now, 1 to 2: a few frames reach far back. `1.0`: all are equal. |
     | `action` | `'throttle'` | What the second action is: `"throttle"`, or `"speed"`, which is regulated on the hall sensor as the machines' speed is. |
     | `drive_range` | `None` | What -1 and 1 of the second action stand for: throttles, or speeds in m/s. `None`: -1 and 1, or 0 and 1.2 m/s. |
     | `detections` | `True` | Whether features tell gates and turn signs. A network is smaller without them. |

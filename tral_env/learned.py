@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Flags
-from tral_env.checks import check_rows, one_of
+from tral_env.checks import check_rows, is_number, one_of
 from tral_env.errors import ConfigError
 from tral_env.interface import CORE_FIELDS, CORE_LAYOUT
 from tral_env.learner import Actuation, LearnerConfig, LearnerView
@@ -47,13 +48,13 @@ class Correction:
     """Largest correction of steering and throttle."""
 
     def __post_init__(self) -> None:
-        within = isinstance(self.bounds, tuple) and len(self.bounds) == 2 and all(map(_is_bound, self.bounds))
+        within = (
+            isinstance(self.bounds, tuple)
+            and len(self.bounds) == 2
+            and all(is_number(bound) and 0 < bound <= 1 for bound in self.bounds)
+        )
         if not within or not isinstance(self.machine, str):
             raise ConfigError(f"bounds = {self.bounds!r}: expected two numbers above 0, at most 1: steering, throttle")
-
-
-def _is_bound(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value <= 1
 
 
 def _check_numbers(place: str, values: object) -> None:
@@ -120,9 +121,11 @@ class Network:
             x = (x - self.normalization[0]) / self.normalization[1]
         activation = ACTIVATIONS[self.activation]
         for weight, bias in self._transposed[:-1]:
-            x = activation(x @ weight + bias)
+            x = np.dot(x, weight)  # for a single row this takes two thirds of the time of @
+            x = activation(np.add(x, bias, out=x))
         weight, bias = self._transposed[-1]
-        return OUTPUTS[self.output](x @ weight + bias)
+        x = np.dot(x, weight)
+        return OUTPUTS[self.output](np.add(x, bias, out=x))
 
 
 class LearnedPolicy:
@@ -143,7 +146,7 @@ class LearnedPolicy:
         """Start again with n cars."""
         learner = self.network.learner
         self._view, self._actuation = LearnerView(learner, n), Actuation(learner, n)
-        self._fresh = np.ones(n, bool)
+        self._fresh, self._any_fresh = np.ones(n, bool), True
         self._way = np.zeros(n, np.float32)
         self._wanted = np.zeros((n, 2))
 
@@ -155,6 +158,7 @@ class LearnedPolicy:
         """
         check_rows("rows to reset", rows, len(self._fresh))
         self._fresh |= rows
+        self._any_fresh = bool(self._fresh.any())
 
     def act(self, observation: NDArray[np.floating]) -> Values:
         """Run one tick. A car whose distance has fallen begins a new episode.
@@ -169,35 +173,40 @@ class LearnedPolicy:
             ConfigError: the observation has another shape, or a value is NaN or out of its bounds.
         """
         readings = self._checked(observation)
-        way = readings[:, self._distance]
-        fresh = self._fresh | (way < self._way)
+        way = readings[:, self._distance].copy()
+        fell = way < self._way
         self._way = way
-        if fresh.any():
-            self._view.update(readings, ~fresh)
-            self._view.reset(fresh, readings)
-            self._actuation.reset(fresh)
-            self._fresh = np.zeros(len(fresh), bool)
+        if self._any_fresh or np.count_nonzero(fell):
+            self._begin(self._fresh | fell, readings)
         else:
             self._view.update(readings)
-        due = self._view.due
-        if due.all():
+        due = self._view.common_due
+        if due:
             self._wanted = self._actuation.wanted(self._decided(self._view.observation()))
-        elif due.any():
-            self._wanted[due] = self._actuation.wanted(self._decided(self._view.observation()[due]))
+        elif due is None and (rows := self._view.due).any():
+            self._wanted[rows] = self._actuation.wanted(self._decided(self._view.observation()[rows]))
         command = self._actuation.command(self._wanted, readings[:, self._speed]).astype(np.float32)
         return command[0] if np.ndim(observation) == 1 else command
 
+    def _begin(self, rows: Flags, readings: Values) -> None:
+        """Begin episodes in some rows; the others go on."""
+        self._view.update(readings, ~rows)
+        self._view.reset(rows, readings)
+        self._actuation.reset(rows)
+        self._fresh[:] = self._any_fresh = False
+
     def _decided(self, seen: Values) -> Values:
         actions = self.network.actions(seen)
-        if not np.isfinite(actions).all():
+        if not math.isfinite(actions.sum()):
             raise ConfigError("the network decided for a number that is not finite: its weights are too large")
         return actions
 
     def _checked(self, observation: NDArray[np.floating]) -> Values:
         try:
-            rows = np.atleast_2d(np.asarray(observation, np.float32))
+            rows = np.asarray(observation, np.float32)
         except (TypeError, ValueError) as error:
             raise ConfigError(f"observation: got {observation!r:.80}, expected an array of numbers") from error
+        rows = rows[None] if rows.ndim == 1 else rows
         rows = rows[:, : self._size] if rows.ndim == 2 else rows
         if rows.shape != (len(self._fresh), self._size):
             raise ConfigError(
@@ -205,8 +214,8 @@ class LearnedPolicy:
                 "the fields of tral_env.interface.CORE_LAYOUT, and a row for each car of reset(n); the policy makes "
                 "its features itself"
             )
-        within = (rows >= self._low) & (rows <= self._high)
-        if not within.all():
+        within = np.greater_equal(rows, self._low) & np.less_equal(rows, self._high)
+        if np.count_nonzero(within) != within.size:
             row, column = np.argwhere(~within)[0].tolist()
             each = CORE_FIELDS[column]
             raise ConfigError(

@@ -68,6 +68,9 @@ class CorridorConfig(LearnerConfig):
     """Every episode draws one of so many courses, 1 or more. Each is built when it is first driven and then kept (up to
     40 kB); course k is the one that `reset(seed=k)` gives without this option. `None`: every episode builds a new
     course, which takes most of a reset."""
+    anywhere: float = 0.0
+    """Share of the episodes on generated courses that begin anywhere on the route instead of at its start, 0 to 1: a
+    learner that crashes early sees more of the courses."""
     camera: str = "projected"
     """`"projected"`: the corners of the markers are projected through the lens, without OpenGL. `"rendered"`: OpenCV's
     detector searches a rendered image."""
@@ -100,6 +103,10 @@ class CorridorConfig(LearnerConfig):
             raise ConfigError(f"courses = {self.courses!r}: expected a whole number, 1 or more, or None")
         if self.courses is not None and self.course is not None:
             raise ConfigError(f"courses = {self.courses!r} with a course of your own: expected one of them")
+        if not is_number(self.anywhere) or not 0.0 <= self.anywhere <= 1.0:
+            raise ConfigError(f"anywhere = {self.anywhere!r}: expected 0 to 1")
+        if self.anywhere and self.course is not None:
+            raise ConfigError(f"anywhere = {self.anywhere!r} with a course of your own: expected one of them")
         if self.camera == "projected" and self.image_size is None and self.image_faults != ImageCorruption():
             raise ConfigError(
                 f"image_faults = {self.image_faults!r} with camera='projected', which takes no image: expected "

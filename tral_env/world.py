@@ -16,7 +16,7 @@ from tral_env.checks import check_number, one_of
 from tral_env.course.generate import generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course
-from tral_env.course.plan import Plan
+from tral_env.course.plan import Plan, begun_anywhere
 from tral_env.course.scene import Pool
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import Layout
@@ -257,9 +257,13 @@ class World:
         ]
 
     def _generate(self, rng: np.random.Generator) -> tuple[Course, Plan]:
+        """A course to drive, from its start or from anywhere on."""
+        (course, plan), anywhere = self._whole(rng), self.config.anywhere
+        return course, begun_anywhere(plan, rng) if anywhere and rng.random() < anywhere else plan
+
+    def _whole(self, rng: np.random.Generator) -> tuple[Course, Plan]:
         """A new course, or one of those that are kept."""
-        count = self.config.courses
-        if count is None:
+        if (count := self.config.courses) is None:
             return self._build(rng)
         k = int(rng.integers(count))
         if k not in self.kept:
@@ -268,8 +272,8 @@ class World:
 
     def _build(self, rng: np.random.Generator) -> tuple[Course, Plan]:
         """A new course of the family, or of one of several."""
-        families = self.config.scenarios
-        scenario = families[0] if len(families) == 1 else families[int(rng.integers(len(families)))]
+        names = self.config.scenarios
+        scenario = names[0] if len(names) == 1 else names[int(rng.integers(len(names)))]
         return generate_plan(scenario, rng, hard=self._randomization.hard_courses)
 
     def _needed(self, plans: Sequence[Plan], rows: Index, near: int) -> Pool | None:

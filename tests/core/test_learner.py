@@ -126,6 +126,16 @@ class TestHistory:
         assert view.due.tolist() == [True]
         assert self.ways(view) == ways
 
+    def test_with_a_growth_each_frame_lies_farther_behind_the_next_than_that_one_does(self) -> None:
+        view = self.plain(history=5, growth=2.0)
+        view.reset(np.array([True]), readings(distance=0.0))
+        for tick in range(1, 21):
+            view.update(readings(distance=tick))
+        assert self.ways(view) == [20 - 15, 20 - 7, 20 - 3, 20 - 1, 20]
+
+    def test_a_growth_that_is_no_whole_number_is_rounded_from_now_back(self) -> None:
+        assert LearnerConfig(history=16, growth=1.2).ages == (72, 59, 48, 40, 32, 26, 21, 16, 13, 10, 7, 5, 4, 2, 1, 0)
+
     def test_a_car_whose_episode_ends_keeps_what_it_read_last(self) -> None:
         view = self.plain(history=2, decision_hz=10)
         view.reset(np.array([True]), readings(distance=0.0))
@@ -211,6 +221,8 @@ class TestRefusals:
             ({"history": 2.5}, "history = 2.5"),
             ({"history": True}, "history = True"),
             ({"spacing_s": 0.03}, r"2.4 ticks of 1/80 s, .* expected 0.025 or 0.0375 s"),
+            ({"growth": 0.9}, "growth = 0.9: expected 1 to 2"),
+            ({"history": 200, "growth": 1.2}, "4097 frames of a car would be kept, expected 4096 at most"),
             ({"spacing_s": 0.0}, "spacing_s = 0.0: expected 0.0125 to 10 s, or None"),
             ({"observation": "feature"}, "unknown observation 'feature': did you mean 'features'"),
             ({"action": "sped"}, "unknown action 'sped': did you mean 'speed'"),

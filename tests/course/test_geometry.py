@@ -16,7 +16,7 @@ from tral_env.course.furniture import WALL_THICKNESS
 from tral_env.course.generate import SCENARIOS, generate_plan
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, example_names, example_path
-from tral_env.course.plan import BOX_KINDS
+from tral_env.course.plan import BOX_KINDS, begun_at
 from tral_env.geometry import MARKER_BOARD_WIDTH_M
 
 families = pytest.mark.parametrize("family", list(SCENARIOS))
@@ -52,6 +52,21 @@ def test_examples_are_closed_and_without_overlaps(name: str):
     plan = build_plan(Course.load(example_path(name)))
     assert not leaks(plan)
     assert overlaps(plan) < 1e-5
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.7])
+def test_a_course_from_a_place_on_is_the_rest_of_it(share: float):
+    plan = generate_plan("gates", np.random.default_rng(4))[1]
+    place = share * plan.length
+    rest = begun_at(plan, place)
+    assert rest.length == pytest.approx(plan.length - place)
+    assert rest.route[-1].tolist() == plan.route[-1].tolist()
+    assert rest.start[:2].tolist() == rest.route[0].tolist()
+    along = rest.route[1] - rest.route[0]
+    assert rest.start[2] == pytest.approx(np.arctan2(along[1], along[0]))
+    assert rest.gate_s == pytest.approx(plan.gate_s[plan.gate_s > place] - place)
+    assert len(rest.gate_id) == len(rest.gate_width) == len(rest.gate_pose)
+    assert rest.box_position is plan.box_position
 
 
 def test_a_straight_corridor_is_four_walls_of_the_promised_width():

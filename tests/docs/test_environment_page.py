@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 from pages import read, table
 
-from tral_env import learner, options
+from tral_env import options
 from tral_env.config import CameraConfig, EscConfig, TaskConfig
 from tral_env.env import TralCorridorEnv
 from tral_env.interface import CORE_LAYOUT, OPTIONAL_GROUPS, action_space
+from tral_env.learner import config as learner
 from tral_env.randomization import LEVELS
 from tral_env.task import REWARD_TERMS
 from tral_env.vector_env import TralCorridorVectorEnv

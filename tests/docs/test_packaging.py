@@ -23,6 +23,7 @@ DATA = (
     "tral_fsm/machines/*.uxf",
     "tral_fsm/machines/palette/*.uxf",
     "tral_fsm/report/tuning/*.html.j2",
+    "tral_fsm/trained/*/policy.*",
     "tral_*/py.typed",
 )
 

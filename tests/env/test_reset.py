@@ -7,6 +7,7 @@ import pytest
 from corridors import corridor
 from numpy.testing import assert_array_equal
 
+from tral_env.errors import ConfigError
 from tral_env.interface import OPTIONAL_GROUPS
 from tral_env.vector_env import TralCorridorVectorEnv
 
@@ -93,3 +94,24 @@ def test_a_row_that_rests_tells_how_it_ended_while_another_is_reset() -> None:
     _, info = env.reset(options={"reset_mask": np.array([False, True])})
     for name in ("collision", "crash", "success", "missed_gate", "progress", "time_s"):
         assert info[name][0] == last[name][0], name
+
+
+def test_episodes_may_begin_anywhere_on_their_courses() -> None:
+    whole, part = (TralCorridorVectorEnv(4, scenario="corners", anywhere=share) for share in (0.0, 1.0))
+    for env in (whole, part):
+        env.reset(seed=3)
+    for begun, rest in zip(whole.world.plans, part.world.plans, strict=True):
+        assert begun is not None
+        assert rest is not None
+        assert rest.length < begun.length - 0.1
+        assert rest.route[-1].tolist() == begun.route[-1].tolist()
+        assert rest.box_position.tolist() == begun.box_position.tolist()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [({"anywhere": 1.5}, "anywhere = 1.5: expected 0 to 1"), ({"anywhere": 0.5, "course": "l_shape"}, "of your own")],
+)
+def test_a_share_that_cannot_be_is_refused(options: dict, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        TralCorridorVectorEnv(1, **options)

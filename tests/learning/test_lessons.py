@@ -12,7 +12,7 @@ from tral_env.learned import Network
 from tral_env.learner import LearnerView
 from tral_env.vector_env import TralCorridorVectorEnv
 from tral_fsm import load_policy
-from tral_fsm.learning.teacher import Lessons, Samples, TeacherSettings, teacher_settings
+from tral_fsm.learning.teacher import Guard, Lessons, Samples, TeacherSettings, teacher_settings
 
 CARS = 2
 SETTINGS = replace(teacher_settings(("straight",)), stuck_s=60.0)
@@ -53,3 +53,46 @@ def test_the_machine_drives_a_car_off_where_a_network_let_it_stand(env: TralCorr
         for _ in range(160):
             lessons.tick(answering(SETTINGS, -1.0), samples)
     assert (env.world.info()["speed_mps"] > 0.3).all()
+
+
+class TestGuard:
+    SETTINGS = replace(SETTINGS, guarded=0.5, help_above=0.4, help_decisions=3)
+
+    def after(self, errors: list[float]) -> list[list[bool]]:
+        """Which of two cars the machine drives after each decision."""
+        guard, helped = Guard(2, self.SETTINGS), []
+        for error in errors:
+            guard.watch(np.ones(2, bool), np.full(2, error))
+            helped.append(guard.helps.tolist())
+        return helped
+
+    def test_a_guarded_car_is_taken_over_when_its_mean_error_is_large_and_given_back(self) -> None:
+        # the mean is 1 - 0.9^k: above 0.4 from the fifth error on
+        helped = self.after([1.0] * 5 + [0.0] * 4)
+        assert [first for first, _ in helped] == [False] * 4 + [True] * 3 + [False] * 2
+
+    def test_a_car_without_a_guard_goes_on(self) -> None:
+        assert not any(second for _, second in self.after([1.0] * 20))
+
+    def test_small_errors_are_left_to_the_network(self) -> None:
+        assert not any(first for first, _ in self.after([0.39] * 100))
+
+    def test_an_episode_begins_without_errors(self) -> None:
+        guard, both = Guard(2, self.SETTINGS), np.ones(2, bool)
+        for _ in range(5):
+            guard.watch(both, np.ones(2))
+        guard.reset(both)
+        assert not guard.helps.any()
+        guard.watch(both, np.ones(2))
+        assert not guard.helps.any()
+
+
+def test_the_machine_drives_on_where_a_guarded_network_errs(env: TralCorridorVectorEnv) -> None:
+    settings = replace(SETTINGS, guarded=0.5, help_above=0.2, help_decisions=20)
+    wrong = [(np.zeros((2, INPUTS), np.float32), np.float32([1.0, 0.0]))]
+    lessons, samples = Lessons(env, load_policy("wall"), settings, 0), Samples(1000, INPUTS)
+    lessons.begin_round(0.0)
+    for _ in range(240):
+        lessons.tick(Network(learner=settings.learner, layers=wrong), samples)
+    progress = env.world.info()["progress"]
+    assert progress[0] > progress[1] + 0.05

@@ -12,18 +12,24 @@ from typer.testing import CliRunner
 pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 
+import torch
 import yaml
+from stable_baselines3 import PPO
 
 from tral_env.env import TralCorridorEnv
 from tral_env.errors import ConfigError
-from tral_env.learned import LearnedPolicy
+from tral_env.learned import LearnedPolicy, Network
+from tral_env.learner import LearnerConfig, LearnerView
+from tral_env.policy_file import load_network, save
+from tral_env.sb3 import make_vec_env
 from tral_fsm import load_machine, load_policy
 from tral_fsm.cli import app
 from tral_fsm.evaluation.stuck import StuckWatch
 from tral_fsm.formats import tral_json
 from tral_fsm.learning.choices import MAX_CARS, VALIDATION_SEEDS, TrainRequest, read_settings
-from tral_fsm.learning.reinforcement import reinforcement_settings
+from tral_fsm.learning.reinforcement import reinforcement_settings, settings_for
 from tral_fsm.learning.run import TrainingRun
+from tral_fsm.learning.start import begin_with
 from tral_fsm.learning.teacher import Samples, Student, TeacherSettings, teacher_settings
 from tral_fsm.learning.validation import Score, Validation
 from tral_fsm.policies.corrected import CorrectedPolicy
@@ -81,6 +87,70 @@ def test_a_training_writes_a_policy_that_drives_and_goes_on(algo: str, small: An
     other = tral(*options, "--steps", 200, "--resume", "--seed", 1)
     assert other.exit_code == 2
     assert "was trained with seed = 0, got 1" in " ".join(other.output.split())
+
+
+class TestGoingOnFromAPolicy:
+    SMALL_PPO = SMALL["ppo"]["algorithm"]
+
+    @pytest.fixture
+    def student(self, small: Any, tmp_path: Path) -> Path:
+        out = tmp_path / "student"
+        options = ("--scenario", "straight", "--validation", 1, "--settings", small("teacher"), "--out", out)
+        assert tral(*options, "--steps", 30).exit_code == 0
+        return out
+
+    def go_on(self, student: Path, out: Path, critic_first: int) -> Network:
+        settings = out.with_suffix(".yaml")
+        settings.write_text(yaml.safe_dump({"cars": 3, "critic_first": critic_first, "algorithm": self.SMALL_PPO}))
+        options = ("--algo", "ppo", "--scenario", "straight", "--validation", 1, "--settings", settings, "--out", out)
+        done = tral(*options, "--from", student, "--steps", 60)
+        assert done.exit_code == 0, done.output
+        assert json.loads((out / "policy.json").read_text())["provenance"]["request"]["start"] == str(student)
+        return load_network(out)
+
+    def test_the_critic_learns_first_and_the_actor_stays_what_it_was(self, student: Path, tmp_path: Path) -> None:
+        begun, found = load_network(student), self.go_on(student, tmp_path / "on", 10**6)
+        assert found.learner == begun.learner
+        for (weight, bias), (before, bias_before) in zip(found.layers, begun.layers, strict=True):
+            assert weight == pytest.approx(before, abs=1e-6)
+            assert bias == pytest.approx(bias_before, abs=1e-6)
+
+    def test_the_actor_learns_then(self, student: Path, tmp_path: Path) -> None:
+        begun, found = load_network(student), self.go_on(student, tmp_path / "on", 0)
+        assert any(
+            (weight != before).any() for (weight, _), (before, _) in zip(found.layers, begun.layers, strict=True)
+        )
+
+    def test_its_noise_has_the_size_that_is_asked_for(self, student: Path) -> None:
+        request = TrainRequest(algo="ppo", scenarios=("straight",), steps=1, start=str(student))
+        settings = settings_for(request)
+        options = {"scenario": "straight", **settings.learner.record()}
+        venv = make_vec_env(2, seed=100_000, **options)
+        model = PPO(
+            "MlpPolicy",
+            venv,
+            use_sde=True,
+            device="cpu",
+            policy_kwargs={"net_arch": list(settings.layers), "activation_fn": torch.nn.ReLU},
+        )
+        begin_with(model, load_network(student), 0.1)
+        seen = torch.as_tensor(venv.reset())
+        deviations = model.policy.get_distribution(seen).distribution.stddev.mean().item()
+        venv.close()
+        assert deviations == pytest.approx(0.1, rel=0.1)
+
+    @pytest.mark.parametrize("algo", ["teacher", "sac", "residual"])
+    def test_other_algorithms_begin_anew(self, algo: str) -> None:
+        with pytest.raises(ConfigError, match=f"--from mine with --algo {algo}: ppo alone goes on from a policy"):
+            TrainRequest(algo=algo, scenarios=("corners",), steps=1, start="mine")
+
+    def test_a_policy_that_ppo_cannot_be_is_refused(self, tmp_path: Path) -> None:
+        learner = LearnerConfig()
+        layers = [(np.zeros((2, LearnerView(learner, 1).size), np.float32), np.zeros(2, np.float32))]
+        save(Network(learner=learner, layers=layers, output="tanh"), tmp_path)
+        request = TrainRequest(algo="ppo", scenarios=("corners",), steps=1, start=str(tmp_path))
+        with pytest.raises(ConfigError, match="expected a policy of --algo teacher or ppo"):
+            settings_for(request)
 
 
 @pytest.mark.parametrize(
@@ -250,12 +320,15 @@ def test_a_validation_finds_what_a_machine_does_and_ends_for_cars_that_stand() -
     validation.close()
 
 
-def test_where_as_many_arrive_the_way_decides() -> None:
+def test_where_as_many_arrive_the_way_decides_and_then_the_time() -> None:
     few = Score(episodes=4, successes=1, progress=0.9, time_s=1.0)
     more = Score(episodes=4, successes=2, progress=0.5, time_s=9.0)
     farther = Score(episodes=4, successes=2, progress=0.6, time_s=9.0)
     assert more.is_better_than(few)
     assert farther.is_better_than(more)
+    faster = replace(farther, time_s=8.0)
+    assert faster.is_better_than(farther)
+    assert not farther.is_better_than(faster)
     assert not more.is_better_than(more)
     assert few.is_better_than(None)
 

@@ -35,6 +35,17 @@ class TestStates:
         bench.tick(distance=0.10, speed=0.5)
         assert before - bench.command.wanted_clearance == pytest.approx(0.01)
 
+    def test_for_a_car_that_another_one_drives_the_line_is_where_the_car_is(self) -> None:
+        shadow, follower = one_state(**CRUISE, clearance=0.8), one_state(**CRUISE, clearance=0.8)
+        shadow.driver.shadow(True)
+        for k in range(40):  # it comes nearer to the wall, by 2 cm
+            readings = {"right": 0.8 - 0.0005 * k, "distance": 0.02 * k, "speed": 0.5}
+            shadow.tick(**readings)
+            follower.tick(**readings)
+        assert shadow.command.wanted_clearance == pytest.approx(shadow.driver.estimate.clearances()[1], abs=0.003)
+        assert shadow.command.wanted_clearance < 0.79
+        assert follower.command.wanted_clearance == pytest.approx(0.8, abs=0.005)
+
     def test_it_drives_slowly_until_it_knows_the_corridor(self) -> None:
         bench = one_state(type="FollowCorridor", speed=1.0, unsure_speed=0.4)
         targets = []

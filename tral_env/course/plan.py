@@ -5,7 +5,7 @@ The course frame begins at the start of the first segment: x along its middle li
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -74,6 +74,37 @@ class Plan:
     def length(self) -> float:
         """Length of the route, m."""
         return float(self.route_s[-1])
+
+
+END_M = 3.0
+"""An episode that begins anywhere on its route has so much of it ahead, m. Source: choice."""
+
+
+def begun_anywhere(plan: Plan, rng: np.random.Generator) -> Plan:
+    """The course, of one lap, from a place that is drawn."""
+    return begun_at(plan, rng.uniform(0.0, max(plan.length - END_M, 0.0)))
+
+
+def begun_at(plan: Plan, place: float) -> Plan:
+    """The course from a place of its route on. The car starts there, along the route; gates behind it do not count.
+
+    Args:
+        plan: the whole course, of one lap.
+        place: arc length, m, before the end of the route.
+    """
+    first = int(np.searchsorted(plan.route_s, place, side="right"))
+    share = (place - plan.route_s[first - 1]) / (plan.route_s[first] - plan.route_s[first - 1])
+    along = plan.route[first] - plan.route[first - 1]
+    here = plan.route[first - 1] + share * along
+    ahead = plan.gate_s > place
+    return replace(
+        plan,
+        route=np.vstack([here, plan.route[first:]]),
+        start=np.array([*here, np.arctan2(along[1], along[0])]),
+        gate_pose=plan.gate_pose[ahead],
+        gate_width=plan.gate_width[ahead],
+        gate_id=plan.gate_id[ahead],
+    )
 
 
 def steps(line: Array) -> tuple[Array, Array, Array]:

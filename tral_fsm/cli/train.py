@@ -46,6 +46,9 @@ def command(
         Path | None, typer.Option(dir_okay=False, help="YAML file of hyper-parameters that replace packaged ones.")
     ] = None,
     validation: Annotated[int, typer.Option(min=1, help="Episodes of a validation.")] = 50,
+    start: Annotated[
+        Path | None, typer.Option("--from", help="With --algo ppo: folder of a policy from which the training goes on.")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(file_okay=False, help="Folder of the files; default: runs/ALGO_SCENARIO_SEED.")
     ] = None,
@@ -69,6 +72,7 @@ def command(
         randomization=randomization,
         machine=machine,
         validation=validation,
+        start=None if start is None else str(start),
     )
     folder = out or Path("runs") / f"{algo}_{'_'.join(request.scenarios)}_{seed}"
     run = train(request, folder, settings, resume=resume)
@@ -101,7 +105,7 @@ def train(request: TrainRequest, folder: Path, settings: Path | None, *, resume:
     from tral_fsm.learning.run import PICTURE, TrainingRun
 
     algorithm = algorithms.find(request.algo)
-    values: Any = algorithm.settings(request.scenarios, settings)
+    values: Any = algorithm.settings(request, settings)
     with (
         TrainBar(request) as bar,
         TrainingRun(request, values, folder, resume=resume, on_progress=bar.show) as run,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -21,12 +22,13 @@ def names() -> list[str]:
     return list(packaged.names())
 
 
-def load(name_or_path: str | Path) -> MachineDefinition:
+def load(name_or_path: str | Path, other_names: Sequence[str] = ()) -> MachineDefinition:
     """Read a machine.
 
     Args:
         name_or_path: name of a packaged machine, or path of a file in any readable format: TRAL JSON, a UMLet
             diagram (.uxf) or its xml2json form, SCXML. The content decides, else the suffix.
+        other_names: what else the caller knows by name, for the error.
 
     Returns:
         The checked definition.
@@ -35,10 +37,12 @@ def load(name_or_path: str | Path) -> MachineDefinition:
         MachineError: there is no such machine, or the file cannot be opened.
         FormatError: the file is no machine that can run; the error lists all problems.
     """
-    return load_with_notes(name_or_path)[0]
+    return load_with_notes(name_or_path, other_names)[0]
 
 
-def load_with_notes(name_or_path: str | Path) -> tuple[MachineDefinition, tuple[str, ...]]:
+def load_with_notes(
+    name_or_path: str | Path, other_names: Sequence[str] = ()
+) -> tuple[MachineDefinition, tuple[str, ...]]:
     """Read a machine as `load` does, and tell what in its file was read and does nothing."""
     name = str(name_or_path)
     if name in packaged.names():
@@ -52,7 +56,7 @@ def load_with_notes(name_or_path: str | Path) -> tuple[MachineDefinition, tuple[
         kinds = ", ".join(SUFFIXES)
         raise MachineError(
             f"{name[:80]!r} is no packaged machine, no file ({kinds}), and no folder with the policy.json of a "
-            f"training: {nearest(name, names())}"
+            f"training: {nearest(name, [*names(), *other_names])}"
         )
     definition, places, notes = read_file(path)
     problems = check(definition, by_name)

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
+    from tral_fsm.learning.choices import TrainRequest
     from tral_fsm.learning.run import TrainingRun
 
 
 class Algorithm(NamedTuple):
     """How a network learns."""
 
-    settings: Callable[[tuple[str, ...], Path | None], Any]
-    """Hyper-parameters for some families, out of the package's file and one of one's own."""
+    settings: Callable[[TrainRequest, Path | None], Any]
+    """Hyper-parameters for a request, out of the package's file and one of one's own."""
     train: Callable[[TrainingRun], None]
     """Trains until the run is over."""
 
@@ -29,7 +29,7 @@ def find(name: str) -> Algorithm:
     if name == "teacher":
         from tral_fsm.learning import teacher
 
-        return Algorithm(teacher.teacher_settings, teacher.train)
+        return Algorithm(lambda request, path: teacher.teacher_settings(request.scenarios, path), teacher.train)
     from tral_fsm.learning import reinforcement
 
-    return Algorithm(partial(reinforcement.reinforcement_settings, name), reinforcement.train)
+    return Algorithm(reinforcement.settings_for, reinforcement.train)

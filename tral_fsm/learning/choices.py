@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from importlib import resources
@@ -13,12 +12,13 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from tral_env import yaml_text
-from tral_env.checks import one_of
+from tral_env.checks import is_number, one_of
 from tral_env.errors import ConfigError, nearest
 from tral_env.learned import MAX_LAYERS
 from tral_env.learner import LearnerConfig
 from tral_fsm.evaluation.choices import check_families
 from tral_fsm.evaluation.suites import SPLITS
+from tral_fsm.policies.families import machine_for
 
 Settings = TypeVar("Settings")
 
@@ -52,6 +52,8 @@ class TrainRequest:
     """Teacher, or machine that is corrected; None: the packaged machine of the family."""
     validation: int = 50
     """Episodes of a validation, shared by the families."""
+    start: str | None = None
+    """Folder of a policy with whose network the training begins; None: with one that knows nothing."""
     nthread: int = 2
     """Threads that step the cars."""
 
@@ -61,7 +63,7 @@ class TrainRequest:
         if (self.minutes is None) == (self.steps is None):
             got = "neither --minutes nor" if self.minutes is None else "both --minutes and"
             raise ConfigError(f"got {got} --steps: expected one of them")
-        if self.minutes is not None and not (_is_number(self.minutes) and self.minutes > 0):
+        if self.minutes is not None and not (is_number(self.minutes) and self.minutes > 0):
             raise ConfigError(f"--minutes {self.minutes!r}: expected a finite number above 0")
         for name, lowest in (("steps", 1), ("seed", 0), ("validation", 1), ("nthread", 1)):
             value = getattr(self, name)
@@ -69,6 +71,8 @@ class TrainRequest:
                 continue
             if type(value) is not int or value < lowest:
                 raise ConfigError(f"--{name} {value!r}: expected a whole number, {lowest} or more")
+        if self.start is not None and self.algo != "ppo":
+            raise ConfigError(f"--from {self.start} with --algo {self.algo}: ppo alone goes on from a policy")
         if not len(self.scenarios) <= self.validation <= len(VALIDATION_SEEDS) * len(self.scenarios):
             raise ConfigError(
                 f"--validation {self.validation}: expected {len(self.scenarios)} to "
@@ -94,25 +98,11 @@ class TrainRequest:
         """The machine that teaches or is corrected."""
         if self.machine is not None:
             return self.machine
-        return MACHINES[self.scenarios[0]] if len(self.scenarios) == 1 else "office"
+        return machine_for(self.scenarios)
 
     def record(self) -> dict[str, Any]:
         """The request, for JSON."""
         return asdict(self) | {"scenarios": list(self.scenarios)}
-
-
-MACHINES = {
-    "straight": "wall",
-    "doors": "doors",
-    "corners": "corners",
-    "loop": "loop",
-    "lane_change": "lane_change",
-    "obstacles": "obstacles",
-    "gates": "gate",
-    "crossing": "crossing",
-    "office": "office",
-}
-"""Family -> packaged machine that drives it."""
 
 
 def settings_text(algo: str) -> str:
@@ -193,10 +183,6 @@ def _value(name: str, hint: Any, value: Any) -> Any:
         raise ConfigError(f"{name}{place} = {problem['input']!r}: {problem['msg']}") from error
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
 def positive(settings: Any, *names: str, below: float = float("inf")) -> None:
     """Refuse values that are not above 0.
 
@@ -205,7 +191,7 @@ def positive(settings: Any, *names: str, below: float = float("inf")) -> None:
     """
     for name in names:
         value = getattr(settings, name)
-        if not _is_number(value) or not 0 < value < below:
+        if not is_number(value) or not 0 < value < below:
             raise ConfigError(
                 f"{name} = {value!r}: expected a number above 0" + (f", below {below:g}" if below < 1e9 else "")
             )

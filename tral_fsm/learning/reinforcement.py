@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from tral_env.checks import is_number
 from tral_env.config import TaskConfig, as_config
 from tral_env.errors import ConfigError, MissingExtraError
 from tral_env.learned import Correction
 from tral_env.learner import LearnerConfig
 from tral_fsm.formats import library, tral_json
-from tral_fsm.learning.choices import check_size, read_settings, sees_detections
+from tral_fsm.learning import start
+from tral_fsm.learning.choices import TrainRequest, check_size, positive, read_settings, sees_detections
 from tral_fsm.learning.export import network_of
 from tral_fsm.learning.networks import ACTIVATIONS, torch
 from tral_fsm.learning.run import RECENT, TrainingRun
@@ -41,6 +43,7 @@ class ReinforcementSettings:
 
     learner: LearnerConfig
     task: Mapping[str, Any]
+    anywhere: float
     cars: int
     layers: tuple[int, ...]
     activation: str
@@ -68,6 +71,35 @@ class ResidualSettings(ReinforcementSettings):
             raise ConfigError("learner: corrections have action: throttle and no drive_range; bounds limit them")
 
 
+@dataclass(frozen=True, kw_only=True)
+class StartedSettings(ReinforcementSettings):
+    """As those of PPO, and how it goes on from a policy, whose own are learner, layers and activation."""
+
+    noise: float
+    critic_first: int
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        positive(self, "noise")
+        if not is_number(self.critic_first, whole=True) or self.critic_first < 0:
+            raise ConfigError(f"critic_first = {self.critic_first!r}: expected a whole number, 0 or more")
+
+
+def settings_for(request: TrainRequest, path: Path | None = None) -> ReinforcementSettings:
+    """The hyper-parameters for a request, see `read_settings`.
+
+    Raises:
+        PolicyFileError: the policy to begin with cannot be read.
+        ConfigError: it corrects a machine, or a setting is not allowed.
+    """
+    if request.start is None:
+        return reinforcement_settings(request.algo, request.scenarios, path)
+    network = start.network_to_begin_with(request.start)
+    settings = read_settings(StartedSettings, "ppo_from", path)
+    layers = tuple(len(bias) for _, bias in network.layers[:-1])
+    return replace(settings, learner=network.learner, layers=layers, activation=network.activation)
+
+
 def reinforcement_settings(algo: str, scenarios: tuple[str, ...], path: Path | None = None) -> ReinforcementSettings:
     """The hyper-parameters of an algorithm for some families, see `read_settings`."""
     kind = ResidualSettings if algo == "residual" else ReinforcementSettings
@@ -85,6 +117,8 @@ def train(run: TrainingRun) -> None:
     venv = _cars(run)
     model = _model(run, venv)
     state = run.kept()
+    if run.request.start is not None and state is None:
+        start.begin_with(model, start.network_to_begin_with(run.request.start), run.settings.noise)
     if state is not None:
         _load(model, state)
     # A resumed training goes on with courses of its own, not with those that it began with.
@@ -104,6 +138,7 @@ def _cars(run: TrainingRun) -> VecEnv:
         scenario=request.scenario,
         randomization=request.randomization,
         task=dict(settings.task),
+        anywhere=settings.anywhere,
         **settings.learner.record(),
     )
     if isinstance(settings, ResidualSettings):
@@ -153,6 +188,8 @@ class _Callback(BaseCallback):
 
     def _on_step(self) -> bool:
         run = self._run
+        if isinstance(run.settings, StartedSettings):
+            start.let_actor_learn(self.model, run.steps >= run.settings.critic_first)
         for info, done in zip(self.locals["infos"], self.locals["dones"], strict=True):
             if done:
                 self._outcomes.append(bool(info["is_success"]))

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.checks import is_number
 from tral_env.errors import ConfigError
 from tral_env.interface import CORE_LAYOUT, STEERING, THROTTLE
 from tral_env.learned import Network
@@ -33,8 +34,8 @@ from tral_fsm.runtime.policy import MachinePolicy
 Flags = NDArray[np.bool_]
 Values = NDArray[np.float32]
 _SPEED = CORE_LAYOUT.column("speed")
-KEPT_ROUNDS = 10
-"""A checkpoint holds the decisions of so many rounds, 27 MB with the packaged settings; all of them would be 500 MB."""
+KEPT_ROUNDS = 30
+"""A checkpoint holds the decisions of so many rounds, 40 MB with the packaged settings; all of them would be 250 MB."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +52,9 @@ class TeacherSettings:
     round_decisions: int
     round_updates: int
     teacher_rounds: int
+    guarded: float
+    help_above: float
+    help_decisions: int
     average: float
     huber: float
     steering_weight: float
@@ -63,6 +67,9 @@ class TeacherSettings:
         positive(self, "learning_rate", "batch", "samples", "round_decisions", "round_updates", "huber")
         positive(self, "steering_weight", "stuck_s", "teacher_rounds")
         positive(self, "average", below=1.0)
+        positive(self, "help_above", "help_decisions")
+        if not is_number(self.guarded) or not 0.0 <= self.guarded <= 1.0:
+            raise ConfigError(f"guarded = {self.guarded!r}: expected 0 to 1")
 
 
 def teacher_settings(scenarios: tuple[str, ...], path: Path | None = None) -> TeacherSettings:
@@ -89,7 +96,10 @@ class Samples:
         """The newest decisions, at most `count`, the oldest first."""
         count = min(count, self.total, len(self._inputs))
         at = (self.total - count + np.arange(count)) % len(self._inputs)
-        return {"inputs": torch.from_numpy(self._inputs[at]), "answers": torch.from_numpy(self._answers[at])}
+        inputs = self._inputs[at]
+        if np.abs(inputs).max(initial=0.0) <= 1.0:  # features, not plain readings
+            inputs = inputs.astype(np.float16)
+        return {"inputs": torch.from_numpy(inputs), "answers": torch.from_numpy(self._answers[at])}
 
     def window(self, reserve: int) -> tuple[int, int]:
         """First and number of the decisions that stay while `reserve` more are added."""
@@ -173,6 +183,44 @@ class Student:
         self._rng = np.random.default_rng((self._seed, self._updates))
 
 
+class Guard:
+    """Says which cars the machine takes over because their network errs for too long.
+
+    So these cars stay where the machine's answers belong together, and come to the end of their courses from the first
+    minutes on. The other cars show where the network leads. Source: Zhang and Cho, Query-Efficient Imitation Learning
+    for End-to-End Autonomous Driving, 2017 (SafeDAgger).
+    """
+
+    _SHARE = 0.1
+    """The running mean of the errors takes this share of each new one: it is that of about 10 decisions."""
+
+    def __init__(self, n: int, settings: TeacherSettings) -> None:
+        self._settings = settings
+        self._guarded = np.arange(n) < round(settings.guarded * n)
+        self._error = np.zeros(n)
+        self._left = np.zeros(n, np.int64)
+        """(n,) decisions for which the machine drives on."""
+
+    @property
+    def helps(self) -> Flags:
+        """(n,) the machine drives the car."""
+        helped: Flags = self._left > 0
+        return helped
+
+    def watch(self, rows: Flags, errors: NDArray[np.floating]) -> None:
+        """Take over the errors (k,) of the network's steering in the rows (n,) that decide."""
+        self._left[rows] = np.maximum(self._left[rows] - 1, 0)
+        self._error[rows] += self._SHARE * (errors - self._error[rows])
+        begins = rows & self._guarded & (self._left == 0) & (self._error > self._settings.help_above)
+        self._left[begins] = self._settings.help_decisions
+        self._error[begins] = 0.0
+
+    def reset(self, rows: Flags) -> None:
+        """New episodes begin."""
+        self._error[rows] = 0.0
+        self._left[rows] = 0
+
+
 class Lessons:
     """Cars that drive while the machine watches each of them."""
 
@@ -193,6 +241,9 @@ class Lessons:
         self._stuck = StuckWatch(n, settings.stuck_s)
         self._rng = np.random.default_rng(seed)
         self._wanted = np.zeros((n, 2))
+        self._guard = Guard(n, settings)
+        self._drawn = np.ones(n, bool)
+        """(n,) cars that the machine drives in this round in any case."""
         self._taught = np.ones(n, bool)
         """(n,) the machine itself drives the car."""
         self._helped = np.ones(n, bool)
@@ -211,9 +262,16 @@ class Lessons:
         Args:
             taught_share: probability of each car.
         """
-        self._taught = self._rng.random(len(self._taught)) < taught_share
-        self._machine.shadow(~self._taught)
-        self._actuation.reset(self._taught)
+        self._drawn = self._rng.random(len(self._taught)) < taught_share
+        self._hand_over()
+
+    def _hand_over(self) -> None:
+        """Let the machine drive the cars that are its now, and the network the others."""
+        taught = self._drawn | self._guard.helps
+        if (taught != self._taught).any():
+            self._actuation.reset(taught & ~self._taught)
+            self._taught = taught
+            self._machine.shadow(~taught)
 
     def tick(self, network: Network, samples: Samples) -> int:
         """Drive for a tick; gives the number of decisions."""
@@ -221,10 +279,13 @@ class Lessons:
         told = self._machine.act(observation)
         due = self._view.due
         if due.any():
-            inputs = self._view.observation()[due]
-            self._wanted[due] = self._actuation.wanted(network.actions(inputs))
+            inputs, answers = self._view.observation()[due], self._answers(told)[due]
+            actions = network.actions(inputs)
+            self._wanted[due] = self._actuation.wanted(actions)
             knows = self._knows()[due]
-            samples.add(inputs[knows], self._answers(told)[due][knows])
+            samples.add(inputs[knows], answers[knows])
+            self._guard.watch(due, np.where(knows, np.abs(actions - answers)[:, STEERING], 0.0))
+            self._hand_over()
         driven = self._actuation.command(self._wanted, observation[:, _SPEED], ~self._taught)
         self._helped |= self._taught
         command = np.where(self._taught[:, None], told, driven)
@@ -260,6 +321,8 @@ class Lessons:
         self._actuation.reset(rows)
         self._machine.reset_rows(rows)
         self._stuck.reset(rows)
+        self._guard.reset(rows)
+        self._hand_over()
 
     @property
     def success(self) -> float | None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from tral_env import policy_file
 from tral_env.learned import LearnedPolicy
 from tral_fsm.formats import library
+from tral_fsm.policies import trained
 from tral_fsm.policies.corrected import CorrectedPolicy, policy_of
 from tral_fsm.runtime.machine import Trace
 from tral_fsm.runtime.policy import MachinePolicy
@@ -18,8 +19,8 @@ def load_policy(
     """A policy: a machine, or a trained network.
 
     Args:
-        name_or_path: name of a packaged machine, path of a machine's file, or path of a policy that was trained (its
-            folder, or the policy.json in it).
+        name_or_path: name of a packaged machine or of a packaged policy that was trained (`trained.names`), path of a
+            machine's file, or path of a policy that was trained (its folder, or the policy.json in it).
         trace: called for each transition that fires in the first car of a machine.
 
     Returns:
@@ -29,9 +30,10 @@ def load_policy(
         MachineError: no such machine, or it cannot run.
         PolicyFileError: the policy was made for other readings, or its files are damaged.
     """
-    if policy_file.is_policy_file(name_or_path):
-        return policy_of(policy_file.load_network(name_or_path))
-    return load_machine_policy(name_or_path, trace)
+    path = trained.path_of(name_or_path)
+    if policy_file.is_policy_file(path):
+        return policy_of(policy_file.load_network(path))
+    return MachinePolicy(library.load(name_or_path, trained.names()), trace)
 
 
 def load_machine_policy(name_or_path: str | Path, trace: Trace | None = None) -> MachinePolicy:

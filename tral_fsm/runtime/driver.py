@@ -62,7 +62,8 @@ class Driver:
         """Leave the car to another one from now on, or drive it again.
 
         The car does not obey a driver that shadows. So each of its answers is what the machine would do from its
-        estimate here and now: the speed regulator sums nothing up, and the watch does not ask whether the car moves.
+        estimate here and now: a line in the corridor begins at the car, the speed regulator sums nothing up, and the
+        watch does not ask whether the car moves.
         """
         if shadows != self._shadows:
             self._shadows = shadows
@@ -83,6 +84,8 @@ class Driver:
             command = self.watch.stop(estimate.speed, self._direction)
         else:
             self._direction = estimate.direction
+            if self._shadows:
+                self.machine.shadow(estimate)
             command = self.machine.tick(estimate)
         if command.steering_trim is None:
             command = command._replace(steering_trim=before.steering_trim)

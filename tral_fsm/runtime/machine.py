@@ -158,6 +158,12 @@ class Machine:
         for inner in self._inner.values():
             inner.watch(trace)
 
+    def shadow(self, estimate: CarEstimate) -> None:
+        """Tell the active state before a tick that another policy drives the car."""
+        if self._active >= 0:
+            with self._blaming(self.active.spec, _at(estimate)):
+                self._states[self._active].on_shadow(estimate)
+
     def tick(self, estimate: CarEstimate) -> Command:
         """Let the active state compute its command, then take the first of its transitions that fires.
 

@@ -73,6 +73,9 @@ class InnerMachine(Protocol):
     def leave(self, estimate: CarEstimate) -> None:
         """Leave the active state."""
 
+    def shadow(self, estimate: CarEstimate) -> None:
+        """Tell the active state that another policy drives the car."""
+
 
 class MachineHolder(Protocol):
     """A state that holds a machine."""
@@ -100,6 +103,9 @@ class State(Runtime[S]):
 
     def on_exit(self, estimate: CarEstimate) -> None:
         """End: the machine leaves the state."""
+
+    def on_shadow(self, estimate: CarEstimate) -> None:
+        """Another policy drives the car: before each tick, forget what holds only if the car obeys this state."""
 
     def unreachable(self, estimate: CarEstimate) -> str:
         """Why a targetable state cannot reach its target any more; empty: it can."""

@@ -101,6 +101,11 @@ class FollowCorridor(DrivingState[FollowCorridorSpec]):
         self.place = (estimate.x, estimate.y)
         self.driven = estimate.distance
 
+    def on_shadow(self, estimate: CarEstimate) -> None:
+        """Begin the line anew at the car: a policy that has not followed the old one cannot see it."""
+        self.offset = self.reference = 0.0
+        self.place = (estimate.x, estimate.y)
+
     def tick(self, estimate: CarEstimate) -> Command:
         """Move the line, steer onto it."""
         self.carry_line(estimate)

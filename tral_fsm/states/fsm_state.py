@@ -72,6 +72,10 @@ class FSMState(State[FSMStateSpec]):
         """Why the active inner state cannot reach its target any more; empty: it can."""
         return self.machine.active.unreachable(estimate)
 
+    def on_shadow(self, estimate: CarEstimate) -> None:
+        """Tell the inner machine."""
+        self.machine.shadow(estimate)
+
     def on_exit(self, estimate: CarEstimate) -> None:
         """Leave the inner active state."""
         self.machine.leave(estimate)

@@ -1,0 +1,58 @@
+"""PPO goes on from a policy that was trained before, such as the student of a machine."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from tral_env import policy_file
+from tral_env.errors import ConfigError
+from tral_env.learned import Network
+from tral_fsm.learning.networks import torch
+
+_ACTOR = ("mlp_extractor.policy_net.", "action_net.", "log_std")
+"""Begin of the names of what acts and explores."""
+
+
+def network_to_begin_with(path: str) -> Network:
+    """The network of a policy file.
+
+    Raises:
+        PolicyFileError: it cannot be read.
+        ConfigError: PPO cannot go on from it.
+    """
+    network = policy_file.load_network(path)
+    if network.correction is not None or network.normalization is not None or network.output != "clip":
+        raise ConfigError(
+            f"--from {path}: it corrects a machine, normalizes its inputs, or comes from SAC: expected a policy of "
+            "--algo teacher or ppo"
+        )
+    return network
+
+
+def begin_with(model: Any, network: Network, noise: float) -> None:
+    """Let the actor of a PPO model do what a network does.
+
+    Args:
+        model: the model, which has as many layers.
+        network: the network.
+        noise: standard deviation of its actions where the cars stand now.
+    """
+    linears = [each for each in model.policy.mlp_extractor.policy_net if isinstance(each, torch.nn.Linear)]
+    with torch.no_grad():
+        for linear, (weight, bias) in zip([*linears, model.policy.action_net], network.layers, strict=True):
+            linear.weight.copy_(torch.from_numpy(weight))
+            linear.bias.copy_(torch.from_numpy(bias))
+        # With gSDE the variance is the sum of (feature * deviation)^2 over the features of the last hidden layer.
+        size = 1.0
+        if model.use_sde:
+            seen = torch.as_tensor(model.env.reset())
+            size = float(model.policy.mlp_extractor.forward_actor(seen).norm(dim=1).mean())
+        model.policy.log_std.fill_(math.log(noise / size))
+
+
+def let_actor_learn(model: Any, learns: bool) -> None:
+    """Let the actor learn, or the critic alone: one that knows nothing yet would spoil the actor."""
+    for name, parameter in model.policy.named_parameters():
+        if name.startswith(_ACTOR):
+            parameter.requires_grad_(learns)
