@@ -176,7 +176,7 @@ def agent(source: str) -> Agent:
         return Agent(source=source, kind="python", digest=_digest(source, find_policy(source)), effort=effort)
     if source == SPECIALISTS:
         machines = machines_of_families()
-        told = {"machines": ", ".join(f"{family}: {one.name}" for family, one in machines.items())}
+        told = {"machines": ", ".join(one.name for one in machines.values())}
         return Agent(
             source=source, kind="machine", digest=_joint_digest(machines.values()), provenance=told, effort=Effort()
         )
