@@ -26,8 +26,8 @@ from tral_fsm.evaluation.episode import EpisodeRequest
 from tral_fsm.evaluation.pool import stop_check
 from tral_fsm.evaluation.records import digest, drive_missing, read_lines
 from tral_fsm.evaluation.seeds import parse_seeds, stretches
-from tral_fsm.evaluation.specialists import MADE_FOR, made_for
 from tral_fsm.evaluation.summary import rmse_of, summarize
+from tral_fsm.policies.families import EVERYWHERE, MACHINES, machine_for
 from tral_fsm.terminal import drives_bar
 
 COLUMNS = ["family", "machine", "file", "arrived", "95 %", "collisions", "missed", "RMSE cm", "settled cm", "m/s", "s"]
@@ -68,7 +68,9 @@ def main(
 
 def jobs(scenarios: Iterable[str], seeds: range, *, own: bool) -> dict[str, list[tuple[str, int]]]:
     """Machine and seed of all drives, by family: its machine, and `office` too unless `own`."""
-    machines = {scenario: sorted({made_for(scenario)} | (set() if own else {"office"})) for scenario in scenarios}
+    machines = {
+        scenario: sorted({machine_for([scenario])} | (set() if own else {EVERYWHERE})) for scenario in scenarios
+    }
     return {scenario: [(name, seed) for seed in seeds for name in names] for scenario, names in machines.items()}
 
 
@@ -81,7 +83,7 @@ def drive(
         ConfigError: the file was made with other settings, or other machines.
         TralError: a machine cannot be read; no file is begun then.
     """
-    drivers = {name: digest(machine(name, settings)) for name in sorted({*MADE_FOR.values(), "office"})}
+    drivers = {name: digest(machine(name, settings)) for name in sorted({*MACHINES.values(), EVERYWHERE})}
     drive_missing(
         wanted,
         batch,
@@ -118,10 +120,10 @@ def markdown(files: Iterable[Path]) -> str:
     for own in (True, False):
         out += ["", f"| {' | '.join(COLUMNS)} |", "| --- | --- | ---" + " | ---:" * (len(COLUMNS) - 3) + " |"]
         for scenario in SCENARIOS:
-            machine = made_for(scenario) if own else "office"
+            machine = machine_for([scenario]) if own else EVERYWHERE
             for name, records in made.items():
                 found = [r for r in records if r["scenario"] == scenario and r["machine"] == machine]
-                if found and (own or machine != made_for(scenario)):
+                if found and (own or machine != machine_for([scenario])):
                     out.append(row([scenario, machine, name], found))
     return "\n".join(out)
 

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import json
+import sys
+from dataclasses import fields
+from pathlib import Path
+
 import pytest
 from pages import read, table
 
 from tral_fsm.evaluation import composite
 from tral_fsm.evaluation.baselines import BASELINES
-from tral_fsm.evaluation.contenders import ALIASES
+from tral_fsm.evaluation.contenders import ALIASES, SPECIALISTS
+from tral_fsm.evaluation.effort import Effort
 from tral_fsm.evaluation.suites import SPLITS, SUITES
+
+sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
+import compare
 
 PAGE = read("docs/benchmark.md")
 
@@ -28,7 +37,7 @@ def test_it_names_the_seeds_of_every_split() -> None:
     }
 
 
-@pytest.mark.parametrize("name", [*BASELINES, *ALIASES])
+@pytest.mark.parametrize("name", [*BASELINES, *ALIASES, SPECIALISTS])
 def test_it_names_every_built_in_contender(name: str) -> None:
     assert f"`{name}`" in [row[0] for row in table(PAGE, "| entry |")]
 
@@ -42,3 +51,15 @@ def test_its_penalties_are_those_of_the_score() -> None:
     assert shown["steering"] == (
         f"1 at no effort, linearly down to {composite.RESTLESS_FACTOR:g} at {composite.RESTLESS_PER_M:g} per metre"
     )
+
+
+def test_it_names_all_that_an_effort_file_may_have() -> None:
+    (line,) = [line for line in PAGE.splitlines() if line.startswith('{"tried"')]
+    Effort(**json.loads(line))
+    for one in fields(Effort):
+        assert f"`{one.name}`" in PAGE, one.name
+
+
+def test_the_hours_of_its_example_are_those_of_the_script() -> None:
+    assert round(10 * 3600 / compare.DRIVE_S) == 1440
+    assert "so 1440" in PAGE

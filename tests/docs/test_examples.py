@@ -35,7 +35,7 @@ CHEAPER = {
     "tral tune --policy wall --sampler tpe --storage study.log --out runs/tune1": ONE_CANDIDATE,
     "tral compare --policies office,pursuit,constant,random --suite smoke --out runs/compare": "--courses 1",
     "tral train --algo teacher --scenario corners --minutes 4 --out runs/student": "--minutes 0.01 --validation 1",
-    "python benchmarks/compare.py": "--policies constant --suite smoke --courses 1 --videos 0",
+    "python benchmarks/compare.py": "--policies constant --suite smoke --courses 1 --videos 0 --processes 1",
     "python benchmarks/marker_accuracy.py --out runs/marker_accuracy.json": "--views 16",
     "python benchmarks/gate_accuracy.py --out runs/gate_accuracy.json": "--views 12",
     "python benchmarks/detector_fit.py": "--views 48",
@@ -52,6 +52,7 @@ LITERAL = (
     "tral replay docs/recordings/short.mcap --video",
     "tral replay docs/recordings/short.mcap --to mcap",
     "tral replay docs/recordings/short.mcap --to csv --to lerobot",
+    "python benchmarks/compare.py --agents 3 --hours 10 --dry-run",
     "python benchmarks/plot_perception.py runs/img",
     "tral tune --list-params --policy office",
     "tral doctor",
@@ -87,7 +88,7 @@ SKIPS_WITHOUT = {"lerobot": "pyarrow", "train": "torch", "tpe": "optuna"}
 PAGE_SKIPS_WITHOUT = {"docs/learning.md": ("stable_baselines3",), "docs/recording.md": ("pyarrow",)}
 
 OPTIONAL = ("skrl",)
-"""Packages of no extra: a block that imports one is left out where the package is missing, the rest of its page runs."""
+"""Packages of no extra: a block that imports one is left out where it is missing, the rest of its page runs."""
 
 SHELL = {
     command: example

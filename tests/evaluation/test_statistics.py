@@ -10,6 +10,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from tral_fsm.evaluation.statistics import (
+    agent_choices,
     bootstrap,
     course_counts,
     iqm,
@@ -140,6 +141,42 @@ def test_the_probability_of_improvement_is_that_of_scipy(x: Array, y: Array) -> 
     u = [stats.mannwhitneyu(x[:, k], y[:, k], alternative="greater", method="asymptotic").statistic for k in range(2)]
     assert probability_of_improvement(x, y) == pytest.approx(np.mean(u) / 12)
     assert probability_of_improvement(x, y) + probability_of_improvement(y, x) == pytest.approx(1.0)
+
+
+# Two score matrices, and what rliable 1.2.0 (https://github.com/google-research/rliable) says of them.
+X = np.array([[12, 55, 90], [31, 47, 88], [20, 62, 71], [8, 39, 95], [27, 58, 64]]) / 100
+Y = np.array([[15, 50, 92], [25, 47, 60], [20, 44, 70], [11, 41, 85]]) / 100
+
+
+def test_aggregates_are_those_of_rliable() -> None:
+    """`aggregate_iqm`, `aggregate_optimality_gap`, `probability_of_improvement`, `run_score_deviation`."""
+    assert (iqm(X), iqm(Y)) == pytest.approx((0.5044444444, 0.4450000000))
+    assert (optimality_gap(X), optimality_gap(Y)) == pytest.approx((0.4886666667, 0.5333333333))
+    assert (optimality_gap(X, 0.5), optimality_gap(Y, 0.5)) == pytest.approx((0.1106666667, 0.1225000000))
+    assert (probability_of_improvement(X, Y), probability_of_improvement(Y, X)) == pytest.approx((0.65, 0.35))
+    assert performance_profile(X, np.array([0.0, 0.2, 0.47, 0.9])) == pytest.approx([1.0, 0.8, 0.5333333333, 0.0666667])
+
+
+def test_aggregates_are_those_of_the_tests_of_rliable() -> None:
+    """The matrices and values of its tests/rliable/metrics_test.py."""
+    x, y = np.array([[1.0, 2.0], [2.0, 2.0], [1.0, 1.0], [2.0, 1.0]]), np.array([[1.0, 1.0], [2.0, 2.0], [3.0, 3.0]])
+    assert (iqm(x), iqm(y)) == (1.5, 2.0)
+    assert probability_of_improvement(x, y) == pytest.approx(1 / 3)
+
+
+def test_agents_on_one_task_are_resampled_as_in_rliable() -> None:
+    """`get_interval_estimates` of the IQM and of the mean, 20,000 resamples; on one task an agent is a run."""
+    runs = np.sort(X[:4].ravel())[:, None]
+    drawn = runs[agent_choices(len(runs), np.random.default_rng(0), resamples=20_000)]
+    assert np.percentile(iqm(drawn), (2.5, 97.5)) == pytest.approx([0.2883, 0.7500], abs=0.015)
+    assert np.percentile(drawn.mean(axis=(1, 2)), (2.5, 97.5)) == pytest.approx([0.3525, 0.6808], abs=0.01)
+
+
+def test_courses_are_resampled_within_their_task_as_runs_are_in_rliable() -> None:
+    """`get_interval_estimates` of the mean, 50,000 resamples, stratified over the tasks."""
+    counts = course_counts(X.shape[1], X.shape[0], np.random.default_rng(0), resamples=20_000)
+    means = (counts * X.T).sum(axis=(1, 2)) / X.size
+    assert np.percentile(means, (2.5, 97.5)) == pytest.approx([0.4613, 0.5587], abs=0.004)
 
 
 def test_a_resample_draws_as_many_courses_of_each_task_as_there_are() -> None:

@@ -19,7 +19,7 @@ import machines
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Machines that hit a wall within two seconds: cheap to drive."""
-    for name in {*machines.MADE_FOR.values(), "office"}:
+    for name in {*machines.MACHINES.values(), "office"}:
         (tmp_path / f"{name}.json").write_text(write(blind(0.5, 1.0), "json"))
     return tmp_path
 

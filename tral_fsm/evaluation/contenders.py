@@ -24,8 +24,9 @@ from tral_fsm.evaluation.effort import Effort, of_file, of_policy
 from tral_fsm.evaluation.own_policy import files_of, find_policy
 from tral_fsm.evaluation.records import digest
 from tral_fsm.evaluation.row_policies import BatchedPolicy, DriverPool, RowPolicies, SinglePolicies
-from tral_fsm.evaluation.specialists import Specialists, machines_of_families, made_for
-from tral_fsm.policies import load_policy
+from tral_fsm.evaluation.specialists import Specialists, machines_of_families
+from tral_fsm.policies import load_policy, trained
+from tral_fsm.policies.families import machine_for
 from tral_fsm.runtime.policy import MachinePolicy
 
 ALIASES = {"ramp": "gate"}
@@ -151,7 +152,7 @@ def _name_of(source: str) -> str:
 
 def built_in_names() -> list[str]:
     """Names that need no file."""
-    return [*packaged.names(), *BASELINES, *ALIASES, SPECIALISTS]
+    return [*packaged.names(), *trained.names(), *BASELINES, *ALIASES, SPECIALISTS]
 
 
 def agent(source: str) -> Agent:
@@ -175,7 +176,7 @@ def agent(source: str) -> Agent:
         return Agent(source=source, kind="python", digest=_digest(source, find_policy(source)), effort=effort)
     if source == SPECIALISTS:
         machines = machines_of_families()
-        told = {"machines": ", ".join(f"{family}: {one.name}" for family, one in machines.items())}
+        told = {"machines": ", ".join(one.name for one in machines.values())}
         return Agent(
             source=source, kind="machine", digest=_joint_digest(machines.values()), provenance=told, effort=Effort()
         )
@@ -194,13 +195,14 @@ def agent(source: str) -> Agent:
 
 def _trained(source: str, policy: Policy) -> Agent:
     """The agent of a trained policy; one that corrects a machine may change its command whenever that does."""
-    network = load_network(source)
+    path = Path(trained.path_of(source))
+    network = load_network(path)
     return Agent(
         source=source,
         kind="policy file",
         digest=_digest(source, policy),
         provenance=dict(network.provenance),
-        effort=of_policy(Path(source), network),
+        effort=of_policy(path, network),
         decision_hz=network.learner.decision_hz if network.correction is None else CONTROL_RATE_HZ,
     )
 
@@ -216,7 +218,7 @@ def _digest(source: str, policy: Any) -> str:
         return file_digest(*files_of(_python_file(source)))
     if isinstance(policy, MachinePolicy):
         return digest(policy.definition)
-    path = Path(source)
+    path = Path(trained.path_of(source))
     return file_digest(path / JSON_NAME if path.is_dir() else path)  # it tells the digest of the weights
 
 
@@ -259,7 +261,7 @@ def single_policy(who: Agent, family: str) -> Policy | None:
     """
     if who.kind in ("built-in", "object"):
         return None
-    return load_policy(made_for(family)) if who.source == SPECIALISTS else _policy(who)
+    return load_policy(machine_for([family])) if who.source == SPECIALISTS else _policy(who)
 
 
 def _policy(who: Agent) -> Policy:

@@ -1,8 +1,7 @@
-"""The packaged machine of each family of courses, and all of them as one contender."""
+"""The packaged machines of all families of courses as one contender."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 from tral_env.course.generate import SCENARIOS
@@ -10,28 +9,12 @@ from tral_fsm.definition import packaged
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.episode import EpisodeRequest
 from tral_fsm.evaluation.row_policies import DriverPool
-
-MADE_FOR: Mapping[str, str] = {
-    "straight": "wall",
-    "doors": "doors",
-    "corners": "corners",
-    "loop": "loop",
-    "lane_change": "lane_change",
-    "obstacles": "obstacles",
-    "gates": "gate_scurve",
-    "crossing": "crossing",
-}
-"""The machine of each family that has one of its own; `office` drives the others."""
-
-
-def made_for(family: str) -> str:
-    """Name of the packaged machine that is made for a family."""
-    return MADE_FOR.get(family, "office")
+from tral_fsm.policies.families import machine_for
 
 
 def machines_of_families() -> dict[str, MachineDefinition]:
     """Family -> the packaged machine that is made for it."""
-    return {family: packaged.load(made_for(family)) for family in SCENARIOS}
+    return {family: packaged.load(machine_for([family])) for family in SCENARIOS}
 
 
 class Specialists(DriverPool):

@@ -14,7 +14,8 @@ _FOLDER = Path(str(files("tral_fsm").joinpath("trained")))
 @cache
 def names() -> tuple[str, ...]:
     """Names of the packaged policies, sorted."""
-    return tuple(sorted(entry.name for entry in _FOLDER.iterdir() if policy_file.is_policy_file(entry)))
+    entries = _FOLDER.iterdir() if _FOLDER.is_dir() else ()
+    return tuple(sorted(entry.name for entry in entries if policy_file.is_policy_file(entry)))
 
 
 def path_of(name_or_path: str | Path) -> str | Path:
