@@ -174,7 +174,8 @@ class TwinCar:
     def _keep(self, now_s: float) -> None:
         sim = self._world.sim
         # What can be read now was measured a tick ago.
-        fired_s = now_s - float(sim.sonars.ranging.age(sim.time_s)[0].max())
+        told = sim.sonars.ranging.readings(sim.time_s)
+        fired_s = now_s - max(float(told[f"ultrasonic_{side}_age"]) for side in SONARS)
         new = fired_s, tuple(sim.sonars.ranging.range_m[0].tolist())
         # A new tuple: the bus looks at it from its own thread.
         self._rangings = (*(old for old in self._rangings if old[0] >= now_s - _KEPT_S), new)

@@ -6,7 +6,8 @@ A simulated drive is driven again, with its commands, for the views. Of a real c
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ from tral_env.perception import opengl
 if TYPE_CHECKING:
     from tral_env.recording.read import Recording
     from tral_fsm.evaluation.episode import Tick
+    from tral_fsm.report.drive.video import Stills
 
 Image = NDArray[np.uint8]
 
@@ -79,11 +81,11 @@ class _Again:
             self._env.step(self._commands[self._next])
             self._next += 1
 
-    def render_view(self, view: str, width: int, height: int) -> Image:
-        """See `tral_fsm.report.drive.video.Views`."""
+    def stills(self) -> Stills:
+        """See `tral_fsm.report.drive.video.Filmed`."""
         world: Any = self._env.unwrapped
-        image: Image = world.render_view(view, width, height)
-        return image
+        stills: Stills = world.stills()
+        return stills
 
     def close(self) -> None:
         """Free what OpenGL holds."""
@@ -106,11 +108,15 @@ class _Camera:
             self._image = self._coming.pixels()
             self._coming = next(self._pictures, None)
 
-    def render_view(self, view: str, width: int, height: int) -> Image:
+    def stills(self) -> Stills:
+        """See `tral_fsm.report.drive.video.Filmed`."""
+        return self
+
+    def take(self, view: str, width: int, height: int) -> Callable[[], Image]:
         """The image, also where the car from behind would be: nobody saw that."""
         from tral_env.simulation.views import fitted
 
-        return fitted(self._image, width, height)
+        return partial(fitted, self._image, width, height)
 
     def close(self) -> None:
         """Do nothing."""
