@@ -10,7 +10,7 @@ from tral_env.hardware.calibration_file import load_calibration
 from tral_env.twin.serial_boards import Board2016, Ucboard
 from tral_env.twin.serial_port import SerialPort, parts, spoiled
 
-from test_serial_boards import READINGS  # isort: skip
+from test_twin_serial_boards import READINGS  # isort: skip
 
 serial = pytest.importorskip("serial")
 

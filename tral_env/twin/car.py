@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tral_env.arrays import Array
+from tral_env.arrays import ALONE, Array, is_any, pick
 from tral_env.config import HallConfig
 from tral_env.course.plan import Plan
 from tral_env.interface import CONTROL_PERIOD_S, NO_ECHO_M
@@ -39,9 +39,9 @@ class _EdgeLog(EdgeSpeed):
         super().__init__(1, HallConfig())
         self.new: list[float] = []
 
-    def edge(self, counted: Any, when: Array | float) -> None:
-        if counted.any():
-            self.new.append(float(np.broadcast_to(when, 1)[0]))
+    def edge(self, counted: Any, when: Any) -> None:
+        if is_any(counted):
+            self.new.append(float(pick(when, ALONE)))
         super().edge(counted, when)
 
 

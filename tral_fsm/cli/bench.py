@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tral_fsm.evaluation.choices import check_families
 from tral_fsm.evaluation.files import prepare_folder, write_figure, write_json
 from tral_fsm.terminal import print_figures
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 app = typer.Typer(no_args_is_help=True, help="Measure how fast the simulation is on this computer.")
 
@@ -74,6 +77,14 @@ def _show(result: dict[str, Any], out: Path | None) -> None:
     console = Console()
     for name, value in result["ratios"].items():
         console.print(f"{name.replace('_', ' ')}: {value:.2f}")
+    _show_parts(console, result)
+    for skipped in result["skipped"]:
+        console.print(f"not measured: {skipped['name']}: {skipped['reason']}", markup=False)
+    if out is not None:
+        console.print(f"Files: {out}")
+
+
+def _show_parts(console: Console, result: dict[str, Any]) -> None:
     console.print(
         f"reset of a row, family {result['reset_scenario']}: {result['reset_ms_per_row']:.2f} ms with a new course, "
         f"{result['reset_ms_per_row_kept']:.2f} ms with one that was kept (courses=N)"
@@ -96,7 +107,3 @@ def _show(result: dict[str, Any], out: Path | None) -> None:
         )
     for row in result["course_size"] or ():
         console.print(f"{row['boxes']} boxes: {row['step_us']:.0f} us a step, bare {row['bare_us']:.0f} us")
-    for skipped in result["skipped"]:
-        console.print(f"not measured: {skipped['name']}: {skipped['reason']}", markup=False)
-    if out is not None:
-        console.print(f"Files: {out}")
