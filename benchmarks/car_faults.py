@@ -42,12 +42,6 @@ END_S = 12.0
 STAYS_MS = END_S * 1e3 - 500.0
 """A throttle that stands for longer stays until the fault is taken away."""
 LENGTH_M = 40.0
-SHORT_M = 5.5
-"""A serial board of 2016 does not tell "no echo" from "nothing new": its front ultrasonic needs a wall in reach."""
-
-
-def stop_self(number: signal.Signals) -> Callable[[], None]:
-    return lambda: os.kill(os.getpid(), number)
 
 
 def raises() -> None:
@@ -386,8 +380,7 @@ def measure_all(faults: list[str], runs: int, out: Path | None) -> None:
     for kind in dict.fromkeys(map(kind_of, faults)):
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
-            length = SHORT_M if kind in BOARDS else LENGTH_M
-            course = {"name": "faults", "segments": [{"length": length}]}
+            course = {"name": "faults", "segments": [{"length": LENGTH_M}]}
             (folder / "course.json").write_text(json.dumps(course))
             write_camera_info(folder / "lens.yaml", CameraConfig())
             settings = TwinSettings(
