@@ -102,7 +102,7 @@ def test_the_cars_own_program_drives_it_through_its_files(twin: TwinProcess) -> 
         sensors="srf08",
         bus=status["i2c"],
         max_duration_s=1.0,
-        limits=Limits(silence_s=0.5, off_s=2.0),  # a busy computer may come late
+        limits=Limits(silence_s=0.5, off_s=2.0, max_age_s=0.5, bus_s=0.5, hang_s=0.5),  # a busy computer may be late
     )
     try:
         observation, _ = car.reset()
