@@ -81,7 +81,7 @@ SKIPS_WITHOUT = {"benchmarks/compare.py": "stable_baselines3", "train": "torch",
 PAGE_SKIPS_WITHOUT = {"docs/learning.md": ("stable_baselines3",)}
 
 OPTIONAL = ("skrl",)
-"""Packages of no extra: a block that imports one is left out where the package is missing; the rest of its page runs."""
+"""Packages of no extra: a block that imports one is left out where it is missing; the rest of its page runs."""
 
 SHELL = {
     command: example
