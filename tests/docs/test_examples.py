@@ -77,7 +77,7 @@ SKIPS_WITHOUT = {"train": "torch", "tpe": "optuna"}
 PAGE_SKIPS_WITHOUT = {"docs/learning.md": ("stable_baselines3",)}
 
 OPTIONAL = ("skrl",)
-"""Packages of no extra: a block that imports one is left out where it is missing, the rest of its page runs."""
+"""Packages of no extra: a block that imports one is left out where it is missing; the rest of its page runs."""
 
 SHELL = {
     command: example

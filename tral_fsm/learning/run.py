@@ -69,6 +69,11 @@ class Curve:
         """Decisions of the last point."""
         return int(self.points[-1]["steps"]) if self.points else 0
 
+    @property
+    def validation_s(self) -> float:
+        """Time that the validation of the last point took, s; 0 before the first."""
+        return float(self.points[-1].get("validation_s", 0.0)) if self.points else 0.0
+
 
 class TrainingRun:
     """Files and clock of a training. Use it as a context; the clock runs within."""
@@ -113,7 +118,7 @@ class TrainingRun:
         self.steps = self.curve.steps
         self._before_s = self.curve.seconds
         self._began = time.monotonic()
-        self._validated_s, self._cost_s = self.seconds, 0.0
+        self._validated_s, self._cost_s = self.seconds, self.curve.validation_s
         self._seeds = VALIDATION_SEEDS[: -(-request.validation // len(request.scenarios))]
         self.validation = Validation(request.scenarios, self._seeds, request.randomization, request.nthread)
 
@@ -192,7 +197,13 @@ class TrainingRun:
         score = self.validation.score(policy_of(network))
         self._cost_s = time.monotonic() - began
         self._validated_s = self.seconds
-        point = {"seconds": round(self.seconds, 1), "steps": self.steps, **figures, "validation": score.record()}
+        point = {
+            "seconds": round(self.seconds, 1),
+            "steps": self.steps,
+            **figures,
+            "validation": score.record(),
+            "validation_s": round(self._cost_s, 1),
+        }
         self.curve.points.append(point)
         if score.is_better_than(self.best):
             self.best = score
