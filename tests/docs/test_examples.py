@@ -88,7 +88,6 @@ SKIPS_WITHOUT = {"lerobot": "pyarrow", "train": "torch", "tpe": "optuna"}
 PAGE_SKIPS_WITHOUT = {"docs/learning.md": ("stable_baselines3",), "docs/recording.md": ("pyarrow",)}
 
 OPTIONAL = ("skrl",)
-"""Packages of no extra: a block that imports one is left out where it is missing, the rest of its page runs."""
 """Packages of no extra: a block that imports one is left out where it is missing; the rest of its page runs."""
 
 SHELL = {

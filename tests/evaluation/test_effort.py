@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,9 @@ import numpy as np
 import pytest
 
 from tral_env.errors import ConfigError
-from tral_env.learned import Network
+from tral_env.learned import Correction, Network
 from tral_env.learner import LearnerConfig, LearnerView
+from tral_env.policy_file import save
 from tral_fsm.evaluation.effort import Effort, of_file, of_policy, verdict
 
 
@@ -54,6 +56,28 @@ def test_the_curve_of_a_training_tells_how_long_it_went_on(tmp_path: Path) -> No
 
 def test_a_network_of_unknown_making_tells_nothing(tmp_path: Path) -> None:
     assert of_policy(tmp_path, network(steps="many")) == Effort()
+
+
+def test_a_training_that_went_on_has_the_effort_of_both(tmp_path: Path) -> None:
+    save(network(steps=72_000, seconds=60.0), tmp_path / "student")
+    later = network(steps=144_000, seconds=30.0, request={"start": str(tmp_path / "student")})
+    assert of_policy(tmp_path / "ppo", later) == Effort(decisions=216_000, simulated_h=3.0, minutes=1.5)
+    lost = network(steps=144_000, seconds=30.0, request={"start": str(tmp_path / "gone")})
+    assert of_policy(tmp_path / "ppo", lost) == Effort()
+
+
+def test_a_training_that_says_it_went_on_from_itself_is_unknown(tmp_path: Path) -> None:
+    round_about = network(steps=72_000, seconds=60.0, request={"start": str(tmp_path)})
+    save(round_about, tmp_path)
+    assert of_policy(tmp_path, round_about) == Effort()
+
+
+def test_what_a_network_has_from_a_machine_is_told(tmp_path: Path) -> None:
+    assert of_policy(tmp_path, network(teacher="office")).note == "taught by office, whose effort is not counted"
+    corrected = replace(
+        network(), learner=LearnerConfig(decision_hz=20), correction=Correction(machine="{}", bounds=(0.1, 0.1))
+    )
+    assert of_policy(tmp_path, corrected).note == "corrects a machine, whose effort is not counted"
 
 
 def test_its_author_adds_what_no_program_knows(tmp_path: Path) -> None:

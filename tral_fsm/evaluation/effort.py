@@ -14,6 +14,8 @@ from typing import Any
 
 from tral_env.errors import ConfigError, nearest
 from tral_env.learned import Network
+from tral_env.policy_file import is_policy_file, load_network
+from tral_fsm.policies import trained
 
 MACHINE, NUMBERS = "machine.json", "tune.json"
 """Files that a search writes into its folder: the machine, and the figures of the search."""
@@ -23,6 +25,8 @@ SUFFIX = ".effort.json"
 """A file NAME.effort.json beside a file NAME tells the effort of it."""
 OF_FOLDER = "effort.json"
 """The same for a folder of a training."""
+MAX_DEPTH = 4
+"""A policy is followed back through so many trainings at most."""
 EQUAL_WITHIN = 1.25
 """Budgets count as equal up to this factor. Source: choice; a training ends with a whole round of decisions."""
 
@@ -78,27 +82,67 @@ def of_file(path: Path) -> Effort:
     return _with_file(found, path.with_suffix(SUFFIX))
 
 
-def of_policy(path: Path, network: Network) -> Effort:
+def of_policy(path: Path, network: Network, depth: int = 0) -> Effort:
     """Effort of a trained policy, a folder or the policy.json in it.
 
     A training goes on behind the network that it keeps. So its curve, where it lies there, tells more than the policy.
+    One that went on from another policy has the effort of both.
+
+    Args:
+        path: the policy.
+        network: its network.
+        depth: number of trainings that went on from it.
 
     Raises:
         ConfigError: as `of_file`.
     """
     folder = path if path.is_dir() else path.parent
+    found = _plus(_of_training(folder, network), _before(network, depth))
+    return _with_file(replace(found, note=_borrowed(network)), folder / OF_FOLDER)
+
+
+def _of_training(folder: Path, network: Network) -> Effort:
+    """Effort of the training that made a policy."""
     told: Mapping[str, Any] = network.provenance
     if (folder / CURVE).exists():
         points = _read(folder / CURVE)
         told = points[-1] if isinstance(points, list) and points and isinstance(points[-1], Mapping) else told
     decisions, seconds = _number(told.get("steps")), _number(told.get("seconds"))
     rate = network.learner.decision_hz
-    found = Effort(
+    return Effort(
         decisions=None if decisions is None else round(decisions),
         simulated_h=None if decisions is None else round(decisions / rate / 3600.0, 3),
         minutes=None if seconds is None else round(seconds / 60.0, 2),
     )
-    return _with_file(found, folder / OF_FOLDER)
+
+
+def _before(network: Network, depth: int) -> Effort | None:
+    """Effort of the policy from which a training went on; None: it went on from none."""
+    request = network.provenance.get("request")
+    start = request.get("start") if isinstance(request, Mapping) else None
+    if not isinstance(start, str):
+        return None
+    path = Path(trained.path_of(start))
+    if depth >= MAX_DEPTH or not is_policy_file(path):
+        return Effort()
+    return of_policy(path, load_network(path), depth + 1)
+
+
+def _plus(one: Effort, before: Effort | None) -> Effort:
+    """Sum of two efforts; what is unknown of one is unknown of both."""
+    if before is None:
+        return one
+    names = ("decisions", "simulated_h", "minutes")
+    pairs = {name: (getattr(one, name), getattr(before, name)) for name in names}
+    return replace(one, **{name: None if None in pair else round(sum(pair), 3) for name, pair in pairs.items()})
+
+
+def _borrowed(network: Network) -> str:
+    """What a network has from a machine, whose effort is not that of the training."""
+    if network.correction is not None:
+        return "corrects a machine, whose effort is not counted"
+    teacher = network.provenance.get("teacher")
+    return f"taught by {teacher[:40]}, whose effort is not counted" if isinstance(teacher, str) else ""
 
 
 def _of_search(path: Path) -> Effort:
