@@ -78,13 +78,7 @@ def _show(result: dict[str, Any], out: Path | None) -> None:
         f"reset of a row, family {result['reset_scenario']}: {result['reset_ms_per_row']:.2f} ms with a new course, "
         f"{result['reset_ms_per_row_kept']:.2f} ms with one that was kept (courses=N)"
     )
-    shares = result["shares"]
-    speeds = ", ".join(f"{cores}: {speed:,.0f}" for cores, speed in shares["extrapolated_steps_per_s"].items())
-    console.print(
-        f"step of a row of {shares['rows']}: {shares['physics_us']:.1f} us of physics, which threads divide, and "
-        f"{shares['serial_us']:.1f} us, which they do not. Steps per second by cores, extrapolated, not measured: "
-        f"{speeds}"
-    )
+    console.print(_shares(result["shares"]))
     startup = result["startup"]
     console.print(
         f"import {startup['import_s']:.2f} s, make and first reset {startup['make_and_reset_s']:.2f} s, "
@@ -100,3 +94,12 @@ def _show(result: dict[str, Any], out: Path | None) -> None:
         console.print(f"not measured: {skipped['name']}: {skipped['reason']}", markup=False)
     if out is not None:
         console.print(f"Files: {out}")
+
+
+def _shares(shares: dict[str, Any]) -> str:
+    speeds = ", ".join(f"{cores}: {speed:,.0f}" for cores, speed in shares["extrapolated_steps_per_s"].items())
+    return (
+        f"step of a row of {shares['rows']}: {shares['physics_us']:.1f} us of physics, which threads divide, and "
+        f"{shares['serial_us']:.1f} us, which they do not. Steps per second by cores, extrapolated, not measured: "
+        f"{speeds}"
+    )
