@@ -42,9 +42,12 @@ def pick(values: Any, rows: Rows) -> Any:
 
     What is a number already stays one, for all cars alike.
     """
-    if rows is ALL or type(values) is not np.ndarray:
+    kind = type(values)
+    if rows is ALL or kind is float or kind is bool:
         return values
-    return values.item(0) if type(rows) is int else values[rows]
+    if type(rows) is int:
+        return values.item(0) if isinstance(values, (np.ndarray, np.generic)) else values
+    return values[rows] if kind is np.ndarray else values
 
 
 def columns(values: Any, rows: Rows) -> Any:

@@ -52,7 +52,8 @@ def test_a_car_alone_is_picked_as_a_number_and_others_as_arrays() -> None:
     assert (alone, type(alone)) == (1.0, float)
     assert pick(values[:, 0], ALL).tolist() == [1.0, 3.0]
     assert pick(values[:, 0], np.array([1])).tolist() == [3.0]
-    assert pick(7.0, ALL) == 7.0
+    assert pick(7.0, ALL) == pick(7.0, np.array([1])) == 7.0
+    assert type(pick(np.float64(7.0), ALONE)) is float
     assert columns(values[:1], ALONE) == [1.0, 2.0]
     assert [column.tolist() for column in columns(values, ALL)] == [[1.0, 3.0], [2.0, 4.0]]
     assert [column.tolist() for column in columns(values, np.array([1]))] == [[3.0], [4.0]]

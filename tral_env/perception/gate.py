@@ -69,6 +69,8 @@ def nearest_gate_and_marker(ids: NDArray[np.int64], x: Array, y: Array, heading:
         valid: whether the place holds a marker that was seen.
     """
     row, place = np.nonzero(valid)
+    if not len(row):
+        return Detection.nothing(len(ids))
     x, y, heading, marker = x[row, place], y[row, place], heading[row, place], ids[row, place]
     # The far ones come first, so that of two markers of one id the nearer one is written last and stays.
     order = np.argsort(-(x * x + y * y), kind="stable")

@@ -154,7 +154,13 @@ def project(
         degradation: (k,) level of noise, blur, exposure and glare of the images; None: clean images.
         model: what the detector finds, and how wrong it is.
     """
+    shape = len(rows), scenery.ids.shape[1]
+    out = ProjectedMarkers(
+        scenery.ids[rows], np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape, np.bool_)
+    )
     near = _candidates(scenery, rows, pose, car, mounting)
+    if not len(near.row):
+        return out
     pixels = project_points(near.rays[:, :4], camera)
     size = _shortest_side(pixels)
     level = np.zeros(len(near.row)) if degradation is None else degradation[near.row]
@@ -163,14 +169,12 @@ def project(
     found = chance < model.found(size, ids, level, max(camera.width, camera.height))
     index = np.flatnonzero(_in_image(pixels, camera, model) & found)
     index = index[~_hidden(scenery, rows, near, index)]
+    if not len(index):
+        return out
     where = near.row[index], near.place[index]
     blur = _Blur(_extent(pixels[index]), level[index], normal[where[0], where[1] % NOISE_PLACES])
     ahead, left = near.rays[index, 4, 0], near.rays[index, 4, 1]
     along, across = _position_error(ahead, left, blur, camera, model)
-    shape = len(rows), scenery.ids.shape[1]
-    out = ProjectedMarkers(
-        scenery.ids[rows], np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape, np.bool_)
-    )
     out.x[where] = car.camera_x + ahead + along
     out.y[where] = left + across
     out.heading[where] = _seen_heading(near, index, blur, camera, model)

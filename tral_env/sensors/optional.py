@@ -23,7 +23,8 @@ class OptionalReadings:
             layout: fields of the observation.
             noise: tapes of the cars.
         """
-        self._groups = {name for name, fields in OPTIONAL_GROUPS.items() if fields[0].name in layout.names}
+        self.groups = {name for name, fields in OPTIONAL_GROUPS.items() if fields[0].name in layout.names}
+        """Names of the groups that are measured."""
         self._noise, self._line, self._imu = noise, LineConfig(), ImuConfig()
         self._tape = np.zeros((n, 0, 4))
         self._bias = np.zeros((n, AXES))
@@ -41,7 +42,7 @@ class OptionalReadings:
             self._tape = np.pad(self._tape, ((0, 0), (0, more), (0, 0)))
         self._tape[row] = 0.0
         self._tape[row, : len(tape)] = tape
-        if "imu" in self._groups:
+        if "imu" in self.groups:
             self._bias[row] = draw_bias(self._noise.normal(np.array([row]), AXES)[0], self._imu)
 
     def update(self, rows: Rows, pose: Array, motion: Array, battery_v: Array) -> None:
@@ -53,16 +54,14 @@ class OptionalReadings:
             motion: (n, 6) angular rate, rad/s, and proper acceleration, m/s^2, in the car's frame.
             battery_v: (k,) voltages of their batteries under load, V.
         """
-        if not self._groups:
-            return
         rows = ALL if rows is ALONE else rows
-        if "line" in self._groups:
+        if "line" in self.groups:
             self._values["line"][rows] = line_byte(pose[rows], self._tape[rows], self._line)
-        if "imu" in self._groups:
+        if "imu" in self.groups:
             read = measure(motion[rows], self._bias[rows], self._noise.normal(rows, AXES), self._imu)
             for i, field in enumerate(OPTIONAL_GROUPS["imu"]):
                 self._values[field.name][rows] = read[:, i]
-        if "battery" in self._groups:
+        if "battery" in self.groups:
             self._values["battery"][rows] = battery_v
 
     def readings(self) -> dict[str, Array]:

@@ -112,8 +112,8 @@ def echo(distance: Array, normal: Array, config: UltrasonicConfig, softness: Val
     hit = FanHit(reach, x, y, nx, ny, -(nx * x + ny * y))
     height = hit.height
     mirror = (height >= reach * fan.cos_half_spacing) & (-hit.nx >= _cos_limit(config, softness))
-    wall = plain(np.where(mirror, height, np.inf).min(axis=-1))
-    corner = plain(_corners_and_edges(hit, config).min(axis=-1))
+    wall = plain(np.minimum.reduce(np.where(mirror, height, np.inf), axis=-1))
+    corner = plain(np.minimum.reduce(_corners_and_edges(hit, config), axis=-1))
     first = minimum(wall, corner)
     return where(first <= config.max_range, first, math.inf)
 
@@ -137,18 +137,18 @@ def _corners_and_edges(hit: FanHit, config: UltrasonicConfig) -> Array:
     an inner corner. Two planes at the heights u and v above the sensor, with the cosine c = a . b, meet at the distance
     ``sqrt((u^2 + v^2 - 2 u v c) / (1 - c^2))``.
     """
-    reach = hit.reach
+    first, second = hit.reach[..., :-1], hit.reach[..., 1:]
     ax, ay, bx, by = hit.nx[..., :-1], hit.ny[..., :-1], hit.nx[..., 1:], hit.ny[..., 1:]
     dx, dy = hit.x[..., 1:] - hit.x[..., :-1], hit.y[..., 1:] - hit.y[..., :-1]
     front = np.minimum(ax * dx + ay * dy, -(bx * dx + by * dy))
-    near = np.minimum(reach[..., 1:], reach[..., :-1])
+    near = np.minimum(second, first)
     step = config.jitter_m / 4  # a quarter of a wavelength: less is no step to the wave
     edge_limit = config.edge_range * _fan(config.rays, config.beam_deg).edge_share
     found = np.where((front < -step) & (near <= edge_limit), near, np.inf)
     cosine = ax * bx + ay * by
     # A ray that ends in the corner itself lies on both surfaces, in front of neither.
     across = np.abs(cosine) <= config.corner_tolerance
-    inner = across & (front >= -step) & (np.maximum(reach[..., 1:], reach[..., :-1]) < _NOTHING_M)
+    inner = across & (front >= -step) & (np.maximum(second, first) < _NOTHING_M)
     if np.count_nonzero(inner):
         u, v, c = hit.height[..., :-1][inner], hit.height[..., 1:][inner], cosine[inner]
         found[inner] = np.sqrt((u * u + v * v - 2 * u * v * c) / (1 - c * c))

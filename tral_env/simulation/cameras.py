@@ -35,6 +35,7 @@ class Cameras:
         self._pipeline = CameraPipeline(n, rate_hz)
         self._physics, self._truth, self._parameters = physics, truth, parameters
         self.pixels = pixels
+        self._mounting = np.zeros((n, 3))
         self.image_seeds = np.zeros(n, np.int64)
         """(n,) seeds of the noise in the images."""
         self.exposures = np.zeros(n, np.int64)
@@ -52,6 +53,8 @@ class Cameras:
         for row in rows.tolist():
             rate = float(self._parameters.drawn["false_sighting_rate"][row])
             self._false_sightings.reset(row, rate, int(self.image_seeds[row]))
+        for i, axis in enumerate(("roll", "pitch", "yaw")):
+            self._mounting[rows, i] = np.radians(self._parameters.drawn[f"camera_{axis}_deg"][rows])
         self._pipeline.reset(rows, self._parameters.drawn["camera_latency_s"][rows])
         if self.pixels is not None:
             self.pixels.reset(rows)
@@ -76,8 +79,8 @@ class Cameras:
 
     def mounting(self, rows: Index) -> Array:
         """(k, 3) roll, pitch, yaw of the cameras' mounting errors, rad."""
-        degrees = [self._parameters.drawn[f"camera_{axis}_deg"][rows] for axis in ("roll", "pitch", "yaw")]
-        return np.radians(np.stack(degrees, axis=1))
+        errors: Array = self._mounting[rows]
+        return errors
 
     def close(self) -> None:
         """Free what OpenGL holds."""

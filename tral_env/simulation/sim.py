@@ -154,7 +154,8 @@ class Simulation:
         self.hall_wheel.update(moving)
         self.sonars.update()
         self.cameras.update(moving)
-        self.optional.update(moving, self.pose, self.physics.motion(), battery_v)
+        if self.optional.groups:
+            self.optional.update(moving, self.pose, self.physics.motion(), battery_v)
 
     def images(self) -> NDArray[np.uint8]:
         """The last images that have arrived, (n, height, width, 3).

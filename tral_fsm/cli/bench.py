@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from tral_fsm.evaluation.choices import check_families
 from tral_fsm.evaluation.files import prepare_folder, write_figure, write_json
 from tral_fsm.terminal import print_figures
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 app = typer.Typer(no_args_is_help=True, help="Measure how fast the simulation is on this computer.")
 
@@ -77,25 +74,11 @@ def _show(result: dict[str, Any], out: Path | None) -> None:
     console = Console()
     for name, value in result["ratios"].items():
         console.print(f"{name.replace('_', ' ')}: {value:.2f}")
-    _show_parts(console, result)
-    for skipped in result["skipped"]:
-        console.print(f"not measured: {skipped['name']}: {skipped['reason']}", markup=False)
-    if out is not None:
-        console.print(f"Files: {out}")
-
-
-def _show_parts(console: Console, result: dict[str, Any]) -> None:
     console.print(
         f"reset of a row, family {result['reset_scenario']}: {result['reset_ms_per_row']:.2f} ms with a new course, "
         f"{result['reset_ms_per_row_kept']:.2f} ms with one that was kept (courses=N)"
     )
-    shares = result["shares"]
-    speeds = ", ".join(f"{cores}: {speed:,.0f}" for cores, speed in shares["extrapolated_steps_per_s"].items())
-    console.print(
-        f"step of a row of {shares['rows']}: {shares['physics_us']:.1f} us of physics, which threads divide, and "
-        f"{shares['serial_us']:.1f} us, which they do not. Steps per second by cores, extrapolated, not measured: "
-        f"{speeds}"
-    )
+    console.print(_shares(result["shares"]))
     startup = result["startup"]
     console.print(
         f"import {startup['import_s']:.2f} s, make and first reset {startup['make_and_reset_s']:.2f} s, "
@@ -107,3 +90,16 @@ def _show_parts(console: Console, result: dict[str, Any]) -> None:
         )
     for row in result["course_size"] or ():
         console.print(f"{row['boxes']} boxes: {row['step_us']:.0f} us a step, bare {row['bare_us']:.0f} us")
+    for skipped in result["skipped"]:
+        console.print(f"not measured: {skipped['name']}: {skipped['reason']}", markup=False)
+    if out is not None:
+        console.print(f"Files: {out}")
+
+
+def _shares(shares: dict[str, Any]) -> str:
+    speeds = ", ".join(f"{cores}: {speed:,.0f}" for cores, speed in shares["extrapolated_steps_per_s"].items())
+    return (
+        f"step of a row of {shares['rows']}: {shares['physics_us']:.1f} us of physics, which threads divide, and "
+        f"{shares['serial_us']:.1f} us, which they do not. Steps per second by cores, extrapolated, not measured: "
+        f"{speeds}"
+    )
