@@ -134,7 +134,8 @@ def _plus(one: Effort, before: Effort | None) -> Effort:
         return one
     names = ("decisions", "simulated_h", "minutes")
     pairs = {name: (getattr(one, name), getattr(before, name)) for name in names}
-    return replace(one, **{name: None if None in pair else round(sum(pair), 3) for name, pair in pairs.items()})
+    sums: dict[str, Any] = {n: None if None in pair else round(sum(pair), 3) for n, pair in pairs.items()}
+    return replace(one, **sums)
 
 
 def _borrowed(network: Network) -> str:
