@@ -68,10 +68,19 @@ class HardwareError(TralError, OSError):
     """A device of the real car does not answer, or answers nonsense."""
 
 
+class CarStoppedError(HardwareError):
+    """A fault of the car was noticed, and it was stopped; only a reset arms it again."""
+
+
+class SourceLostError(HardwareError):
+    """The device in a person's hands is gone: the car stops, and nobody else takes over."""
+
+
 class MissingExtraError(TralError, ImportError):
     """An optional package is not installed."""
 
     def __init__(self, package: str, extra: str, purpose: str) -> None:
+        self.missing = (package, extra, purpose)
         super().__init__(
             f"{purpose} needs the package '{package}', which is not installed: "
             f"in the clone of the repository, run: pip install '.[{extra}]'"

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import math
+import os
+import select
 import sys
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
@@ -42,3 +45,47 @@ def drives_bar(total: int) -> Iterator[Callable[[], None]]:
     with Progress(console=Console(stderr=True)) as bar:
         task = bar.add_task("drives", total=total)
         yield lambda: bar.advance(task)
+
+
+class StatusLine:
+    """A line that is renewed in place. What the terminal does not take at once is left out: nobody waits for it."""
+
+    def __init__(self, file: int, clock: Callable[[], float], otherwise_s: float) -> None:
+        """Write to a file.
+
+        Args:
+            file: its descriptor.
+            clock: a clock that never goes back, s.
+            otherwise_s: where the file is no terminal, a new line comes this often, s.
+        """
+        self._file, self._clock, self._otherwise_s = file, clock, otherwise_s
+        self._is_terminal, self._last_s = os.isatty(file), -math.inf
+
+    def show(self, text: str) -> None:
+        """Show the line of the moment."""
+        if self._is_terminal:
+            self._write(f"\r{text[: self._columns() - 1]}\x1b[K")
+        elif self._clock() - self._last_s >= self._otherwise_s:
+            self._last_s = self._clock()
+            self._write(f"{text}\n")
+
+    def say(self, text: str) -> None:
+        """Write a line that stays."""
+        self._write(f"\r\x1b[K{text}\n" if self._is_terminal else f"{text}\n")
+
+    def _columns(self) -> int:
+        try:
+            return os.get_terminal_size(self._file).columns or _COLUMNS
+        except OSError:
+            return _COLUMNS
+
+    def _write(self, text: str) -> None:
+        poll = select.poll()
+        poll.register(self._file, select.POLLOUT)
+        with contextlib.suppress(OSError):
+            if poll.poll(0):
+                os.write(self._file, text.encode()[: select.PIPE_BUF])
+
+
+_COLUMNS = 80
+"""Width of a terminal that does not say it."""

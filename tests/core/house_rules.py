@@ -16,7 +16,18 @@ from pathlib import Path
 Imports = Mapping[str, Set[str]]
 Rule = Callable[[Imports], list[str]]
 
-PLAIN = ("interface", "geometry", "se2", "errors", "checks", "json_text", "validation_text", "arrays", "speed_control")
+PLAIN = (
+    "interface",
+    "geometry",
+    "se2",
+    "errors",
+    "checks",
+    "json_text",
+    "toml_text",
+    "validation_text",
+    "arrays",
+    "speed_control",
+)
 WAIST = {f"tral_env.{room}" for room in PLAIN}
 WAIST_NEEDS = {"numpy", "gymnasium.spaces"}
 
@@ -26,7 +37,16 @@ LAWS = {f"tral_env.{room}" for room in ("sensors", "actuation", "task", "noise",
 LEARNED = {f"tral_env.{room}" for room in ("learner", "learned", "policy_file", "tensors")}
 ON_THE_CAR = LEARNED | {f"tral_env.{room}" for room in ("hardware", "recording", "ros")}
 ACTUATOR = "tral_env.hardware.actuator"
-CAR_NEEDS = WAIST | ON_THE_CAR | LAWS - {"tral_env.task"} | {"tral_env.perception", "tral_env.atomic"}
+CAR_NEEDS = (
+    WAIST
+    | ON_THE_CAR
+    | LAWS - {"tral_env.task"}
+    | {f"tral_env.{room}" for room in ("perception", "calibration", "yaml_text", "atomic")}
+)
+TWIN_NEEDS = WAIST | {
+    f"tral_env.{room}"
+    for room in ("world", "options", "config", "sensors", "course", "hardware", "simulation", "perception")
+}
 OPTIONS_NEED = {
     f"tral_env.{room}" for room in ("config", "randomization", "course", "perception", "calibration", "learner")
 }
@@ -193,6 +213,10 @@ def simulation_knows_no_world(imports: Imports) -> list[str]:
     return _outside(imports, {"tral_env.simulation"}, SIMULATION_NEEDS)
 
 
+def the_twin_knows_the_world_and_the_car(imports: Imports) -> list[str]:
+    return _outside(imports, {"tral_env.twin"}, TWIN_NEEDS)
+
+
 def shells_know_the_world_and_not_the_simulation(imports: Imports) -> list[str]:
     return _among(imports, SHELLS, {"tral_env.simulation"})
 
@@ -224,6 +248,10 @@ def policies_are_built_floor_by_floor(imports: Imports) -> list[str]:
         for place, room in enumerate(POLICY_FLOORS)
         for problem in _among(imports, {room}, set(POLICY_FLOORS[place:]))
     ]
+
+
+def a_person_at_the_wheel_knows_the_waist_alone(imports: Imports) -> list[str]:
+    return _outside(imports, {"tral_fsm.teleop"}, WAIST)
 
 
 def pictures_of_machines_know_the_definition_alone(imports: Imports) -> list[str]:
@@ -310,11 +338,13 @@ RULES: tuple[Rule, ...] = (
     the_world_knows_the_simulation_and_no_shell,
     the_actuator_reaches_the_standard_library_and_the_buses_alone,
     simulation_knows_no_world,
+    the_twin_knows_the_world_and_the_car,
     shells_know_the_world_and_not_the_simulation,
     the_two_environments_do_not_know_each_other,
     the_environment_knows_no_state_machine,
     policies_know_the_waist_alone,
     policies_are_built_floor_by_floor,
+    a_person_at_the_wheel_knows_the_waist_alone,
     pictures_of_machines_know_the_definition_alone,
     nobody_imports_what_comes_last,
     report_drives_nothing,

@@ -45,11 +45,13 @@ BROKEN: dict[Rule, Imports] = {
         "tral_env.hardware.i2c": {"numpy.linalg"},
     },
     rules.simulation_knows_no_world: {"tral_env.simulation.sim": {"tral_env.task"}},
+    rules.the_twin_knows_the_world_and_the_car: {"tral_env.twin.car": {"tral_env.vector_env"}},
     rules.shells_know_the_world_and_not_the_simulation: {"tral_env.env": {"tral_env.simulation.sim"}},
     rules.the_two_environments_do_not_know_each_other: {"tral_env.vector_env": {"tral_env.env"}},
     rules.the_environment_knows_no_state_machine: {"tral_env.course.plan": {"tral_fsm.control.laws"}},
     rules.policies_know_the_waist_alone: {"tral_fsm.states.wall": {"tral_env.config"}},
     rules.policies_are_built_floor_by_floor: {"tral_fsm.runtime.driver": {"tral_fsm.formats.library"}},
+    rules.a_person_at_the_wheel_knows_the_waist_alone: {"tral_fsm.teleop.pilot": {"tral_env.hardware.env"}},
     rules.pictures_of_machines_know_the_definition_alone: {"tral_fsm.draw.picture": {"tral_fsm.runtime.machine"}},
     rules.nobody_imports_what_comes_last: {
         "tral_fsm.programs.tune": {"tral_fsm.report.tuning.page"},

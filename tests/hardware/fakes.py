@@ -117,6 +117,20 @@ class Srf08Fake:
         return [10, 128, echo >> 8, echo & 0xFF][register : register + length]
 
 
+class Srf02Fake(Srf08Fake):
+    """Ultrasonic ranger that hears its own address alone, and does not answer while it listens."""
+
+    def __init__(self, clock: Callable[[], float], metres: float | None = 1.0) -> None:
+        super().__init__(clock, metres, silent=True)
+
+    def answers_to(self, own: int, address: int) -> bool:
+        return address == own and not self.busy
+
+    def write(self, register: int, data: Sequence[int]) -> None:
+        assert register == 0, "only the command can be written"
+        super().write(register, data)
+
+
 class FakeSmbus:
     """Speaks like ``smbus2.SMBus``."""
 

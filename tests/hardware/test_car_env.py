@@ -302,11 +302,13 @@ def test_a_board_whose_clock_was_never_measured_is_warned_of():
     "options", [{}, {"output": "recorder"}, {"output": "pca9685", "bus": FakeSmbus({0x40: Pca9685Fake()})}]
 )
 def test_limits_that_nothing_would_keep_are_refused(options):
-    with pytest.raises(ConfigError, match="limits= has an effect only with output='pca9685' and a bus by number"):
+    with pytest.raises(
+        ConfigError, match="limits= has an effect only with config=, or with output='pca9685' and a bus"
+    ):
         car(limits=Limits(max_throttle=0.1), **options)
 
 
-@pytest.mark.parametrize("bus", [None, 1.0, True, object()])
+@pytest.mark.parametrize("bus", [1.0, True, object()])
 def test_what_is_no_bus_is_refused(bus):
     with pytest.raises(ConfigError, match=r"expected a number \(1 is /dev/i2c-1\), a path, or an object"):
         car(output="pca9685", bus=bus, calibration=MEASURED)
@@ -447,7 +449,8 @@ def test_the_cars_computer_needs_neither_physics_nor_learning():
     program = """
 import sys, pkgutil, importlib, gymnasium, tral_env, tral_env.hardware
 for module in pkgutil.walk_packages(tral_env.hardware.__path__, "tral_env.hardware."):
-    importlib.import_module(module.name)
+    if module.name != "tral_env.hardware.camera":  # OpenCV is for cars with a camera
+        importlib.import_module(module.name)
 env = gymnasium.make("TralCar-v0"); env.reset(); env.step(env.action_space.sample()); env.close()
 print(*sorted({"mujoco", "torch", "stable_baselines3", "smbus2", "cv2", "matplotlib"} & set(sys.modules)))
 """

@@ -46,7 +46,8 @@ def test_a_file_tells_the_car_and_how_it_was_made(tmp_path: Path):
     found = read(tmp_path / "drive.mcap")
     assert found.configuration == {
         "calibration": "tt01",
-        "output": "recorder",
+        "config": None,
+        "output": None,
         "sensors": None,
         "max_duration_s": 5.0,
     } | {"calibration": env.calibration.name}

@@ -4,13 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from fakes import Clock, FakeSmbus, Srf08Fake
+from fakes import Clock, FakeSmbus, Srf02Fake, Srf08Fake
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tral_env.config import UltrasonicConfig
 from tral_env.errors import ConfigError, HardwareError
-from tral_env.hardware.sonar import SonarArray, Srf08
+from tral_env.hardware.sonar import SonarArray, Srf02, Srf08
 from tral_env.sensors.ultrasonic import measure
 
 PERIOD_S = 0.0125
@@ -188,3 +188,40 @@ def test_a_register_is_read_as_the_simulated_ranger_reads_an_echo_there(units, m
     neither_jitter_nor_outlier = np.array([[0.5, 1.0, 0.0, 0.0]])
     ranger = Srf08(Register(units), config)
     assert ranger.range_m(ranger.first_echo()) == measure(echo, neither_jitter_nor_outlier, config)[0]
+
+
+def srf02(clock, **options):
+    devices = {0x70: Srf02Fake(clock, 0.8), 0x71: Srf02Fake(clock, 3.1), 0x72: Srf02Fake(clock, None)}
+    array = SonarArray(FakeSmbus(devices), sleep=clock.sleep, ranger=Srf02, **options)
+    array.start()
+    return array
+
+
+@pytest.mark.parametrize("mode", ["us", "cm"])
+def test_an_srf02_gets_its_command_at_its_own_address_and_nothing_else(mode):
+    clock = Clock()
+    array = srf02(clock, config=UltrasonicConfig(mode=mode))
+    readings = ticks(array, clock, 12)
+    reading = next(reading for reading in readings if "ultrasonic_left" in reading)
+    assert reading["ultrasonic_left"] == pytest.approx(0.8, abs=1e-4)
+    assert reading["ultrasonic_right"] == 6.0
+
+
+def test_srf02_may_fire_in_turn():
+    clock = Clock()
+    array = srf02(clock, firing="in turn")
+    readings = ticks(array, clock, 40)
+    assert readings[-1]["ultrasonic_front"] == pytest.approx(3.1, abs=1e-4)
+
+
+def test_an_srf02_that_does_not_answer_is_told_by_its_name():
+    clock = Clock()
+    array = SonarArray(FakeSmbus({}), sleep=clock.sleep, ranger=Srf02)
+    with pytest.raises(HardwareError, match="left ultrasonic SRF02 at 0x70"):
+        array.start()
+    stuck = Srf02Fake(clock)
+    stuck.stuck, stuck.silent = True, False
+    stuck.answers_to = lambda own, address: address == own
+    array = SonarArray(FakeSmbus({0x70: stuck}), addresses={"left": 0x70}, sleep=clock.sleep, ranger=Srf02)
+    with pytest.raises(HardwareError, match="busy"):
+        array.start()

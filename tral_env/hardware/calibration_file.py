@@ -85,6 +85,15 @@ def parse_calibration(text: str, where: str) -> CarCalibration:
     raise _report(where, [f"{pointer[1:].replace('/', '.')}: is there twice" for pointer in repeated])
 
 
+def calibration_problems(error: ValidationError) -> list[tuple[tuple[str, ...], str]]:
+    """Each problem of a calibration: the way to its value, and what is wrong there."""
+    return [
+        (tuple(str(part) for part in detail["loc"]), problem)
+        for detail in error.errors()
+        for problem in _problems(detail)
+    ]
+
+
 def _report(where: str, problems: list[str]) -> CalibrationError:
     return CalibrationError(
         problem_list(f"calibration '{where}' cannot be used, {len(problems)} problem(s):", problems)

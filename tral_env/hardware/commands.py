@@ -23,6 +23,11 @@ class Commands(Protocol):
         """Pulses that were sent last, us."""
         ...
 
+    @property
+    def retries(self) -> int:
+        """Number of transactions with the board that were tried again."""
+        ...
+
     def arm(self) -> str:
         """Make ready to drive, in neutral, whatever stopped the car; nothing happens where that was done.
 
@@ -60,6 +65,13 @@ class Commands(Protocol):
             HardwareError: the car was stopped.
         """
 
+    def stop(self) -> None:
+        """Stop the car at once, in an emergency; only `arm` undoes it.
+
+        Raises:
+            HardwareError: no answer.
+        """
+
     def neutral(self) -> None:
         """Go to neutral; `arm` has to come before the next command.
 
@@ -82,6 +94,7 @@ class PulseCommands:
         """Take over an output that has sent neutral."""
         self._output, self._calibration = output, calibration
         self.applied, self.pulses_us = (0.0, 0.0), calibration.neutral_us
+        self.retries = 0
 
     def arm(self) -> str:
         """Do nothing: a pulse output knows no arming."""
@@ -99,6 +112,10 @@ class PulseCommands:
 
     def check(self) -> None:
         """Do nothing: `command` raises what is wrong."""
+
+    def stop(self) -> None:
+        """Send neutral: nobody here knows whether a brake would be taken for reverse."""
+        self.neutral()
 
     def neutral(self) -> None:
         """Send neutral; the slew limit begins there."""

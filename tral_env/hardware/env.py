@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,17 +15,17 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from tral_env.checks import check_number
-from tral_env.errors import ConfigError, HardwareError, nearest
+from tral_env.errors import CarStoppedError, ConfigError, HardwareError
 from tral_env.hardware.actuator.client import ActuatorProcess
 from tral_env.hardware.actuator.settings import Limits
-from tral_env.hardware.calibration_file import load_calibration
-from tral_env.hardware.commands import Commands, PulseCommands, actuator_settings
+from tral_env.hardware.car_file import CarFile
 from tral_env.hardware.episode import Episode, episode_recorder
-from tral_env.hardware.i2c import BusName, Smbus, named
+from tral_env.hardware.faults import FaultLimits, Look
+from tral_env.hardware.i2c import BusName, Smbus
+from tral_env.hardware.opening import OUTPUTS, SENSORS, Wanted, open_parts
 from tral_env.hardware.pulses import CarCalibration
-from tral_env.hardware.pwm import Pca9685, PulseOutput, Recorder
-from tral_env.hardware.sensors import Sensors, provided_by, watch_frames, watch_images
-from tral_env.hardware.sonar import SonarArray
+from tral_env.hardware.pwm import PulseOutput
+from tral_env.hardware.sensors import Sensors, image_times, provided_by, watch_frames, watch_images
 from tral_env.interface import (
     CONTROL_PERIOD_S,
     CONTROL_RATE_HZ,
@@ -37,16 +36,9 @@ from tral_env.interface import (
     group_names,
 )
 
-_UNMEASURED = (
-    "the calibration '{}' does not say that the board's clock was measured (clock_measured): boards differ by up to "
-    "8 %, and then neutral is a throttle of up to 29 %. Take the motor's plug off, measure the period at a pin, and "
-    "set oscillator_hz; docs/real_car.md says how"
-)
+__all__ = ["OUTPUTS", "SENSORS", "TralCarEnv"]
+
 Observation = NDArray[np.float32]
-OUTPUTS = ("recorder", "pca9685")
-"""`TralCarEnv` opens these outputs by name."""
-SENSORS = ("srf08",)
-"""`TralCarEnv` opens these sensors by name."""
 
 
 class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
@@ -59,10 +51,14 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     comes late counts in ``info["late_ticks"]``, and the schedule moves back with it: late steps are never caught up in
     a burst. A step or a reset that fails commands neutral before the error leaves it.
 
-    With ``output="pca9685"`` and a bus by number or path, a process of its own owns the board. It goes to neutral when
-    no new command comes for `Limits.silence_s`, and ends the pulses after `Limits.off_s`: when this process hangs, is
+    With a car file, or with ``output="pca9685"`` and a bus by number or path, a process of its own owns the board. It
+    goes to neutral when no new command comes for `Limits.silence_s`, and ends the pulses after `Limits.off_s`: when this process hangs, is
     stopped or is killed. An output or a bus that is an object is driven by this process, without that protection. A
-    calibration whose clock was never measured is warned of: neutral may drive then, see docs/safety.md.
+    calibration whose clock was never measured is warned of: neutral may drive then, see docs/safety.md. A car file whose
+    board was never measured is refused.
+
+    In each step the car is watched for the faults of `tral_env.hardware.faults`. One that stops it raises a
+    `CarStoppedError`, after the stop; the others stand in the info.
 
     ## Action Space
     `Box(-1, 1, (2,), float32)`:
@@ -104,6 +100,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     | `late_ticks` | | number of steps that came too late |
     | `steering_us` | us | pulse of the servo that was sent last; 0: none |
     | `throttle_us` | us | pulse of the motor controller that was sent last; 0: none |
+    | `warnings` | | if there are any: the faults that are only told, a text each |
     | `armed_again_after` | | of `reset` alone, if the actuator's process had stopped the car: why, in words |
 
     ## Arguments
@@ -115,11 +112,13 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     | argument | default | meaning |
     | --- | --- | --- |
-    | `calibration` | `'tt01'` | Pulses of the car: the name of a packaged calibration, the path of a file, or a `CarCalibration`. |
-    | `output` | `'recorder'` | `"recorder"` keeps the pulses, `"pca9685"` drives by the PWM board, or a `PulseOutput` or an `ActuatorProcess` of your own. |
-    | `sensors` | `None` | `"srf08"`: three ultrasonics. An object of your own, see `tral_env.hardware.sensors.Sensors`. `None`: no reading. |
-    | `bus` | `1` | I2C bus of what is opened by name: a number, a path, or an object like `smbus2.SMBus`. |
-    | `limits` | `None` | When the actuator's process stops the car: `tral_env.hardware.actuator.settings.Limits`. `None`: its defaults, without `evidence_s` for a car without sensors. Refused where no such process is started. |
+    | `config` | `None` | The car file, such as ``"car.toml"``: path, or a `CarFile`. It names board, pulses, sensors and limits. |
+    | `calibration` | `None` | Pulses of the car: the name of a packaged calibration, the path of a file, or a `CarCalibration`. `None`: those of the car file, or of `"tt01"` without one. |
+    | `output` | `None` | `"recorder"` keeps the pulses, `"pca9685"` drives by the PWM board, or a `PulseOutput` or an `ActuatorProcess` of your own. `None`: the board of the car file, or `"recorder"` without one. |
+    | `sensors` | `None` | `"srf08"`: three ultrasonics; `"none"`: no reading. An object of your own, see `tral_env.hardware.sensors.Sensors`. `None`: those of the car file, or none without one. |
+    | `bus` | `None` | I2C bus of what is opened by name: a number, a path, or an object like `smbus2.SMBus`. `None`: bus 1. The car file has its own. |
+    | `limits` | `None` | When the actuator's process stops the car: `tral_env.hardware.actuator.settings.Limits`. `None`: those of the car file, or the defaults; for a car without sensors without `evidence_s`. Refused where no such process is started. |
+    | `faults` | `None` | By which numbers faults are noticed: `tral_env.hardware.faults.FaultLimits`. `None`: its defaults, and the battery of the car file, where the actuator's process drives; elsewhere no fault stops the car, because a car that is not driven does not move. |
     | `groups` | `()` | Optional groups of readings behind the core ones; the sensors must name all of them in `provided_readings`. |
     | `max_duration_s` | `60.0` | Length of an episode, s, above 0. |
     | `record` | `None` | Each episode is recorded into this file, or beside it if it exists: `drive.mcap`, `drive-2.mcap`. See `watch`. `None`: nothing is. |
@@ -136,11 +135,13 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     def __init__(
         self,
         *,
-        calibration: str | Path | CarCalibration = "tt01",
-        output: str | PulseOutput | ActuatorProcess = "recorder",
+        config: str | Path | CarFile | None = None,
+        calibration: str | Path | CarCalibration | None = None,
+        output: str | PulseOutput | ActuatorProcess | None = None,
         sensors: str | Sensors | None = None,
-        bus: BusName | Smbus = 1,
+        bus: BusName | Smbus | None = None,
         limits: Limits | None = None,
+        faults: FaultLimits | None = None,
         groups: Iterable[str] = (),
         max_duration_s: float = 60.0,
         record: str | Path | None = None,
@@ -166,29 +167,31 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._layout = Layout.of(groups)
         self.observation_space: spaces.Box = self._layout.space()  # type: ignore[assignment]
         self.action_space: spaces.Box = action_space()  # type: ignore[assignment]
-        self.calibration = load_calibration(calibration)
+        self._unasked = {field.name for fields in OPTIONAL_GROUPS.values() for field in fields} - {*self._layout.names}
+        self.readings: Mapping[str, float] = {}
+        """What the sensors told last, also what the observation has no field for, such as the battery."""
         self._max_duration_s, self._clock, self._sleep = max_duration_s, clock, sleep
         self._running, self._closed = False, False
         self._episode = Episode()
-        opened = named(bus)
-        _check_limits(limits, output, opened)
-        if limits is None:
-            limits = Limits(evidence_s=None) if sensors is None else Limits()
-        # The board first: until it is set up it answers to the address of the first ultrasonic too.
-        self.output = _output(output, self.calibration, opened, limits, clock, sleep)
-        self._commands = _commands(self.output, self.calibration)
-        self.sensors: Sensors | None = None
-        try:
-            self.sensors = _sensors(sensors, opened, sleep)
-            _check_provided(groups, self.sensors)
-        except BaseException:
-            if isinstance(sensors, str) and self.sensors is not None:
-                self.sensors.stop()
-            self.output.close()
-            raise
-        self.recording = episode_recorder(
-            record, self._layout, clock, self.calibration, output=output, sensors=sensors, max_duration_s=max_duration_s
+        self.calibration, self.output, self._commands, self.sensors, self._watch = open_parts(
+            Wanted(
+                config=config,
+                calibration=calibration,
+                output=output,
+                sensors=sensors,
+                bus=bus,
+                limits=limits,
+                faults=faults,
+                groups=groups,
+                clock=clock,
+                sleep=sleep,
+            )
         )
+        self.recording = episode_recorder(
+            record, self._layout, clock, self.calibration,
+            config=str(config) if isinstance(config, str | Path) else config, output=output, sensors=sensors,
+            max_duration_s=max_duration_s,
+        )  # fmt: skip
         """Records the episodes, or nothing without `record`."""
         watch_frames(self.sensors, self.recording.frame)
         watch_images(self.sensors, self.recording.image)
@@ -207,6 +210,11 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             files: files of the policy that a recording keeps, name -> content; from the next reset on.
         """
         self.recording.watch(policy, files)
+
+    @property
+    def retries(self) -> int:
+        """Number of transactions with the board that were tried again."""
+        return self._commands.retries
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -232,6 +240,8 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
                 self.sensors.start()
             self._commands.resume()
             self._episode = Episode(start_s=self._clock(), evidence=self._episode.evidence)
+            if self._watch is not None:
+                self._watch.reset()
             observation = self._observe()
         self._running = True
         return observation, self._info() | ({"armed_again_after": stopped_by} if stopped_by else {})
@@ -245,6 +255,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         Raises:
             ConfigError: the action has another shape, or is not finite; neutral has been commanded.
             HardwareError: a device failed; neutral has been commanded.
+            CarStoppedError: a fault was noticed, and the car was stopped.
             ResetNeeded: there was no reset, or the episode is over.
         """
         if not self._running:
@@ -263,11 +274,23 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
                 late_ticks=self._episode.late_ticks,
                 lateness_s=self._episode.lateness_s,
             )
+            self._stop_at_a_fault()
             truncated = self._clock() - self._episode.start_s >= self._max_duration_s
             if truncated:
                 self._running = False
                 self._commands.neutral()
         return observation, 0.0, False, truncated, self._info()
+
+    def stop(self) -> None:
+        """Stop the car at once, in an emergency; only `reset` arms it again.
+
+        With the actuator's process it brakes, if `Limits.brake` says so; otherwise it goes to neutral.
+
+        Raises:
+            HardwareError: a device does not answer.
+        """
+        self._running = False
+        self._commands.stop()
 
     def close(self) -> None:
         """Send neutral, then let go of all devices; a second call does nothing.
@@ -312,19 +335,43 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             if not np.isfinite(value):
                 raise HardwareError(f"the sensors say {name} = {value!r}: expected a finite number")
         self._episode.weigh(readings)
+        self.readings = readings
         steering, throttle = self._commands.applied
-        observation: Observation = self._layout.pack({**readings, "steering": steering, "throttle": throttle}, 1)[0]
+        asked = {name: value for name, value in readings.items() if name not in self._unasked}
+        observation: Observation = self._layout.pack({**asked, "steering": steering, "throttle": throttle}, 1)[0]
         self._episode.observation = observation
         return observation
 
+    def _stop_at_a_fault(self) -> None:
+        """Look at the car after a tick; a fault that stops it is an error.
+
+        Raises:
+            CarStoppedError: the car was stopped.
+        """
+        if self._watch is None:
+            return
+        episode, commands = self._episode, self._commands
+        image = image_times(self.sensors)
+        look = Look(
+            self._clock(), self.readings, commands.applied[1],
+            image_s=image and image.exposed_s, changed_s=image and image.changed_s,
+            retries=commands.retries, late_ticks=episode.late_ticks, ticks=episode.tick,
+        )  # fmt: skip
+        if fault := self._watch.update(look):
+            commands.stop()
+            self.recording.say(str(fault), "error")
+            raise CarStoppedError(str(fault))
+
     def _info(self) -> dict[str, Any]:
         steering_us, throttle_us = self._commands.pulses_us
-        return {
+        info = {
             "tick": self._episode.tick,
             "late_ticks": self._episode.late_ticks,
             "steering_us": steering_us,
             "throttle_us": throttle_us,
         }
+        warned = self._watch.warnings if self._watch is not None else ()
+        return info | ({"warnings": tuple(map(str, warned))} if warned else {})
 
     @contextmanager
     def _neutral_if_it_fails(self) -> Iterator[None]:
@@ -341,56 +388,3 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             if isinstance(error, OSError) and not isinstance(error, HardwareError):
                 raise HardwareError(f"a device of the car failed, neutral was commanded: {error}") from error
             raise
-
-
-def _output(
-    output: str | PulseOutput | ActuatorProcess,
-    calibration: CarCalibration,
-    bus: int | str | Smbus,
-    limits: Limits,
-    clock: Callable[[], float],
-    sleep: Callable[[float], None],
-) -> PulseOutput | ActuatorProcess:
-    if not isinstance(output, str):
-        return output
-    if output == "recorder":
-        return Recorder(calibration, clock)
-    if output == "pca9685" and not calibration.clock_measured:
-        warnings.warn(_UNMEASURED.format(calibration.name), stacklevel=3)
-    if output == "pca9685" and isinstance(bus, int | str):
-        return ActuatorProcess(actuator_settings(calibration, bus, limits))
-    if output == "pca9685":
-        return Pca9685(calibration, bus, sleep=sleep)
-    raise ConfigError(f"unknown output '{output}': {nearest(output, OUTPUTS)}")
-
-
-def _check_limits(limits: Limits | None, output: object, bus: object) -> None:
-    if limits is not None and not (output == "pca9685" and isinstance(bus, int | str)):
-        raise ConfigError(
-            "limits= has an effect only with output='pca9685' and a bus by number or path, because the actuator's "
-            "process keeps them: leave it out, or give them to your own ActuatorProcess"
-        )
-
-
-def _commands(output: PulseOutput | ActuatorProcess, calibration: CarCalibration) -> Commands:
-    return output if isinstance(output, ActuatorProcess) else PulseCommands(output, calibration)
-
-
-def _check_provided(groups: Sequence[str], sensors: Sensors | None) -> None:
-    provided = sorted(provided_by(sensors) or ())
-    for group in groups:
-        missing = [field.name for field in OPTIONAL_GROUPS[group] if field.name not in provided]
-        if missing:
-            raise ConfigError(
-                f"groups: the sensors of this car do not provide {', '.join(missing)} of the group '{group}'. "
-                f"They provide {', '.join(provided) or 'nothing by name'}: give sensors that name these readings in "
-                "`provided_readings`, or leave the group out"
-            )
-
-
-def _sensors(sensors: str | Sensors | None, bus: int | str | Smbus, sleep: Callable[[float], None]) -> Sensors | None:
-    if not isinstance(sensors, str):
-        return sensors
-    if sensors == "srf08":
-        return SonarArray(bus, sleep=sleep)
-    raise ConfigError(f"unknown sensors '{sensors}': {nearest(sensors, SENSORS)}")

@@ -8,12 +8,12 @@ from __future__ import annotations
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from tral_env.arrays import Array
 from tral_env.errors import ConfigError
-from tral_env.hardware.actuator.laws import Channel, pulse_us, slewed
+from tral_env.hardware.actuator.laws import Channel, command_of, pulse_us, slewed
 from tral_env.json_text import whole
 
 _MIN_TRAVEL_US = 50
@@ -180,11 +180,6 @@ class CarCalibration(_Section):
         return limited
 
 
-def _knots(calibration: CarCalibration) -> NDArray[np.int64]:
-    """Knots of steering and throttle, (4, 2) us: minus, centre, plus, skip."""
-    return np.array([calibration.steering.knots, calibration.throttle.knots]).T
-
-
 def checked(action: ArrayLike) -> Array:
     """Check that a command is finite, and bring it into [-1, 1].
 
@@ -236,13 +231,9 @@ def action_of(pulses_us: ArrayLike, calibration: CarCalibration) -> Array:
         ConfigError: the pulses have another shape, or are not finite.
     """
     us = calibration.limited(pulses_us)
-    minus, centre, plus, skip = _knots(calibration)
-    positive = (us - centre) * (plus - centre) > 0
-    end = np.where(positive, plus, minus)
-    start = centre + np.sign(end - centre) * skip
-    share = np.clip((us - start) / (end - start), 0.0, 1.0)
-    command: Array = np.where(positive, share, 0.0 - share)
-    return command
+    steering, throttle = calibration.laws
+    rows = [[command_of(turn, steering), command_of(drive, throttle)] for turn, drive in us.reshape(-1, 2).tolist()]
+    return np.array(rows, np.float64).reshape(us.shape)
 
 
 def limit_slew(action: ArrayLike, last: ArrayLike, period_s: float, calibration: CarCalibration) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +74,21 @@ def watch_images(sensors: Sensors | None, watcher: ImageWatcher) -> None:
         watch(watcher)
 
 
+class ImageTimes(NamedTuple):
+    """Times of a camera's images on the environment's clock, s."""
+
+    exposed_s: float
+    """Of the newest one."""
+    changed_s: float
+    """Of the newest one that differed from the one before it."""
+
+
+def image_times(sensors: Sensors | None) -> ImageTimes | None:
+    """Times of the images of a camera among sensors; None: there is none."""
+    times: ImageTimes | None = getattr(sensors, "image_times", None)
+    return times
+
+
 class SensorGroup(Physical):
     """Several sensors as one."""
 
@@ -87,6 +102,11 @@ class SensorGroup(Physical):
         named = [provided_by(member) for member in self._members]
         known = [names for names in named if names is not None]
         return frozenset().union(*known) if len(known) == len(named) else None
+
+    @property
+    def image_times(self) -> ImageTimes | None:
+        """Times of the images of the first camera; None: there is none."""
+        return next((times for member in self._members if (times := image_times(member)) is not None), None)
 
     def watch_frames(self, watcher: FrameWatcher) -> None:
         """Call a watcher for each frame of each sensor."""
@@ -152,11 +172,15 @@ class HallCounter(Physical):
         with self._lock:
             self._edges.reset(_WHEEL)
 
-    def edge(self) -> None:
-        """Count a magnet that has passed now; another thread may call it."""
-        now = self._clock()
+    def edge(self, when: float | None = None) -> None:
+        """Count a magnet that has passed; another thread may call it.
+
+        Args:
+            when: time of its edge on the environment's clock, s; None: now.
+        """
+        stamp = self._clock() if when is None else when
         with self._lock:
-            self._edges.edge(_PASSED, now)
+            self._edges.edge(_PASSED, stamp)
         if self._watcher is not None:
             self._watcher("hall", b"\1")
 

@@ -1,4 +1,4 @@
-"""Three SRF08 ultrasonic rangers on the I2C bus. Source of registers and commands: data sheet of the SRF08."""
+"""Three ultrasonic rangers SRF08 or SRF02 on the I2C bus. Source of registers and commands: their data sheets."""
 
 from __future__ import annotations
 
@@ -43,7 +43,11 @@ _START_ATTEMPTS = 10
 
 
 class Srf08(Physical):
-    """One ranger: its registers, without any notion of time."""
+    """One ranger SRF08: its registers, without any notion of time."""
+
+    model = "SRF08"
+    hears_all = True
+    """Whether it also takes what is written to the address of all."""
 
     def __init__(self, device: Device, config: UltrasonicConfig) -> None:
         """Name a ranger; nothing is sent yet."""
@@ -79,6 +83,22 @@ class Srf08(Physical):
         return metres if readable(metres, self._config) else NO_ECHO_M
 
 
+class Srf02(Srf08):
+    """One ranger SRF02: it chooses gain and range by itself, and hears only its own address."""
+
+    model = "SRF02"
+    hears_all = False
+
+    def configure(self) -> None:
+        """Find out whether it answers.
+
+        Raises:
+            HardwareError: no answer.
+        """
+        if self.busy():
+            raise self._device.nonsense("busy")
+
+
 class SonarArray(Physical):
     """The three rangers as `Sensors`: it fires them again and again, reads them when ready, and never waits."""
 
@@ -89,6 +109,7 @@ class SonarArray(Physical):
         addresses: Mapping[str, int] = ADDRESSES,
         firing: str = "together",
         sleep: Callable[[float], None] = time.sleep,
+        ranger: type[Srf08] = Srf08,
     ) -> None:
         """Open the bus; nothing is sent yet.
 
@@ -96,9 +117,10 @@ class SonarArray(Physical):
             bus: see `Bus`.
             config: mode, cadence, range and scale.
             addresses: side -> address, 7 bit.
-            firing: "together" by broadcast, each at the full cadence, as the cars of 2016 did; or "in turn", one each
-                cadence, which is three times slower and without crosstalk.
+            firing: "together", each at the full cadence, as the cars of 2016 did; or "in turn", one each cadence, which
+                is three times slower and without crosstalk.
             sleep: waits some seconds; only `start` uses it.
+            ranger: `Srf08` or `Srf02`.
 
         Raises:
             ConfigError: a side or a firing that does not exist, or a range that no SRF08 has.
@@ -118,9 +140,9 @@ class SonarArray(Physical):
                 f"{_MAX_RANGE_M:g} m at most"
             )
         self._bus = Bus(bus)
-        self._broadcast = Srf08(self._bus.device(_BROADCAST, "ultrasonics, all together,"), self._config)
+        self._broadcast = ranger(self._bus.device(_BROADCAST, "ultrasonics, all together,"), self._config)
         self._rangers = {
-            side: Srf08(self._bus.device(address, f"{side} ultrasonic SRF08"), self._config)
+            side: ranger(self._bus.device(address, f"{side} ultrasonic {ranger.model}"), self._config)
             for side, address in addresses.items()
         }
         self._together, self._sleep = firing == "together", sleep
@@ -186,7 +208,8 @@ class SonarArray(Physical):
     def _fire(self, now: float) -> None:
         sides = tuple(self._rangers)
         if self._together:
-            self._broadcast.fire()
+            for each in [self._broadcast] if self._broadcast.hears_all else self._rangers.values():
+                each.fire()
             self._listening = set(sides)
         else:
             side = sides[self._turn % len(sides)]

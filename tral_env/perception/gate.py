@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,9 @@ from numpy.typing import NDArray
 from tral_env.arrays import Array, Flags
 from tral_env.interface import DICTIONARY_SIZE, GATE_MARKER_IDS, NOTHING_SEEN_ID
 from tral_env.se2 import wrap
+
+if TYPE_CHECKING:
+    from tral_env.perception.aruco import MarkerPoses
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +75,12 @@ def nearest_gate_and_marker(ids: NDArray[np.int64], x: Array, y: Array, heading:
     table = np.full((3, len(ids), DICTIONARY_SIZE), np.nan)
     table[:, row[order], marker[order]] = np.stack([x, y, heading])[:, order]
     return Detection(*_nearest_gate(*table), *_nearest(*table))
+
+
+def nearest_in_image(poses: MarkerPoses) -> Detection:
+    """The nearest complete gate and the nearest marker of one image, as a row; see `nearest_gate_and_marker`."""
+    valid = np.ones((1, len(poses.ids)), np.bool_)
+    return nearest_gate_and_marker(poses.ids[None], poses.x[None], poses.y[None], poses.heading[None], valid)
 
 
 def _nearest_gate(x: Array, y: Array, heading: Array) -> tuple[Array, Array, Array, Array]:

@@ -14,7 +14,7 @@ from tral_env.noise import NoiseTape
 from tral_env.perception.aruco import Detector, marker_poses
 from tral_env.perception.camera import OnboardCamera
 from tral_env.perception.degrade import ImageCorruption, degrade
-from tral_env.perception.gate import Detection, nearest_gate_and_marker
+from tral_env.perception.gate import Detection, nearest_gate_and_marker, nearest_in_image
 from tral_env.perception.projected import NOISE_PLACES, NORMALS, UNIFORMS, Scenery, project
 from tral_env.simulation.render_scene import RenderScene
 
@@ -193,8 +193,7 @@ class RenderedVision:
     def _look(self, row: int, qpos: Array, mounting: Array) -> Detection:
         image = self._webcam.image(row, qpos, mounting)
         poses = marker_poses(self._detector.detect(image), self._lens, self._car)
-        valid = np.ones((1, len(poses.ids)), bool)
-        return nearest_gate_and_marker(poses.ids[None], poses.x[None], poses.y[None], poses.heading[None], valid)
+        return nearest_in_image(poses)
 
     def last_image(self, row: int) -> Image | None:
         """See `Vision`."""

@@ -1,4 +1,4 @@
-"""The `tral` command: drive, replay, courses, fsm, tune, train, calibrate, detect, print, doctor, bench.
+"""The `tral` command: drives, cars, machines, tuning, training, calibration, printing, speed; `tral --help` lists all.
 
 Each subcommand has a file; heavy modules are imported when a command needs them.
 """
@@ -11,17 +11,21 @@ import typer
 
 from tral_fsm.cli.bench import app as bench_app
 from tral_fsm.cli.calibrate import command as calibrate_command
+from tral_fsm.cli.car import app as car_app
 from tral_fsm.cli.compare import command as compare_command
 from tral_fsm.cli.console import Guarded
 from tral_fsm.cli.courses import command as courses_command
+from tral_fsm.cli.deploy import command as deploy_command
 from tral_fsm.cli.detect import command as detect_command
 from tral_fsm.cli.doctor import command as doctor_command
 from tral_fsm.cli.drive import command as drive_command
 from tral_fsm.cli.fsm import app as fsm_app
 from tral_fsm.cli.print import app as print_app
 from tral_fsm.cli.replay import command as replay_command
+from tral_fsm.cli.teleop import command as teleop_command
 from tral_fsm.cli.train import command as train_command
 from tral_fsm.cli.tune import command as tune_command
+from tral_fsm.cli.twin import app as twin_app
 
 app = typer.Typer(
     name="tral",
@@ -33,6 +37,8 @@ app = typer.Typer(
 )
 app.command("drive")(drive_command)
 app.command("replay")(replay_command)
+app.command("deploy")(deploy_command)
+app.command("teleop")(teleop_command)
 app.command("courses")(courses_command)
 app.command("compare")(compare_command)
 app.command("tune")(tune_command)
@@ -40,9 +46,11 @@ app.command("train")(train_command)
 app.command("calibrate")(calibrate_command)
 app.command("detect")(detect_command)
 app.command("doctor")(doctor_command)
+app.add_typer(car_app, name="car")
 app.add_typer(fsm_app, name="fsm")
 app.add_typer(print_app, name="print")
 app.add_typer(bench_app, name="bench")
+app.add_typer(twin_app, name="twin")
 
 
 def _show_version(wanted: bool) -> None:

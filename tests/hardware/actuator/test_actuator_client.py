@@ -253,7 +253,7 @@ def test_a_closed_actuator_takes_no_command(process: type[Thread]) -> None:
 
 
 def test_a_missing_library_is_named_with_its_extra(process: type[Thread]) -> None:
-    process.says = {"kind": "MissingExtraError", "error": "no smbus2"}
+    process.says = {"missing": ["smbus2", "car", "the I2C bus"], "error": "no smbus2"}
     with pytest.raises(MissingExtraError, match="smbus2"):
         ActuatorProcess(settings())
 

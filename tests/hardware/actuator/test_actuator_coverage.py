@@ -8,13 +8,30 @@ import pytest
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
-DECIDES = ("laws", "wire", "settings", "guard", "pca9685", "worker", "keeper", "drivers", "client", "rights")
+DECIDES = (
+    "laws",
+    "wire",
+    "settings",
+    "options",
+    "guard",
+    "pca9685",
+    "sysfs_pwm",
+    "serial_boards",
+    "worker",
+    "keeper",
+    "drivers",
+    "client",
+    "rights",
+)
 TESTS = (
     "actuator_laws",
     "wire",
     "actuator_settings",
     "guard",
     "board_registers",
+    "boards_by_name",
+    "sysfs_pwm",
+    "serial_boards",
     "worker",
     "keeper",
     "actuator_client",

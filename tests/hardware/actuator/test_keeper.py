@@ -358,6 +358,25 @@ def test_a_container_is_refused_before_anything_is_sent(chip: Any, monkeypatch: 
     assert b"in_container=True" in told
 
 
+def test_a_library_that_is_missing_is_told_with_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "serial", None)
+    given = replace(settings(), driver="board2016", bus="/dev/null", options={"port": "/dev/null"})
+    status, told = begun(given)
+    assert status == 1
+    assert json.loads(told)["missing"] == ["pyserial", "car", "the serial board of the car"]
+
+
+def test_a_folder_of_devices_has_one_owner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(keeper, "_CLAIM_S", 0.0)
+    given = replace(settings(), bus=str(tmp_path), options={"bus": str(tmp_path / "log")})
+    owner = os.open(tmp_path, os.O_RDONLY | os.O_DIRECTORY)
+    fcntl.flock(owner, fcntl.LOCK_EX)
+    status, told = begun(given)
+    os.close(owner)
+    assert (status, json.loads(told)["kind"]) == (1, "HardwareError")
+    assert f"another process drives the board at 0x40 on {tmp_path}".encode() in told
+
+
 @pytest.mark.parametrize("meant", [True, False])
 def test_parent_and_child_of_the_fork_are_keeper_and_worker(
     chip: Any, monkeypatch: pytest.MonkeyPatch, unnamed: list[str], meant: bool

@@ -6,6 +6,7 @@ from pathlib import Path
 from faults import PROGRAMS, SIGNALS
 
 from tral_env.hardware.actuator.settings import Limits
+from tral_env.hardware.faults import FAULTS, FaultLimits
 
 PAGE = (Path(__file__).parents[3] / "docs" / "safety.md").read_text("utf-8")
 
@@ -24,3 +25,17 @@ def test_the_laws_have_the_numbers_of_the_code() -> None:
     assert len(told) == 8
     for name, number in told:
         assert getattr(Limits(), name) == float(number)
+
+
+def test_the_faults_are_those_of_the_code() -> None:
+    told = re.findall(r"^\| ([a-z ]+) \| (stop|warn) \| (`.+?) \| (.+) \|$", PAGE, re.MULTILINE)
+    limits = FaultLimits()
+    assert told == [
+        (
+            fault.name,
+            fault.decision.value,
+            ", ".join(f"`{name}` = {getattr(limits, name):g}" for name in fault.limits),
+            fault.meaning,
+        )
+        for fault in FAULTS.values()
+    ]

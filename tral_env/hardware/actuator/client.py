@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from tral_env.errors import HardwareError, MissingExtraError
+from tral_env.hardware.actuator.drivers import BOARDS, board_class
 from tral_env.hardware.actuator.guard import OFF
 from tral_env.hardware.actuator.laws import pulse_us
 from tral_env.hardware.actuator.settings import Settings
@@ -68,7 +69,7 @@ class ActuatorProcess(Physical):
         with theirs:
             self._process = subprocess.Popen(
                 [sys.executable, "-I", str(Path(__file__).with_name("__main__.py")), str(theirs.fileno()),
-                 settings.to_json(), *_library_folder()],
+                 settings.to_json(), *library_folders(settings.driver)],
                 pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, start_new_session=True,
             )  # fmt: skip
         self._sequence, self._evidence = 0, 0
@@ -93,6 +94,11 @@ class ActuatorProcess(Physical):
         if self._reply is None:
             return self._settings.steering.centre_us, self._settings.throttle.centre_us
         return self._reply.steering_us, self._reply.throttle_us
+
+    @property
+    def retries(self) -> int:
+        """Number of transactions with the board that were tried again."""
+        return 0 if self._reply is None else self._reply.retries
 
     @property
     def reply(self) -> Reply | None:
@@ -243,8 +249,8 @@ class ActuatorProcess(Physical):
         if not packet:
             raise HardwareError("the actuator's process ended before it began; its error stands above")
         hello: dict[str, Any] = json.loads(packet)
-        if hello.get("kind") == MissingExtraError.__name__:
-            raise MissingExtraError("smbus2", "car", "the I2C bus of the car")
+        if "missing" in hello:
+            raise MissingExtraError(*hello["missing"])
         if "error" in hello:
             raise HardwareError(hello["error"])
         return hello
@@ -296,7 +302,15 @@ class ActuatorProcess(Physical):
         return HardwareError(f"the actuator's process is gone; its keeper ends the pulses{told}. Open the car anew")
 
 
-def _library_folder() -> list[str]:
-    """Folder of the bus's library, which an isolated interpreter does not find if only this user has it."""
-    found = importlib.util.find_spec("smbus2")
-    return [] if found is None or found.origin is None else [str(Path(found.origin).parents[1])]
+def library_folders(driver: str) -> list[str]:
+    """Folders of the libraries of the buses and of the driver.
+
+    An isolated interpreter does not find them by itself if only this user has them.
+    """
+    names = ["smbus2", "serial"]
+    if driver not in BOARDS:
+        names.append(board_class(driver).__module__.partition(".")[0])
+    specs = [importlib.util.find_spec(name) for name in names]
+    modules = [Path(spec.origin) for spec in specs if spec is not None and spec.origin is not None]
+    folders = [module.parents[1] if module.name == "__init__.py" else module.parent for module in modules]
+    return list(dict.fromkeys(map(str, folders)))

@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+import difflib
 import os
 import time
-from typing import Protocol
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from tral_env.errors import ConfigError
 from tral_env.hardware.actuator.laws import clamped
+from tral_env.hardware.actuator.options import check_quantities, quantity
 from tral_env.hardware.actuator.pca9685 import Board
-from tral_env.hardware.actuator.settings import Settings
+from tral_env.hardware.actuator.serial_boards import Board2016Options, UcboardOptions
+from tral_env.hardware.actuator.settings import MAX_ADDRESS, MIN_ADDRESS, Settings
+from tral_env.hardware.actuator.sysfs_pwm import SysfsPwmOptions
 from tral_env.hardware.i2c import Bus
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 ATTEMPTS = 3
 """A transaction is tried so often within one tick."""
 BUDGET_S = 0.005
 """No attempt begins later than this after the first: a tick lasts 10 ms."""
+GROUP = "tral_env.actuators"
+"""Entry point group of boards of other distributions: an entry names a class as in `BOARDS`."""
 
 
 class Driver(Protocol):
@@ -35,16 +46,84 @@ class Driver(Protocol):
         ...
 
 
+class BoardOptions(Protocol):
+    """A frozen dataclass with the options of a board, such as a car file gives them; it opens the board."""
+
+    has_own_clock: ClassVar[bool]
+    """Whether the length of the board's pulses hangs on an oscillator that has to be measured."""
+
+    @property
+    def device(self) -> int | str:
+        """Device file of the board, or number of its I2C bus: one process alone may drive it."""
+        ...
+
+    def open(self, settings: Settings) -> Driver:
+        """Open the board; nothing is sent yet.
+
+        Raises:
+            OSError: it cannot be opened.
+        """
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pca9685Options:
+    """The PWM board PCA9685 on an I2C bus."""
+
+    has_own_clock: ClassVar[bool] = True
+    bus: int | str = quantity(1, 0, 255)
+    """I2C bus by number or path; 1 is /dev/i2c-1."""
+    address: int = quantity(0x40, MIN_ADDRESS, MAX_ADDRESS)
+    """Address of the board, 7 bit."""
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        check_quantities(self)
+
+    @property
+    def device(self) -> int | str:
+        """The bus."""
+        return self.bus
+
+    def open(self, settings: Settings) -> Driver:
+        """Open the bus; see `BoardOptions.open`."""
+        return Board(
+            Bus(self.bus).device(self.address, "PWM board PCA9685"),
+            period_us=settings.period_us,
+            oscillator_hz=settings.oscillator_hz,
+            steering=settings.steering,
+            throttle=settings.throttle,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogOptions:
+    """No board: a file that takes the pulses, for tests and dry runs."""
+
+    has_own_clock: ClassVar[bool] = False
+    bus: str = "/dev/null"
+    """Path of the file."""
+
+    @property
+    def device(self) -> str:
+        """The file."""
+        return self.bus
+
+    def open(self, settings: Settings) -> Driver:
+        """Open the file; see `BoardOptions.open`."""
+        return LogDriver(self.bus, settings)
+
+
 class LogDriver:
     """Writes each pulse with its time into a file: ``<CLOCK_MONOTONIC in ns> <steering us> <throttle us>``; 0 0 is off.
 
     A FIFO as the file is a bus that blocks, ``/dev/full`` a bus that refuses.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, path: str, settings: Settings) -> None:
         """Open the file."""
         self._channels = settings.steering, settings.throttle
-        self._file = os.open(str(settings.bus), os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+        self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
 
     def start(self) -> None:
         """Write neutral."""
@@ -68,29 +147,61 @@ class LogDriver:
         os.write(self._file, f"{time.monotonic_ns()} {steering_us:g} {throttle_us:g}\n".encode())
 
 
-def _pca9685(settings: Settings) -> Driver:
-    return Board(
-        Bus(settings.bus).device(settings.address, "PWM board PCA9685"),
-        period_us=settings.period_us,
-        oscillator_hz=settings.oscillator_hz,
-        steering=settings.steering,
-        throttle=settings.throttle,
-    )
+BOARDS: Mapping[str, type[BoardOptions]] = {
+    "pca9685": Pca9685Options,
+    "sysfs-pwm": SysfsPwmOptions,
+    "board2016": Board2016Options,
+    "ucboard": UcboardOptions,
+    "log": LogOptions,
+}
+"""Boards of this package by name."""
 
 
-DRIVERS = {"pca9685": _pca9685, "log": LogDriver}
-"""Drivers by name."""
+def board_names() -> tuple[str, ...]:
+    """Names of all boards, those of other distributions too."""
+    return tuple(dict.fromkeys([*BOARDS, *sorted(entry.name for entry in _foreign())]))
+
+
+def board_class(name: str) -> type[BoardOptions]:
+    """The class of a board.
+
+    Raises:
+        ConfigError: no board has this name, or its class cannot be loaded.
+    """
+    if name in BOARDS:
+        return BOARDS[name]
+    for entry in (entry for entry in _foreign() if entry.name == name):
+        try:
+            found: type[BoardOptions] = entry.load()
+        except Exception as error:
+            raise ConfigError(
+                f"the board '{name}' ({entry.value}) cannot be loaded: {type(error).__name__}: {error}"
+            ) from error
+        return found
+    match = difflib.get_close_matches(name, board_names(), n=1)
+    hint = f"did you mean '{match[0]}'? " if match else ""
+    raise ConfigError(f"unknown driver '{name}', {hint}expected {', '.join(board_names())}")
+
+
+def _foreign() -> Iterable[EntryPoint]:
+    """Boards of other distributions. A worker with a board of this package need not load what finds them."""
+    from importlib.metadata import entry_points
+
+    return entry_points(group=GROUP)
 
 
 def open_driver(settings: Settings) -> Driver:
     """Open a board; nothing is sent yet.
 
     Raises:
-        ConfigError: no driver has this name.
+        ConfigError: no driver has this name, or it does not take an option.
         MissingExtraError: the library of the bus is not installed.
         OSError: the bus cannot be opened.
     """
-    if settings.driver not in DRIVERS:
-        raise ConfigError(f"unknown driver '{settings.driver}', expected {', '.join(DRIVERS)}")
-    driver: Driver = DRIVERS[settings.driver](settings)
+    kind: Any = board_class(settings.driver)
+    options = settings.options
+    if options is None:
+        own = {each.name for each in fields(kind)}
+        options = {name: value for name, value in (("bus", settings.bus), ("address", settings.address)) if name in own}
+    driver: Driver = kind(**options).open(settings)
     return driver

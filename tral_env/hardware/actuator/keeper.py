@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import NoReturn
 
-from tral_env.errors import ConfigError, HardwareError, TralError
+from tral_env.errors import ConfigError, HardwareError, MissingExtraError, TralError
 from tral_env.hardware.actuator import rights
 from tral_env.hardware.actuator.drivers import Driver, open_driver
 from tral_env.hardware.actuator.pca9685 import all_off, still_on
@@ -75,7 +75,9 @@ def main(arguments: list[str]) -> int:
                 driver.start()
                 return _fork(settings, driver, commands, policy)
         except (TralError, OSError) as error:
-            told = {"error": str(error), "kind": type(error).__name__}
+            told: dict[str, object] = {"error": str(error), "kind": type(error).__name__}
+            if isinstance(error, MissingExtraError):
+                told["missing"] = error.missing
             with suppress(OSError):
                 commands.send(json.dumps(told).encode()[:MAX_PACKET])
             return 1
@@ -106,9 +108,10 @@ def _claimed(settings: Settings) -> Iterator[None]:
     """
     bus = f"/dev/i2c-{settings.bus}" if isinstance(settings.bus, int) else settings.bus
     lock = struct.pack("hhqqi4x", fcntl.F_WRLCK, os.SEEK_SET, settings.address, 1, 0)
-    file, until_s = os.open(bus, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC), time.monotonic() + _CLAIM_S
+    how = os.O_RDONLY | os.O_DIRECTORY if os.path.isdir(bus) else os.O_RDWR | os.O_NONBLOCK | os.O_NOCTTY  # noqa: PTH112
+    file, until_s = os.open(bus, how | os.O_CLOEXEC), time.monotonic() + _CLAIM_S
     try:
-        while not _locks(file, lock):
+        while not _locks(file, lock if how & os.O_RDWR else None):
             if time.monotonic() > until_s:
                 raise HardwareError(
                     f"another process drives the board at 0x{settings.address:02x} on {bus}: end it first. Its name is "
@@ -121,10 +124,13 @@ def _claimed(settings: Settings) -> Iterator[None]:
         os.close(file)
 
 
-def _locks(file: int, lock: bytes) -> bool:
-    """Whether an open file can be locked; a fork has the lock too."""
+def _locks(file: int, lock: bytes | None) -> bool:
+    """Whether an open file can be locked, or an open folder as a whole (None); a fork has the lock too."""
     try:
-        fcntl.fcntl(file, fcntl.F_OFD_SETLK, lock)
+        if lock is None:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        else:
+            fcntl.fcntl(file, fcntl.F_OFD_SETLK, lock)
     except (BlockingIOError, PermissionError):
         return False
     return True
@@ -136,7 +142,7 @@ def _check_container(settings: Settings) -> None:
     Raises:
         ConfigError: this is a container, and the settings do not say that this is meant.
     """
-    if settings.driver == "pca9685" and not settings.in_container and rights.in_container():
+    if settings.driver != "log" and not settings.in_container and rights.in_container():
         raise ConfigError(
             "the car's program runs in a container (a PID namespace): when its first process ends, the kernel kills "
             "the actuator's process too, and the last pulses stand. Run it outside. If the pin OE of the board ends "

@@ -55,6 +55,23 @@ def pulse_us(command: float, channel: Channel) -> float:
     return clamped(start + abs(command) * (end - start), channel.min_us, channel.max_us)
 
 
+def command_of(us: float, channel: Channel) -> float:
+    """Command that a pulse carries out: the inverse of `pulse_us`.
+
+    Args:
+        us: pulse, us; one beyond an end counts as that end.
+        channel: the channel.
+
+    Returns:
+        In [-1, 1]; 0 for a pulse within the skipped dead zone.
+    """
+    positive = (us - channel.centre_us) * (channel.plus_us - channel.centre_us) > 0.0
+    end = channel.plus_us if positive else channel.minus_us
+    start = channel.centre_us + math.copysign(channel.skip_us, end - channel.centre_us)
+    share = clamped((us - start) / (end - start), 0.0, 1.0)
+    return share if positive else 0.0 - share
+
+
 def slewed(wanted: float, last: float, rate_per_s: float | None, seconds: float, *, zero_at_once: bool) -> float:
     """Command that comes as near to the wanted one as a slew limit allows.
 

@@ -3,78 +3,60 @@
 from __future__ import annotations
 
 import json
-import math
-from dataclasses import asdict, dataclass, field, fields
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from tral_env.errors import ConfigError
 from tral_env.hardware.actuator.laws import Channel
+from tral_env.hardware.actuator.options import check_quantities, quantity
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """When the worker stops the car, and how far commands may go."""
+    """When the worker stops the car, and how far commands may go.
 
-    silence_s: float = 0.1
+    Beyond the largest value of a time, a fault would go on for longer than a car may drive blind: at 1 m/s, half a
+    second is half a metre.
+    """
+
+    silence_s: float = quantity(0.1, 0.02, 0.5, "s")
     """Without a new command for this long, the worker goes to neutral, s. Source: eight control periods; ArduPilot
     Rover and the mux of F1TENTH take 0.2 s."""
-    off_s: float = 0.5
+    off_s: float = quantity(0.5, 0.02, 2.0, "s")
     """After this silence the pulses end and the disarm latches, s; above `silence_s`."""
-    max_age_s: float = 0.05
+    max_age_s: float = quantity(0.05, 0.005, 0.5, "s")
     """A command that is older when the worker reads it is refused, s."""
-    evidence_s: float | None = 1.0
+    evidence_s: float | None = quantity(1.0, 0.05, 5.0, "s", optional=True)
     """Time for which the car may be told to drive without any change of its observations, s; None: for ever, which is
     for a car without sensors alone. A speed controller needs about 0.6 s until a standing car passes its first hall
     edge."""
-    arming_s: float = 1.0
+    arming_s: float = quantity(1.0, 0.0, 10.0, "s")
     """Neutral stands for this long before the motor is let go, s: a motor controller wants to see it."""
-    brake: float = 0.0
+    brake: float = quantity(0.0, -1.0, 0.0)
     """Throttle of a stop after a fault, in [-1, 0]. 0 is neutral, the one pulse that no motor controller takes for
     "drive". Below 0 brakes, and only while the last pulse that moved the car was forward: after a brake and neutral
     the same pulse would be reverse."""
-    max_throttle: float = 1.0
+    max_throttle: float = quantity(1.0, 0.0, 1.0)
     """Largest throttle forward, in [0, 1]."""
-    max_reverse: float = 1.0
+    max_reverse: float = quantity(1.0, 0.0, 1.0)
     """Largest throttle backward or brake, in [0, 1]."""
-    bus_s: float = 0.05
+    bus_s: float = quantity(0.05, 0.005, 0.5, "s")
     """The board may refuse pulses for this long, retries included, before the worker gives the drive up, s."""
-    check_s: float = 0.2
+    check_s: float = quantity(0.2, 0.02, 1.0, "s")
     """The board's settings are read back this often, s."""
-    hang_s: float = 0.08
+    hang_s: float = quantity(0.08, 0.03, 0.5, "s")
     """A worker without a sign of life for this long is killed by its keeper, s."""
 
     def __post_init__(self) -> None:
         """Check the values."""
-        for each in fields(self):
-            value = getattr(self, each.name)
-            if each.name == "evidence_s" and value is None:
-                continue
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise ConfigError(f"limits: {each.name} = {value!r}, expected a finite number")
-            low, high = _BOUNDS[each.name]
-            if not low <= value <= high:
-                raise ConfigError(f"limits: {each.name} = {value!r}, expected {low:g} to {high:g}")
+        check_quantities(self)
         if not self.silence_s < self.off_s:
             raise ConfigError(f"limits: off_s = {self.off_s!r} is not above silence_s = {self.silence_s!r}")
         if self.max_age_s > self.silence_s:
             raise ConfigError(f"limits: max_age_s = {self.max_age_s!r} is above silence_s = {self.silence_s!r}")
 
 
-_BOUNDS = {
-    "silence_s": (0.02, 0.5),
-    "off_s": (0.02, 2.0),
-    "max_age_s": (0.005, 0.5),
-    "evidence_s": (0.05, 5.0),
-    "arming_s": (0.0, 10.0),
-    "brake": (-1.0, 0.0),
-    "max_throttle": (0.0, 1.0),
-    "max_reverse": (0.0, 1.0),
-    "bus_s": (0.005, 0.5),
-    "check_s": (0.02, 1.0),
-    "hang_s": (0.03, 0.5),
-}
-"""Smallest and largest value of each limit. Beyond the largest, a fault would go on for longer than a car may drive
-blind: at 1 m/s, half a second is half a metre."""
 MIN_ADDRESS, MAX_ADDRESS = 0x08, 0x77
 """Addresses of devices on an I2C bus; the others are reserved."""
 _MIN_US, _MAX_US = 500.0, 2500.0
@@ -92,6 +74,8 @@ class Settings:
     """I2C bus by number or path; of the driver "log": path of the file."""
     address: int = 0x40
     """Address of the board, 7 bit."""
+    options: Mapping[str, Any] | None = None
+    """Options of the driver; None: its own, with this bus and this address where it has such."""
     period_us: float
     oscillator_hz: float
     steering: Channel

@@ -1,0 +1,422 @@
+"""Faults of a drive on the twin, and the times until neutral, until no pulses, and the way that the car still rolls.
+
+    python benchmarks/car_faults.py --out runs/car_faults.json
+
+Each drive is that of `tral deploy` in a process of its own, with its actuator process, on the I2C bus and the hall pin
+of a twin. After some seconds at 0.5 m/s one fault begins. What leaves the board is read every two milliseconds. The
+table is that of docs/safety.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import json
+import os
+import platform
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+HERE = Path(__file__).resolve()
+THROTTLE = 0.3
+"""The car drives at 0.5 m/s with it."""
+DRIVING_S = 2.5
+"""The fault begins after so long a drive, s."""
+LOOK_S = 0.002
+SWITCH_S = 0.0005
+"""Threads of the twin give way to each other after this time, as in a process of its own."""
+TRIES = 3
+END_S = 12.0
+"""A fault has ended the pulses after this time, or the table says that it did not."""
+LENGTH_M = 40.0
+SHORT_M = 5.5
+"""A serial board of 2016 does not tell "no echo" from "nothing new": its front ultrasonic needs a wall in reach."""
+
+
+def stop_self(number: signal.Signals) -> Callable[[], None]:
+    return lambda: os.kill(os.getpid(), number)
+
+
+def raises() -> None:
+    raise RuntimeError("a policy failed")
+
+
+def loops() -> None:
+    while True:
+        pass
+
+
+POLICY: dict[str, Callable[[], Any]] = {
+    "exception of the policy": raises,
+    "os.abort": os.abort,
+    "busy loop": loops,
+    "C code that holds the GIL": lambda: ctypes.PyDLL(None).sleep(60),
+    "NaN action": lambda: np.array([0.0, np.nan]),
+    "action of another shape": lambda: np.zeros(3),
+}
+"""Faults that the policy commits."""
+SIGNALS = {
+    "SIGTERM": ("policy", signal.SIGTERM),
+    "SIGINT": ("policy", signal.SIGINT),
+    "SIGHUP": ("policy", signal.SIGHUP),
+    "SIGKILL": ("policy", signal.SIGKILL),
+    "SIGSTOP": ("policy", signal.SIGSTOP),
+    "SIGKILL of the worker": ("tral-worker", signal.SIGKILL),
+    "SIGSTOP of the worker": ("tral-worker", signal.SIGSTOP),
+    "SIGKILL of the keeper": ("tral-keeper", signal.SIGKILL),
+    "SIGSTOP of the keeper": ("tral-keeper", signal.SIGSTOP),
+}
+"""Faults that come from outside: who gets which signal."""
+HANDS = {
+    "emergency stop on a key": "stop",
+    "gamepad lost": "lost",
+    "dead man's button let go": "let go",
+}
+"""What the person does."""
+TWIN = {
+    "sonars silent": ("sonar-silent", 1.0),
+    "sonars frozen": ("sonar-frozen", 1.0),
+    "hall off": ("hall-off", 1.0),
+    "hall bouncing": ("hall-bouncing", 1.0),
+    "I2C errors, 1 in 10": ("i2c-errors", 0.1),
+    "I2C errors, all": ("i2c-errors", 1.0),
+    "bus blocks for 1 s": ("i2c-timeout", 1.0),
+    "bus held low": ("bus-stuck", 1.0),
+    "brown-out of the board": ("brown-out", 1.0),
+    "disk full while recording": ("disk-full", 1.0),
+}
+"""What happens to the car: a fault of the twin, and its rate."""
+CAMERA = {"camera gone": ("camera-gone", 1.0), "camera frozen": ("camera-frozen", 1.0)}
+"""The same, for a car with a camera."""
+SERIAL = {"serial unplugged": ("serial-unplugged", 1.0), "serial garbage": ("serial-garbage", 1.0)}
+"""The same, for a car with a serial board."""
+BOARDS = ("board2016", "ucboard")
+BLOCKED_S = 1.0
+"""A bus that blocks does so for so long, s."""
+GOES_ON = ("hall bouncing", "I2C errors, 1 in 10", "disk full while recording")
+"""These end no drive."""
+CAR = {**TWIN, **CAMERA, **{f"{name}, {board}": fault for board in BOARDS for name, fault in SERIAL.items()}}
+"""All that happens to the car."""
+ALL = (*POLICY, *SIGNALS, *HANDS, *CAR)
+
+
+def kind_of(fault: str) -> str:
+    """Which car the fault needs: "pca9685", "camera", or the name of a serial board."""
+    return "camera" if fault in CAMERA else next((board for board in BOARDS if fault.endswith(board)), "pca9685")
+
+
+class Driver:
+    """The policy: it drives straight on, and commits what the environment variable says."""
+
+    active_states = ("straight",)
+
+    def __init__(self) -> None:
+        self._ticks = 0
+        self._fault = POLICY.get(os.environ["FAULT"])
+
+    def act(self, observation: Any) -> Any:
+        """Drive, then commit the fault, once."""
+        self._ticks += 1
+        if self._ticks == round(DRIVING_S * 80):
+            Path(os.environ["MARK"]).write_text(str(time.monotonic_ns()))
+            if self._fault is not None and (answer := self._fault()) is not None:
+                return answer
+        return np.array([0.0, THROTTLE], np.float32)
+
+
+class Person:
+    """Arms at once, and does something when the mark is there."""
+
+    name = "gamepad"
+
+    def __init__(self) -> None:
+        self._does, self._mark = HANDS.get(os.environ["FAULT"], ""), Path(os.environ["MARK"])
+
+    def poll(self, now_s: float) -> Any:
+        """What the person does."""
+        from tral_env.errors import SourceLostError
+        from tral_fsm.teleop.hands import Hands
+
+        does = self._does if self._does and self._mark.exists() else ""
+        if does == "lost":
+            raise SourceLostError("the gamepad is gone")
+        return Hands(holds=does != "let go", arm=True, stop=does == "stop")
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class Silent:
+    """A console that says nothing."""
+
+    def status(self, text: str) -> None:
+        """Say nothing."""
+
+    def say(self, text: str) -> None:
+        """Say nothing."""
+
+
+def drive(folder: Path) -> None:
+    """Be the process that drives."""
+    from tral_fsm.programs.deploy import DeployArguments, run
+
+    twin = json.loads((folder / "twin.json").read_text())
+    arguments = DeployArguments(policy=f"{HERE}:Driver", config=str(folder / "car.toml"), max_duration_s=END_S + 30.0)
+    run(arguments, Path(twin["out"]), [Person()], Silent(), must_hold=True, check=unasked, sensors=sensors_of(twin))
+
+
+def unasked(car: Any) -> tuple[()]:
+    """Ask nothing before the drive: nobody calibrated the twin."""
+    return ()
+
+
+def sensors_of(twin: dict[str, Any]) -> Any:
+    """Sensors that a car file cannot name: a hall pin that is a socket; None: those of the car file."""
+    from tral_env.hardware.camera import Camera
+    from tral_env.hardware.camera_options import CameraOptions
+    from tral_env.hardware.sensors import SensorGroup
+    from tral_env.hardware.sonar import SonarArray
+    from tral_env.twin.hall import TwinHall
+
+    if twin["kind"] in BOARDS:
+        return None
+    sensors = [SonarArray(bus=twin["i2c"]), TwinHall(Path(twin["hall"]))]
+    if twin["kind"] == "camera":
+        sensors.append(Camera(CameraOptions(device=twin["camera"], lens=twin["lens"])))
+    return SensorGroup(*sensors)
+
+
+class Looks:
+    """Looks at what leaves the board, and at the car, until it is told to end."""
+
+    def __init__(self, twin: Any) -> None:
+        self._twin, self._ends = twin, threading.Event()
+        self.rows: list[tuple[float, float, float]] = []
+        """Time, s; pulse of the throttle, us; speed, m/s."""
+        self._thread = threading.Thread(target=self._look, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End."""
+        self._ends.set()
+        self._thread.join()
+
+    def _look(self) -> None:
+        while not self._ends.wait(LOOK_S):
+            throttle_us = self._twin.pulses.now_us[1]
+            self.rows.append((time.monotonic(), throttle_us, abs(float(self._twin.car.info.get("speed_mps", 0.0)))))
+
+
+def pid_of(name: str, policy: int) -> int:
+    """Process id of the policy, or of a process of this name below it."""
+    if name == "policy":
+        return policy
+    parents = {}
+    for entry in Path("/proc").glob("[0-9]*"):
+        try:
+            text = (entry / "stat").read_text()
+        except OSError:
+            continue
+        own = text[text.index("(") + 1 : text.rindex(")")]
+        parents[int(entry.name)] = (own, int(text.rsplit(")", 1)[1].split()[1]))
+    for pid, (own, parent) in parents.items():
+        if own == name and policy in (parent, parents.get(parent, ("", 0))[1]):
+            return pid
+    raise LookupError(f"no {name} below {policy}")
+
+
+def measure(fault: str, twin: Any, folder: Path, neutral_us: float) -> dict[str, Any]:
+    """One drive with one fault."""
+    out = folder / "out"
+    if fault == "disk full while recording":
+        out = Path(twin.disk) / "out"
+    status = twin.status()
+    described = {name: status[name] for name in ("i2c", "hall", "camera")}
+    described |= {"kind": kind_of(fault), "out": str(out), "lens": str(folder / "lens.yaml")}
+    (folder / "twin.json").write_text(json.dumps(described))
+    mark = folder / "mark"
+    mark.unlink(missing_ok=True)
+    twin.reset(3)
+    environment = os.environ | {"FAULT": fault, "MARK": str(mark)}
+    looks = Looks(twin)
+    policy = subprocess.Popen(
+        [sys.executable, str(HERE), "--drive", str(folder)], env=environment, stderr=subprocess.PIPE
+    )
+    try:
+        until = time.monotonic() + 60.0
+        while not mark.exists():
+            ended = policy.poll() is not None or time.monotonic() > until
+            if ended and not mark.exists():
+                raise RuntimeError(f"{fault}: the drive did not begin: {policy.communicate()[1].decode()[-2000:]}")
+            time.sleep(0.001)
+        fault_s = begin(fault, twin, policy.pid, mark)
+        wait_for_the_end(looks, fault, policy)
+    finally:
+        end(fault, twin, policy)
+        looks.close()
+    summary = out / "summary.json"
+    told = json.loads(summary.read_text())["ended_by"] if summary.exists() else ""
+    return {"fault": fault, "told": told, **times(looks.rows, fault_s, neutral_us)}
+
+
+def measure_anyhow(fault: str, twin: Any, folder: Path) -> dict[str, Any]:
+    """A drive that begins at the second or third try counts, too: a busy computer may stall the twin's bus before."""
+    for left in reversed(range(TRIES)):
+        try:
+            return measure(fault, twin, folder, neutral_us=1530.0)
+        except RuntimeError as error:
+            print(error, file=sys.stderr)
+            if not left:
+                raise
+    raise AssertionError
+
+
+def begin(fault: str, twin: Any, policy: int, mark: Path) -> float:
+    """Let a fault begin; its time, s."""
+    fault_s = int(mark.read_text() or time.monotonic_ns()) / 1e9
+    if fault in SIGNALS:
+        who, number = SIGNALS[fault]
+        pid, fault_s = pid_of(who, policy), time.monotonic()
+        os.kill(pid, number)
+    elif fault in CAR:
+        name, rate = CAR[fault]
+        fault_s = time.monotonic()
+        seconds = BLOCKED_S if fault == "bus blocks for 1 s" else float("inf")
+        twin.faults.begin(name, rate=rate, seconds=seconds)
+    return fault_s
+
+
+def wait_for_the_end(looks: Looks, fault: str, policy: subprocess.Popen[bytes]) -> None:
+    """Wait until no pulses leave the board for half a second, and the car stands."""
+    patience_s = 4.0 if fault in GOES_ON else END_S
+    until, quiet_s = time.monotonic() + patience_s, 0.0
+    while time.monotonic() < until and quiet_s < 0.5:
+        time.sleep(0.05)
+        quiet_s = quiet_s + 0.05 if looks.rows[-1][1] == 0.0 and looks.rows[-1][2] < 0.01 else 0.0
+
+
+def end(fault: str, twin: Any, policy: subprocess.Popen[bytes]) -> None:
+    """End the fault and the drive, whatever happened."""
+    if fault in CAR:
+        twin.faults.end(CAR[fault][0])
+    if fault == "SIGSTOP of the keeper":
+        os.kill(pid_of("tral-keeper", policy.pid), signal.SIGCONT)
+    if policy.poll() is None:
+        policy.terminate()
+    try:
+        policy.wait(5.0)
+    except subprocess.TimeoutExpired:
+        policy.kill()
+        policy.wait()
+    if policy.stderr is not None:
+        policy.stderr.close()
+    time.sleep(1.0)  # the actuator's process ends the pulses, too
+
+
+def times(rows: list[tuple[float, float, float]], fault_s: float, neutral_us: float) -> dict[str, float | None]:
+    """From a fault until no throttle stands for good, and until no pulses, ms; way from then on, m; speed then, m/s."""
+    after = [row for row in rows if row[0] >= fault_s]
+    drives = [k for k, (_, us, _) in enumerate(after) if us > 0.0 and us < neutral_us - 60.0]
+    pulses = [k for k, (_, us, _) in enumerate(after) if us > 0.0]
+    way = sum(row[2] * (later[0] - row[0]) for row, later in pairwise(after))
+
+    def last(places: list[int]) -> float | None:
+        if not places:
+            return 0.0
+        return (after[places[-1] + 1][0] - fault_s) * 1e3 if places[-1] + 1 < len(after) else None
+
+    return {"neutral_ms": last(drives), "off_ms": last(pulses), "way_m": way, "speed_mps": after[0][2]}
+
+
+def car_file(twin: Any, kind: str) -> str:
+    """The car file of a twin."""
+    if kind in BOARDS:
+        port = twin.status()["serial"][kind]
+        board = sensors = f'driver = "{kind}"\nport = "{port}"\n'
+    else:
+        board = (
+            f'driver = "pca9685"\nbus = "{twin.i2c_path}"\noscillator_hz = {twin.settings.clock_hz:.0f}\n'
+            "clock_measured = true\n"
+        )
+        sensors = f'driver = "srf08"\nbus = "{twin.i2c_path}"\n'
+    head = 'version = 1\nname = "twin"\n'
+    return f'{head}\n[board]\n{board}\n[pulses]\nfile = "tt01"\n\n[[sensors]]\n{sensors}'
+
+
+def row(fault: str, drives: list[dict[str, Any]]) -> str:
+    """A row of the table."""
+    cells = []
+    for name in ("neutral_ms", "off_ms"):
+        values = [each[name] for each in drives]
+        if fault in GOES_ON:
+            cells.append("drives on")
+        elif name == "off_ms" and kind_of(fault) in BOARDS:
+            cells.append("neutral stays")
+        elif None in values or max(values) > END_S * 1e3 - 500.0:
+            cells.append("stays")
+        else:
+            cells.append(f"{statistics.median(values):.0f}, {max(values):.0f} ms")
+    way = "-" if fault in GOES_ON or "stays" in cells else f"{max(each['way_m'] for each in drives):.2f} m"
+    return f"| {fault} | {cells[0]} | {cells[1]} | {way} |"
+
+
+def measure_all(faults: list[str], runs: int, out: Path | None) -> None:
+    """Measure faults, those of one car after the other, and print the table."""
+    from tral_env.calibration.camera_info import write_camera_info
+    from tral_env.config import CameraConfig
+    from tral_env.twin.settings import TwinSettings
+    from tral_env.twin.twin import Twin
+
+    drives: list[dict[str, Any]] = []
+    sys.setswitchinterval(SWITCH_S)
+    print("| fault | neutral: median, longest | no pulses: median, longest | way |\n| --- | --- | --- | --- |")
+    for kind in dict.fromkeys(map(kind_of, faults)):
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            length = SHORT_M if kind in BOARDS else LENGTH_M
+            course = {"name": "faults", "segments": [{"length": length}]}
+            (folder / "course.json").write_text(json.dumps(course))
+            write_camera_info(folder / "lens.yaml", CameraConfig())
+            settings = TwinSettings(
+                name="faults", scenario="straight", course=str(folder / "course.json"), randomization="none", bus=None,
+                board="pca9685" if kind == "camera" else kind, serial=kind in BOARDS, camera=kind == "camera",
+                folder=str(folder / "twin"), seed=3,
+            )  # fmt: skip
+            with Twin(settings) as twin:
+                (folder / "car.toml").write_text(car_file(twin, kind))
+                for fault in (each for each in faults if kind_of(each) == kind):
+                    measured = [measure_anyhow(fault, twin, folder) for _ in range(runs)]
+                    drives += measured
+                    print(row(fault, measured), measured[-1]["told"], flush=True)
+                    if out is not None:
+                        report = {"host": platform.platform(), "python": platform.python_version(), "drives": drives}
+                        out.write_text(json.dumps(report, indent=1))
+
+
+def main() -> None:
+    """Measure all faults, or some."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
+    parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--faults", default=";".join(ALL))
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--drive", type=Path, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.drive is not None:
+        drive(given.drive)
+        return
+    measure_all(given.faults.split(";"), given.runs, given.out)
+
+
+if __name__ == "__main__":
+    main()

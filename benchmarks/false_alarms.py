@@ -1,0 +1,87 @@
+"""Stops that are not due: the laws of `tral_env.hardware.faults` look at simulated drives, and stop none of them.
+
+    python benchmarks/false_alarms.py --out runs/false_alarms.json
+
+Machines drive courses of their own families. A stop is not due if the drive goes on without a touch. The largest value
+of each law on a healthy drive is told, too: that is how far its limit is away.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+from tral_env.hardware.faults import Decision, FaultLimits, FaultWatch, Look
+from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT
+from tral_fsm import load_machine
+from tral_fsm.evaluation.batch import BatchRunner
+from tral_fsm.evaluation.episode import EpisodeRequest, Tick
+
+FAMILIES = ("corners", "office", "obstacles")
+LEVELS = ("default", "hard")
+
+
+class Watched:
+    """A drive under watch: all faults that would have stopped it, with their times; it is not stopped."""
+
+    def __init__(self) -> None:
+        self._watch = FaultWatch(frozenset(CORE_LAYOUT.names), FaultLimits())
+        self.stops: dict[str, float] = {}
+        self.ticks = 0
+
+    def __call__(self, tick: Tick) -> None:
+        """Look at a tick."""
+        self.ticks += 1
+        readings = {name: float(value) for name, value in CORE_LAYOUT.unpack(tick.observation).items()}
+        found = self._watch.update(Look(tick.index * CONTROL_PERIOD_S, readings, readings["throttle"]))
+        assert found is None or found.fault.decision is Decision.STOP
+        if found is not None:
+            self.stops.setdefault(found.fault.name, tick.index * CONTROL_PERIOD_S)
+
+
+def drives(family: str, level: str, seeds: range) -> dict[str, Any]:
+    """Drive one family on one level."""
+    watched = [Watched() for _ in seeds]
+    with BatchRunner([family], randomization=level, rows=len(seeds)) as runner:
+        results = runner.drive(
+            [load_machine(family)],
+            [EpisodeRequest(0, family, seed) for seed in seeds],
+            observers={number: [each] for number, each in enumerate(watched)},
+        )
+    stops: Counter[str] = Counter()
+    for each, result in zip(watched, results, strict=True):
+        for name in each.stops:
+            stops[f"{name}, {'not due' if result.success else 'the drive failed'}"] += 1
+    return {
+        "family": family,
+        "level": level,
+        "drives": len(results),
+        "hours": sum(each.ticks for each in watched) * CONTROL_PERIOD_S / 3600.0,
+        "successes": sum(result.success for result in results),
+        "stops": dict(stops),
+    }
+
+
+def main() -> None:
+    """Drive all families on all levels."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
+    parser.add_argument("--first", type=int, default=100)
+    parser.add_argument("--courses", type=int, default=50)
+    parser.add_argument("--families", default=",".join(FAMILIES))
+    parser.add_argument("--levels", default=",".join(LEVELS))
+    parser.add_argument("--out", type=Path)
+    given = parser.parse_args()
+    found = []
+    for family in given.families.split(","):
+        for level in given.levels.split(","):
+            found.append(drives(family, level, range(given.first, given.first + given.courses)))
+            print(json.dumps(found[-1]), flush=True)
+            if given.out is not None:
+                given.out.write_text(json.dumps(found, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,126 @@
+"""Pulses from the computer's own PWM outputs, by the files of /sys/class/pwm. Source: ABI sysfs-class-pwm of Linux."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from tral_env.errors import HardwareError
+from tral_env.hardware.actuator.laws import Channel, clamped
+from tral_env.hardware.actuator.options import check_quantities, quantity
+from tral_env.hardware.actuator.settings import Settings
+
+_NS = 1000
+"""Nanoseconds in a microsecond."""
+_NORMAL = "normal"
+"""Polarity of an output whose pulses are high."""
+_EXPORT_TRIES, _EXPORT_S = 20, 0.05
+"""An output is there at most so many times so long after it was asked for: udev gives the rights to its files late."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SysfsPwmOptions:
+    """Two PWM outputs of the computer itself."""
+
+    has_own_clock: ClassVar[bool] = False
+    chip: int = quantity(0, 0, 63)
+    """Number of the PWM chip, as in /sys/class/pwm/pwmchip0."""
+    root: str = "/sys/class/pwm"
+    """Folder of the PWM chips."""
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        check_quantities(self)
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the chip."""
+        return Path(self.root) / f"pwmchip{self.chip}"
+
+    @property
+    def device(self) -> str:
+        """The folder of the chip."""
+        return str(self.folder)
+
+    def open(self, settings: Settings) -> SysfsPwm:
+        """Ask for the outputs; see `tral_env.hardware.actuator.drivers.BoardOptions.open`."""
+        return SysfsPwm(self.folder, settings)
+
+
+class SysfsPwm:
+    """Two outputs of one chip; their numbers are the channels of the calibration."""
+
+    def __init__(self, chip: Path, settings: Settings, sleep: Callable[[float], None] = time.sleep) -> None:
+        """Ask the kernel for both outputs.
+
+        Raises:
+            HardwareError: there are no such outputs, or this user may not use them.
+        """
+        self._period_ns = round(settings.period_us * _NS)
+        self._channels = settings.steering, settings.throttle
+        self._outputs = [chip / f"pwm{channel.output}" for channel in self._channels]
+        try:
+            for channel, output in zip(self._channels, self._outputs, strict=True):
+                if not output.is_dir():
+                    (chip / "export").write_text(str(channel.output))
+                _await_rights(output, sleep)
+        except OSError as error:
+            raise HardwareError(
+                f"cannot use the PWM outputs of {chip} ({error}). Raspberry Pi: dtoverlay=pwm-2chan in "
+                "/boot/firmware/config.txt; add the user to the group gpio"
+            ) from error
+
+    def start(self) -> None:
+        """Set period and neutral of both outputs, and switch them on."""
+        for output in self._outputs:
+            # No pulse may be longer than its period, also not for a moment; a new output has none and takes no pulse.
+            if int((output / "period").read_text()):
+                (output / "duty_cycle").write_text("0")
+                (output / "enable").write_text("0")
+            (output / "period").write_text(str(self._period_ns))
+            if (output / "polarity").read_text().strip() != _NORMAL:
+                (output / "polarity").write_text(_NORMAL)
+        self.set_pulses(*(channel.centre_us for channel in self._channels))
+
+    def set_pulses(self, steering_us: float, throttle_us: float) -> None:
+        """Send both pulses, rounded to nanoseconds, within the limits of the channels."""
+        for us, channel, output in zip((steering_us, throttle_us), self._channels, self._outputs, strict=True):
+            (output / "duty_cycle").write_text(str(_pulse_ns(us, channel)))
+            (output / "enable").write_text("1")
+
+    def off(self) -> None:
+        """End the pulses, the throttle first. A pulse of no length: some outputs keep their level when disabled."""
+        for output in reversed(self._outputs):
+            (output / "duty_cycle").write_text("0")
+            (output / "enable").write_text("0")
+
+    def check(self) -> str:
+        """Read periods and polarities back: what is wrong, or nothing."""
+        found = [(output / name).read_text().strip() for output in self._outputs for name in ("period", "polarity")]
+        wanted = [str(self._period_ns), _NORMAL] * 2
+        return "" if found == wanted else f"period and polarity {', '.join(found)} instead of {', '.join(wanted)}"
+
+
+def _pulse_ns(us: float, channel: Channel) -> int:
+    return round(clamped(us, channel.min_us, channel.max_us) * _NS)
+
+
+def _await_rights(output: Path, sleep: Callable[[float], None]) -> None:
+    """Wait until this user may write to the files of an output.
+
+    Raises:
+        OSError: it may not.
+    """
+    tries = 0
+    while True:
+        try:
+            with (output / "period").open("r+"):
+                return
+        except OSError:
+            tries += 1
+            if tries == _EXPORT_TRIES:
+                raise
+            sleep(_EXPORT_S)

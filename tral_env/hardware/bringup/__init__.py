@@ -1,0 +1,1 @@
+"""From the parts to a car that drives: a car file, the guided calibration, the check before a drive."""

@@ -1,0 +1,198 @@
+"""The car file to begin with: every option, with its meaning; what is not needed stands behind a ``#``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from tral_env.checks import one_of
+
+_HEAD = """\
+# The car file of one car. `tral car calibrate {path}` fills in what has to be measured, and `tral car check {path}`
+# tells what is missing. Lengths are in metres, times in seconds, pulses in microseconds. A line behind a # has the
+# default value.
+
+version = 1
+name = "{name}"
+"""
+
+_BOARDS: Mapping[str, str] = {
+    "pca9685": """\
+# The board that makes the pulses: a PCA9685 on an I2C bus.
+[board]
+driver = "pca9685"
+bus = 1                     # 1 is /dev/i2c-1
+address = 0x40              # as `i2cdetect -y 1` shows it
+period_us = 17430           # time from pulse to pulse
+oscillator_hz = 25000000.0  # clock of the board; boards differ by some percent
+clock_measured = false      # true once it was measured on this board: until then nothing drives the motor
+""",
+    "sysfs-pwm": """\
+# The pulses come from the computer's own PWM outputs. The channels of [pulses] are the numbers of the outputs.
+[board]
+driver = "sysfs-pwm"
+chip = 0                    # 0 is /sys/class/pwm/pwmchip0
+# root = "/sys/class/pwm"
+period_us = 17430           # time from pulse to pulse
+""",
+    "board2016": """\
+# The serial board of 2016. It makes the pulses by itself, from levels.
+[board]
+driver = "board2016"
+port = "/dev/ttyUSB0"       # a name in /dev/serial/by-id stays the same
+# baud = 115200
+""",
+    "ucboard": """\
+# The later serial board (ucboard). It makes the pulses by itself, and has a dead man's switch of its own.
+[board]
+driver = "ucboard"
+port = "/dev/ttyUSB0"       # a name in /dev/serial/by-id stays the same
+# baud = 921600             # 115200 at its RS-232 plug
+""",
+    "log": """\
+# No board: a file that takes the pulses, for a dry run of the commands.
+[board]
+driver = "log"
+bus = "pulses.log"
+""",
+}
+
+_PULSES = """
+# Pulses of servo and motor controller: those of a file, and below it what was measured on this car.
+[pulses]
+file = "tt01"               # a packaged calibration, or the path of a .json file
+
+# [pulses.steering]
+# right_us = 1810           # full right
+# neutral_us = 1530
+# left_us = 1240            # full left
+# trim_us = 0               # added to neutral, so that the car drives straight
+# slew_per_s = 8.0          # largest change of the command in a second; without this line: no limit
+# [pulses.throttle]
+# reverse_us = 1860         # full reverse, or brake
+# neutral_us = 1530
+# forward_us = 1140         # full forward
+# dead_zone_us = 50         # the motor rests this near to neutral
+"""
+
+_SENSORS: Mapping[str, str] = {
+    "srf08": """
+[[sensors]]                 # three ultrasonics SRF08
+driver = "srf08"
+bus = 1
+addresses = {left = 0x70, front = 0x71, right = 0x72}
+# firing = "together"       # "in turn" is three times slower, and has no crosstalk
+# mode = "us"               # "cm" reaches 3 m
+# cadence_s = 0.065         # time that one ranging takes
+""",
+    "srf02": """
+[[sensors]]                 # three ultrasonics SRF02
+driver = "srf02"
+bus = 1
+addresses = {left = 0x70, front = 0x71, right = 0x72}
+# firing = "together"       # "in turn" is three times slower, and has no crosstalk
+# mode = "us"               # "cm" reaches 3 m
+# cadence_s = 0.065         # time that one ranging takes
+""",
+    "hall": """
+[[sensors]]                 # the hall sensor of a wheel, on a pin of the computer
+driver = "hall"
+line = 17                   # on a Raspberry Pi the number of the GPIO
+# chip = "/dev/gpiochip0"   # `gpiodetect` lists the chips
+# pull = "up"               # resistor of the computer: up, down, none
+# active = "low"            # level of the pin while a magnet is near
+# metres_per_tick = 0.02513 # travel of the wheel from magnet to magnet
+# debounce_s = 0.001        # an edge counts if the pin was quiet for this long before it
+""",
+    "board2016": """
+[[sensors]]                 # ranges, hall sensor, line and battery of the serial board of 2016
+driver = "board2016"
+port = "/dev/ttyUSB0"       # that of the board
+# baud = 115200
+# range_unit_m = 0.01       # range that one unit stands for
+# units_per_m = 937.5       # units of the hall sensor for a metre
+# battery_unit_v = 0.001    # voltage that one unit stands for
+""",
+    "ucboard": """
+[[sensors]]                 # ranges, hall sensor and battery of the ucboard
+driver = "ucboard"
+port = "/dev/ttyUSB0"       # that of the board
+# baud = 921600
+# metres_per_tick = 0.02513 # travel of the wheel from magnet to magnet
+""",
+}
+
+_CAMERA = """
+# The camera that looks ahead. It stays off until `lens` names the file that `tral calibrate` wrote.
+[camera]
+device = 0                  # 0 is /dev/video0; a path or a URL in quotes
+width = 640                 # px; a size that the camera has, and that of the images for `tral calibrate`
+height = 480                # px
+rate_hz = 30.0
+# lens = "camera_info.yaml"
+# marker_size = 0.18        # edge of a marker's black square
+# forward = 0.2             # the camera stands this far ahead of the rear axle
+# latency_s = 0.0           # time from exposure until the computer has the image
+"""
+
+_REST = """
+# When the actuator's process stops the car; docs/safety.md explains each.
+[limits]
+max_throttle = 0.4          # raise it when you trust the car; 1 is full throttle
+# max_reverse = 1.0
+# brake = 0.0               # throttle of a stop after a fault; below 0 brakes
+# arming_s = 1.0            # neutral stands this long before the motor is let go
+# silence_s = 0.1           # without a command for this long: neutral
+# off_s = 0.5               # without a command for this long: no pulses
+# max_age_s = 0.05          # an older command is refused
+# evidence_s = 1.0          # driving this long while no sensor changes stops the car; "off" for a car without sensors
+# bus_s = 0.05              # the board may refuse pulses for this long
+# check_s = 0.2             # the board's settings are read back this often
+# hang_s = 0.08             # a worker without a sign of life for this long is replaced
+
+# Voltage of the drive battery, where a sensor reads it.
+[battery]
+# warn_v = 6.6              # tell the driver
+# stop_v = 6.0              # stop the car
+
+# The days on which the steps of the calibration were done. `tral car calibrate` writes them; delete a line to repeat.
+[calibrated]
+"""
+
+BOARD_SENSORS: Mapping[str, tuple[str, ...]] = {
+    "pca9685": ("srf08", "hall"),
+    "sysfs-pwm": ("srf08", "hall"),
+    "board2016": ("board2016",),
+    "ucboard": ("ucboard",),
+    "log": (),
+}
+"""Board -> the sensors that usually go with it."""
+
+
+def car_text(
+    name: str = "car",
+    *,
+    board: str = "pca9685",
+    sensors: Iterable[str] | None = None,
+    camera: bool = True,
+    path: str = "car.toml",
+) -> str:
+    """Text of a car file to begin with.
+
+    Args:
+        name: which car this is.
+        board: name of its board.
+        sensors: names of its sensors; None: those that usually go with the board.
+        camera: whether it has one.
+        path: where the file will stand, for its comments.
+
+    Raises:
+        ConfigError: no board or sensor of this package has such a name, or the name has quotes in it.
+    """
+    one_of("board", board, _BOARDS)
+    chosen = BOARD_SENSORS[board] if sensors is None else tuple(sensors)
+    for sensor in chosen:
+        one_of("sensor", sensor, _SENSORS)
+    quoted = name.replace("\\", "\\\\").replace('"', '\\"')
+    listed = "".join(_SENSORS[sensor] for sensor in chosen) or '\n# No [[sensors]]: every reading is "nothing seen".\n'
+    parts = (_HEAD.format(name=quoted, path=path), "\n", _BOARDS[board], _PULSES, listed, _CAMERA if camera else "")
+    return "".join(parts) + _REST

@@ -1,0 +1,107 @@
+"""Talking to a running twin: JSON lines over a socket in its folder.
+
+A request is ``{"do": "status"}``, ``{"do": "reset", "seed": 3}``, ``{"do": "fault", "name": ...}`` or
+``{"do": "down"}``; the answer is what was asked for, or ``{"error": ...}``.
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+import threading
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from tral_env.errors import ConfigError, HardwareError, TralError, nearest
+
+SOCKET = "control"
+"""Name of the socket in the twin's folder."""
+_PATIENCE_S = 15.0
+Request = Mapping[str, Any]
+Answer = Callable[[Request], Any]
+
+
+class ControlServer:
+    """Answers requests, each connection in a thread of its own."""
+
+    def __init__(self, path: Path, commands: Mapping[str, Answer]) -> None:
+        """Listen.
+
+        Args:
+            path: of the socket; one that a dead twin left is replaced.
+            commands: name -> what answers it.
+
+        Raises:
+            HardwareError: a twin listens there already.
+        """
+        self._path, self._commands = path, commands
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.exists():
+            if _answers(path):
+                raise HardwareError(f"a twin runs already at {path.parent}: `tral twin down`, or give another --name")
+            path.unlink()
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._listener.bind(str(path))
+        self._listener.listen()
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def close(self) -> None:
+        """Stop listening, and remove the socket."""
+        with suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        self._path.unlink(missing_ok=True)
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                connection, _ = self._listener.accept()
+            except OSError:
+                return
+            threading.Thread(target=self._serve, args=(connection,), daemon=True).start()
+
+    def _serve(self, connection: socket.socket) -> None:
+        with connection, connection.makefile("rwb") as stream, suppress(OSError):
+            for line in stream:
+                stream.write(json.dumps(self._answer(line)).encode() + b"\n")
+                stream.flush()
+
+    def _answer(self, line: bytes) -> Any:
+        try:
+            request = json.loads(line)
+            name = request.get("do")
+            if name not in self._commands:
+                raise ConfigError(f"unknown request '{name}': {nearest(name, self._commands)}")
+            return self._commands[name](request)
+        except (TralError, ValueError, TypeError, AttributeError) as error:
+            return {"error": str(error)}
+
+
+def ask(folder: Path, **request: Any) -> Any:
+    """Ask the twin whose files lie in a folder.
+
+    Raises:
+        HardwareError: no twin answers there.
+        ConfigError: it refuses.
+    """
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as line:
+        line.settimeout(_PATIENCE_S)
+        try:
+            line.connect(str(folder / SOCKET))
+            line.sendall(json.dumps(request).encode() + b"\n")
+            text = line.makefile("rb").readline()
+        except OSError as error:
+            raise HardwareError(
+                f"no twin answers at {folder} ({error.strerror}): start one by `tral twin up`"
+            ) from error
+    answer = json.loads(text or b'{"error": "the twin ended"}')
+    if isinstance(answer, dict) and "error" in answer:
+        raise ConfigError(answer["error"])
+    return answer
+
+
+def _answers(path: Path) -> bool:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as line:
+        return line.connect_ex(str(path)) == 0

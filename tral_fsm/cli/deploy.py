@@ -1,0 +1,58 @@
+"""`tral deploy`: a policy drives the real car."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tral_fsm.cli import hands
+from tral_fsm.cli.console import FAILED
+from tral_fsm.cli.drive_options import Policy
+from tral_fsm.programs.deploy import DeployArguments, run
+
+Config = Annotated[str, typer.Option(help="Car file, as `tral car init` writes it.")]
+Dry = Annotated[bool, typer.Option("--dry", help="Record the pulses and send none; no motor moves.")]
+Arm = Annotated[bool, typer.Option("--arm", help="Drive at once, without an act of a person. Nobody may be near.")]
+Seconds = Annotated[float, typer.Option(min=0.1, help="The drive ends after this time, s.")]
+Out = Annotated[Path, typer.Option(file_okay=False, help="Folder of the files; it replaces those of an earlier drive.")]
+Record = Annotated[bool, typer.Option(help="Write drive.mcap.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print summary.json and nothing else on stdout.")]
+
+
+def command(
+    policy: Policy,
+    config: Config = "car.toml",
+    dry: Dry = False,
+    arm: Arm = False,
+    gamepad: hands.Gamepad = False,
+    gamepad_file: hands.GamepadFile = None,
+    seconds: Seconds = 60.0,
+    out: Out = Path("runs/deploy"),
+    record: Record = True,
+    as_json: AsJson = False,
+) -> None:
+    """Let a policy drive the real car.
+
+    The pre-flight asks each sensor; a key or a button arms; then any other key, the gamepad's B, and letting go of its
+    LB stop the car, as SIGINT, SIGTERM and SIGHUP do. The exit code is 0 if the drive ended as somebody wished, else 1.
+    """
+    from tral_fsm.cli.show_car import table_of_car_drive
+    from tral_fsm.teleop.keyboard import StopKeys
+    from tral_fsm.terminal import print_figures
+
+    arguments = DeployArguments(
+        policy=policy, config=config, dry=dry, arm=arm, max_duration_s=seconds, record=record
+    )  # fmt: skip
+    has_pad = gamepad or gamepad_file is not None
+    with hands.devices(gamepad, gamepad_file, StopKeys) as devices:
+        report = run(arguments, out, devices, hands.TerminalConsole(), must_hold=has_pad)
+    if as_json:
+        typer.echo(json.dumps(report, indent=2))
+    else:
+        print_figures(table_of_car_drive(report))
+        typer.echo(f"Files: {out}")
+    if report["failed"]:
+        raise typer.Exit(FAILED)

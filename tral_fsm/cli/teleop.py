@@ -1,0 +1,69 @@
+"""`tral teleop`: a person drives."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tral_fsm.cli import hands
+from tral_fsm.cli.console import FAILED
+from tral_fsm.cli.deploy import AsJson, Dry, Out, Record, Seconds
+from tral_fsm.cli.drive_options import Randomized, Seed
+from tral_fsm.programs.seat import Course
+from tral_fsm.programs.teleop import TeleopArguments, run
+from tral_fsm.teleop.shaping import Shaping
+
+Config = Annotated[str | None, typer.Option(help="Drive the real car of this car file.")]
+Scenario = Annotated[str | None, typer.Option(help="Drive a simulated car on courses of this family.")]
+CourseFile = Annotated[str | None, typer.Option("--course", help="Drive a simulated car on one course.")]
+MaxThrottle = Annotated[float, typer.Option(min=0.0, max=1.0, help="Throttle at the end of the trigger.")]
+
+
+def command(
+    config: Config = None,
+    scenario: Scenario = None,
+    course: CourseFile = None,
+    seed: Seed = 7,
+    randomization: Randomized = "default",
+    dry: Dry = False,
+    gamepad: hands.Gamepad = False,
+    gamepad_file: hands.GamepadFile = None,
+    max_throttle: MaxThrottle = Shaping.max_throttle,
+    seconds: Seconds = 600.0,
+    out: Out = Path("runs/teleop"),
+    record: Record = True,
+    as_json: AsJson = False,
+) -> None:
+    """Drive a car by hand, the real one or a simulated one in real time.
+
+    Gamepad: the left stick steers, the right trigger drives, the left one brakes and reverses, while LB is held; start
+    arms, B stops, back ends. Keyboard: w, s, a, d or arrows while they are held; + and - change the throttle; r arms,
+    space stops, q ends.
+    """
+    from tral_fsm.cli.show_car import table_of_car_drive
+    from tral_fsm.teleop.keyboard import Keyboard
+    from tral_fsm.terminal import print_figures
+
+    simulated = None
+    if scenario is not None or course is not None:
+        simulated = Course(scenario=scenario or "office", seed=seed, course=course, randomization=randomization)
+    arguments = TeleopArguments(
+        config=config,
+        course=simulated,
+        dry=dry,
+        max_duration_s=seconds,
+        record=record,
+        shaping=Shaping(max_throttle=max_throttle),
+    )
+    with hands.devices(gamepad, gamepad_file, Keyboard) as devices:
+        report = run(arguments, out, devices, hands.TerminalConsole())
+    if as_json:
+        typer.echo(json.dumps(report, indent=2))
+    else:
+        print_figures(table_of_car_drive(report))
+        typer.echo(f"Files: {out}")
+    if report["failed"]:
+        raise typer.Exit(FAILED)
