@@ -39,13 +39,9 @@ SWITCH_S = 0.0005
 TRIES = 3
 END_S = 12.0
 """A fault has ended the pulses after this time, or the table says that it did not."""
+STAYS_MS = END_S * 1e3 - 500.0
+"""A throttle that stands for longer stays until the fault is taken away."""
 LENGTH_M = 40.0
-SHORT_M = 5.5
-"""A serial board of 2016 does not tell "no echo" from "nothing new": its front ultrasonic needs a wall in reach."""
-
-
-def stop_self(number: signal.Signals) -> Callable[[], None]:
-    return lambda: os.kill(os.getpid(), number)
 
 
 def raises() -> None:
@@ -361,10 +357,10 @@ def row(fault: str, drives: list[dict[str, Any]]) -> str:
         values = [each[name] for each in drives]
         if fault in GOES_ON:
             cells.append("drives on")
+        elif None in [each["neutral_ms"] for each in drives] or max(each["neutral_ms"] for each in drives) > STAYS_MS:
+            cells.append("stays")
         elif name == "off_ms" and kind_of(fault) in BOARDS:
             cells.append("neutral stays")
-        elif None in values or max(values) > END_S * 1e3 - 500.0:
-            cells.append("stays")
         else:
             cells.append(f"{statistics.median(values):.0f}, {max(values):.0f} ms")
     way = "-" if fault in GOES_ON or "stays" in cells else f"{max(each['way_m'] for each in drives):.2f} m"
@@ -384,8 +380,7 @@ def measure_all(faults: list[str], runs: int, out: Path | None) -> None:
     for kind in dict.fromkeys(map(kind_of, faults)):
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
-            length = SHORT_M if kind in BOARDS else LENGTH_M
-            course = {"name": "faults", "segments": [{"length": length}]}
+            course = {"name": "faults", "segments": [{"length": LENGTH_M}]}
             (folder / "course.json").write_text(json.dumps(course))
             write_camera_info(folder / "lens.yaml", CameraConfig())
             settings = TwinSettings(

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import platform
 import time
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,7 @@ from tral_env.twin.hall import TwinHall
 from tral_env.twin.running import TwinProcess
 from tral_env.twin.settings import TwinSettings
 from tral_fsm import load_policy
+from tral_fsm.evaluation.host import host
 
 PAIRS = (("wall", "straight"), ("corners", "corners"))
 _PATIENCE_S = 5.0
@@ -82,9 +82,9 @@ def drive_twin(twin: TwinProcess, machine: str, seed: int) -> dict[str, Any]:
     }
 
 
-def drive_plain(machine: str, scenario: str, seed: int, car: dict[str, float]) -> dict[str, Any]:
+def drive_plain(machine: str, settings: TwinSettings, seed: int, car: dict[str, float]) -> dict[str, Any]:
     """One drive of the simulated car, with some parameters given."""
-    env = gym.make("tral_env:TralCorridor-v0", scenario=scenario)
+    env = gym.make("tral_env:TralCorridor-v0", scenario=settings.scenario, randomization=settings.randomization)
     policy = load_policy(machine)
     policy.reset()
     observation, _ = env.reset(seed=seed, options={"car": car} if car else None)
@@ -103,20 +103,27 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1000)
     parser.add_argument("--bus", type=int, default=None, help="number of the twin's bus; none: no link in /dev")
     parser.add_argument("--pairs", default=",".join(f"{machine}:{scenario}" for machine, scenario in PAIRS))
+    parser.add_argument("--randomization", default="default")
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()
     drives: list[dict[str, Any]] = []
     for pair in given.pairs.split(","):
         machine, scenario = pair.split(":")
-        settings = TwinSettings(name=f"bench-{scenario}", scenario=scenario, bus=given.bus, serial=False)
+        settings = TwinSettings(
+            name=f"bench-{scenario}",
+            scenario=scenario,
+            randomization=given.randomization,
+            bus=given.bus,
+            serial=False,
+        )
         with TwinProcess(settings) as twin:
             for seed in range(given.seed, given.seed + given.courses):
                 drive = {"machine": machine, "scenario": scenario, "seed": seed}
                 drive["twin"] = drive_twin(twin, machine, seed)
-                drive["plain"] = drive_plain(machine, scenario, seed, {})
-                drive["plain_together"] = drive_plain(machine, scenario, seed, {"sonar_together": 1.0})
+                drive["plain"] = drive_plain(machine, settings, seed, {})
+                drive["plain_together"] = drive_plain(machine, settings, seed, {"sonar_together": 1.0})
                 drives.append(drive)
-                report = {"host": platform.platform(), "python": platform.python_version(), "drives": drives}
+                report = {"host": host(), "randomization": given.randomization, "drives": drives}
                 given.out.write_text(json.dumps(report, indent=1))
                 print(json.dumps(drive), flush=True)
 

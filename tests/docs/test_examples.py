@@ -44,6 +44,7 @@ CHEAPER = {
     "python benchmarks/gate_accuracy.py --out runs/gate_accuracy.json": "--views 12",
     "python benchmarks/detector_fit.py": "--views 48",
     "python benchmarks/recorder.py --out runs/recorder.json": "--seconds 0.5 --kills 1 --no-images",
+    "tral twin up --scenario corners --seed 3": "--name page-of-tests --bus 906 --seconds 0.5",
 }
 """Shell examples that would take too long -> options that come after theirs and win."""
 
@@ -58,6 +59,8 @@ LITERAL = (
     "python benchmarks/plot_perception.py runs/img",
     "tral tune --list-params --policy office",
     "tral doctor",
+    "tral car init car.toml --board pca9685 --sensor srf08 --sensor hall",
+    "tral twin fault list",
     "tral courses",
     "tral calibrate --simulated --out runs/calibrate",
     "tral detect docs/img/detect_view.png --lens default --out runs/seen.png",

@@ -18,7 +18,8 @@ from tral_fsm import load_policy
 from tral_fsm.evaluation.episode import Episode
 from tral_fsm.evaluation.measured import dead_reckoning, figures, measured_trace
 from tral_fsm.evaluation.own_policy import find_policy
-from tral_fsm.evaluation.recording import DriveRecorder, episode_of, files_of_policy, machine_of
+from tral_fsm.evaluation.policy_files import files_of_policy
+from tral_fsm.evaluation.recording import DriveRecorder, episode_of, machine_of
 from tral_fsm.evaluation.replay import against_simulation, commands_of, open_loop
 from tral_fsm.evaluation.rollout import drive
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from random import Random
 
@@ -62,6 +63,10 @@ def test_a_value_that_the_board_does_not_have_is_none() -> None:
     assert TextParser().feed(b"##1:[---] | 1887 | [mfault]\x03") == [{"USL": None, "USF": 1887, "USR": None}]
 
 
+def test_a_value_beyond_the_sensors_range_is_infinite() -> None:
+    assert TextParser().feed(b"##1:[over] | 0 | [range]\x03") == [{"USL": math.inf, "USF": 0, "USR": math.inf}]
+
+
 @pytest.mark.parametrize(
     "garbled",
     [
@@ -117,4 +122,4 @@ def test_20000_random_streams_raise_nothing_and_give_values_of_16_bits() -> None
             for frame in frames.feed(piece):
                 assert all(0 <= value <= 0xFFFF for value in frame)
             for group in texts.feed(piece):
-                assert all(value is None or 0 <= value <= 0xFFFF for value in group.values())
+                assert all(value in (None, math.inf) or 0 <= value <= 0xFFFF for value in group.values())

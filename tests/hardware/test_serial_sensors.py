@@ -83,6 +83,18 @@ def test_a_range_of_0_keeps_the_old_value_and_its_age_grows(port: Port, clock: C
     assert (reading["ultrasonic_front_age"], reading["ultrasonic_right_age"]) == (pytest.approx(0.1), 0.0)
 
 
+def test_ranges_of_0_for_more_than_three_rangings_mean_that_no_echo_comes(port: Port, clock: Clock) -> None:
+    sensors = opened(Board2016SensorOptions, clock)
+    ranges = []
+    for _ in range(15):
+        port.waiting += wire(FRAME._replace(front=0))
+        reading = sensors.read(clock())
+        ranges.append((reading.get("ultrasonic_front"), reading.get("ultrasonic_front_age")))
+        clock.sleep(0.02)
+    assert ranges[:10] == [(None, None)] * 10
+    assert ranges[-1] == (6.0, 0.0)
+
+
 def driven(sensors: Any, port: Port, clock: Clock, counts: Iterator[int]) -> Mapping[str, float]:
     """Frames with counts of the hall sensor, 50 a second; the last reading."""
     for count in counts:
@@ -128,6 +140,14 @@ def test_a_ucboard_without_values_leaves_the_old_ones(port: Port, clock: Clock) 
     reading = sensors.read(clock())
     assert reading["ultrasonic_left"] == pytest.approx(0.7306)
     assert "battery" not in reading
+
+
+def test_a_range_without_an_echo_is_new_and_a_spacing_beyond_the_clock_is_a_long_rest(port: Port, clock: Clock) -> None:
+    sensors = opened(UcboardSensorOptions, clock)
+    port.waiting = b"##1:[over] | 18870 | [range]\x03##2:17 | [over]\x03##2:[over] | 5\x03##2:18 | [over]\x03"
+    reading = sensors.read(clock())
+    assert (reading["ultrasonic_left"], reading["ultrasonic_left_age"]) == (6.0, 0.0)
+    assert reading["distance"] == pytest.approx(0.02513)
 
 
 def test_the_spacing_that_the_board_measured_gives_the_speed(port: Port, clock: Clock) -> None:

@@ -133,3 +133,12 @@ def test_beside_a_policy_any_other_key_stops() -> None:
     for key in " \n\x1bwe\ufffd":
         assert poll(device, terminal, key).stop
     device.close()
+
+
+def test_a_terminal_that_nobody_entered_or_that_is_gone_needs_no_setting_back() -> None:
+    with pseudo_terminal() as (_, program):
+        terminal = Terminal(program)
+        terminal.__exit__()
+        terminal.__enter__()
+        os.close(program)
+        terminal.__exit__()

@@ -11,6 +11,7 @@ import sys
 import textwrap
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from tral_env.errors import HardwareError
 from tral_env.hardware.sonar import SonarArray
 from tral_env.twin.bus import I2cBus
 from tral_env.twin.devices import DeviceFiles, why_no_files
-from tral_env.twin.faults import stuck
+from tral_env.twin.faults import BusTimeouts, stuck
 from tral_env.twin.pca9685 import Pca9685Chip
 from tral_env.twin.pwm_chip import PwmChip
 from tral_env.twin.srf08 import Srf08Chip
@@ -106,6 +107,19 @@ def test_errors_of_the_bus_reach_the_caller(rig: Rig) -> None:
         assert errno_of(lambda: bus.read_byte_data(0x40, 0)) == errno.EAGAIN
         rig.bus.faults.clear()
         assert bus.read_byte_data(0x40, 0) == 0x11
+
+
+def test_a_bus_that_blocks_keeps_its_caller_and_nobody_who_opens_it(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tral_env.twin.faults.BLOCKS_S", 0.5)
+    rig.bus.faults["timeout"] = BusTimeouts()
+    with smbus2.SMBus(907) as bus, ThreadPoolExecutor() as pool:
+        begun_s = time.monotonic()
+        blocked = pool.submit(errno_of, lambda: bus.read_byte_data(0x40, 0))
+        time.sleep(0.1)
+        os.close(os.open(rig.files.i2c_path, os.O_RDWR))
+        assert not blocked.done()
+        assert blocked.result() == errno.ETIMEDOUT
+        assert time.monotonic() - begun_s >= 0.5
 
 
 def test_the_cars_own_sonars_range_through_the_file(rig: Rig) -> None:

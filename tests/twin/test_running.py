@@ -10,9 +10,13 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import gymnasium as gym
+import numpy as np
 import pytest
 
 from tral_env.errors import ConfigError, HardwareError
+from tral_env.hardware.actuator.settings import Limits
+from tral_env.hardware.calibration_file import load_calibration
 from tral_env.twin.control import ask
 from tral_env.twin.devices import why_no_files
 from tral_env.twin.hall import TwinHall
@@ -73,6 +77,48 @@ def test_faults_begin_and_end(twin: TwinProcess) -> None:
     twin.fault("hall-off", off=True)
     with pytest.raises(ConfigError, match="unknown fault"):
         twin.fault("fire")
+
+
+def test_a_fault_may_begin_later(twin: TwinProcess) -> None:
+    twin.fault("hall-off", after=0.3, seconds=60.0)
+    assert twin.status()["faults"] == {}
+    until_s = time.monotonic() + 10.0
+    while not twin.status()["faults"]:
+        assert time.monotonic() < until_s
+        time.sleep(0.05)
+    twin.fault("hall-off", off=True)
+
+
+@pytest.mark.usefixtures("device_files")
+def test_the_cars_own_program_drives_it_through_its_files(twin: TwinProcess) -> None:
+    status = twin.status()
+    calibration = load_calibration("tt01").model_copy(
+        update={"oscillator_hz": float(status["oscillator_hz"]), "clock_measured": True}
+    )
+    car = gym.make(
+        "tral_env:TralCar-v0",
+        calibration=calibration,
+        output="pca9685",
+        sensors="srf08",
+        bus=status["i2c"],
+        max_duration_s=1.0,
+        limits=Limits(silence_s=0.5, off_s=2.0),  # a busy computer may come late
+    )
+    try:
+        observation, _ = car.reset()
+        ended = False
+        while not ended:
+            observation, _, _, ended, info = car.step(np.array([0.5, 0.0]))
+            if info["tick"] == 20:
+                at_the_pin = twin.status()
+        assert at_the_pin["controller_armed"]
+        assert at_the_pin["steering_us"] == pytest.approx(1385.0, abs=2.5)
+        assert at_the_pin["throttle_us"] == pytest.approx(1530.0, abs=2.5)
+        assert observation[0] < 6.0 or observation[2] < 6.0  # a wall beside the car
+    finally:
+        car.close()
+    after = twin.status()
+    assert (after["steering_us"], after["throttle_us"]) == (0.0, 0.0)
 
 
 def test_serial_ports_come_and_go(twin: TwinProcess) -> None:

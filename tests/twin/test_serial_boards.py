@@ -28,6 +28,12 @@ def test_a_frame_of_2016_has_13_bytes_low_byte_first() -> None:
     assert frame == bytes([0x00, 0x0F, 125, 0, 0, 0, 73, 0, 0x18, hall & 0xFF, hall >> 8, 7400 & 0xFF, 7400 >> 8])
 
 
+def test_a_range_of_2016_stands_in_one_frame_alone() -> None:
+    board = Board2016(CAR)
+    frames = [board.speak(replace(READINGS, ranging=k // 2), k * 0.02) for k in range(4)]
+    assert [frame[2] for frame in frames] == [125, 0, 125, 0]
+
+
 def test_the_hall_count_of_2016_goes_round() -> None:
     frame = Board2016(CAR).speak(replace(READINGS, ticks=3000), 0.0)
     assert int.from_bytes(frame[9:11], "little") == int(3000 * 0.02513 * 937.5) % 65536

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import struct
 from collections.abc import Iterator, Mapping
@@ -17,6 +18,8 @@ _END = b"\x03"
 _GROUP = re.compile(r"##(\d{1,2}):(.*)", re.DOTALL)
 _VALUE = re.compile(r"[0-9]{1,5}|\[[^\]]*\]")
 """A number, or a reason for there being none, such as [mfault]."""
+_BEYOND = ("[over]", "[range]", "[under]")
+"""The ucboard says so of a value beyond the sensor's range."""
 _MAX_MESSAGE = 4096
 """Bytes without an end beyond this length are no message."""
 
@@ -76,15 +79,19 @@ class TextParser:
         """Begin without any byte."""
         self._waiting = b""
 
-    def feed(self, data: bytes) -> list[Mapping[str, int | None]]:
-        """Take bytes, and give the groups that are whole now: channel -> value; None: the board has no value."""
+    def feed(self, data: bytes) -> list[Mapping[str, float | None]]:
+        """Take bytes, and give the groups that are whole now.
+
+        Returns:
+            Channel -> value of 16 bits; inf: too large for the sensor, as a range without an echo; None: no value.
+        """
         *messages, rest = (self._waiting + data).split(_END)
         self._waiting = rest[-_MAX_MESSAGE:]
         groups = (_group(message.decode("latin-1")) for message in messages)
         return [group for group in groups if group is not None]
 
 
-def _group(message: str) -> Mapping[str, int | None] | None:
+def _group(message: str) -> Mapping[str, float | None] | None:
     """A group of measurements: ``##1:7306 | 1887 | [mfault]``; None: another message, or a garbled one."""
     found = _GROUP.fullmatch(message.strip(" \r\n\x02"))
     if found is None or (names := GROUPS.get(int(found[1]))) is None:
@@ -92,7 +99,14 @@ def _group(message: str) -> Mapping[str, int | None] | None:
     values = [text.strip() for text in found[2].split("|")]
     if len(values) != len(names) or not all(_VALUE.fullmatch(value) and _fits(value) for value in values):
         return None
-    return {name: None if value.startswith("[") else int(value) for name, value in zip(names, values, strict=True)}
+    return {name: _measured(value) for name, value in zip(names, values, strict=True)}
+
+
+def _measured(value: str) -> float | None:
+    """A value as a number: inf beyond the sensor's range, None where there is none."""
+    if value.startswith("["):
+        return math.inf if value in _BEYOND else None
+    return int(value)
 
 
 def _fits(value: str) -> bool:

@@ -32,6 +32,9 @@ _SIDES = ("left", "front", "right")
 _UNITS_PER_M = 937.5
 """Count of the hall sensor of the board of 2016 for a metre: 1500 for 1.60 m. Source: report."""
 _MAX_SPEED = HallConfig().max_speed
+_NO_ECHO_S = 0.2
+"""A range of 0 keeps the old one, because it stands for "nothing new" too; 0 for longer than three rangings means that
+no echo comes, s."""
 _QUEUED_S = 0.1
 """What is read at once may have come so long apart, s."""
 _SPEED_S = 0.15
@@ -168,11 +171,14 @@ class Board2016Sensors(_SerialSensors):
         super().__init__(options.port, options.baud, clock)
         self._options = options
         self._parser, self._travel, self._line = FrameParser(), _Travel(options.units_per_m), 0
+        self._echo_s: dict[str, float] = {}
+        """Side -> time of its last range that was not 0, s."""
 
     def start(self) -> None:
         """Begin anew; see `Sensors.start`."""
         super().start()
         self._parser, self._travel, self._line = FrameParser(), _Travel(self._options.units_per_m), 0
+        self._echo_s = {}
 
     def read(self, now: float) -> Mapping[str, float]:
         """Give the latest readings; see `Sensors.read`."""
@@ -184,8 +190,11 @@ class Board2016Sensors(_SerialSensors):
 
     def _take(self, frame: Frame, now: float) -> None:
         for side in _SIDES:
-            if units := getattr(frame, side):  # 0: nothing new
+            if units := getattr(frame, side):
                 self._take_range(side, units * self._options.range_unit_m, now)
+                self._echo_s[side] = now
+            elif now - self._echo_s.setdefault(side, now) > _NO_ECHO_S:
+                self._take_range(side, NO_ECHO_M, now)
         self._travel.take(frame.hall, now)
         self._line = frame.line
         self._take_battery(frame.battery * self._options.battery_unit_v)
@@ -215,14 +224,19 @@ class UcboardSensors(_SerialSensors):
             self._take(group, now)
         return {**self._told(now, bool(groups)), **self._hall.counter.read(now)}
 
-    def _take(self, group: Mapping[str, int | None], now: float) -> None:
+    def _take(self, group: Mapping[str, float | None], now: float) -> None:
         for side, channel in zip(_SIDES, ("USL", "USF", "USR"), strict=True):
             if (tenths := group.get(channel)) is not None:
                 self._take_range(side, tenths * 1e-4, now)
-        if (count := group.get("HALL_CNT")) is not None:
-            self._hall.take(count, group["HALL_DT"], now)
+        if math.isfinite(count := _number(group.get("HALL_CNT"))):
+            self._hall.take(int(count), group["HALL_DT"], now)
         if (millivolts := group.get("VDBAT")) is not None:
             self._take_battery(millivolts * 1e-3)
+
+
+def _number(value: float | None) -> float:
+    """A value, or inf where there is none."""
+    return math.inf if value is None else value
 
 
 class _Travel:
@@ -268,7 +282,7 @@ class _CountedEdges:
         self._count: int | None = None
         self._counted_s = self._stamp_s = -math.inf
 
-    def take(self, count: int, spacing: int | None, now: float) -> None:
+    def take(self, count: int, spacing: float | None, now: float) -> None:
         """Take a count and a spacing.
 
         The spacing that the board measured places the edge behind the one before, if that comes near to the time at
@@ -280,7 +294,7 @@ class _CountedEdges:
         self._count, self._counted_s = count, now
         if new > possible:
             return
-        spacing_s = math.inf if spacing is None else spacing * 1e-4
+        spacing_s = _number(spacing) * 1e-4
         for _ in range(new):
             placed_s = self._stamp_s + spacing_s
             self._stamp_s = placed_s if abs(placed_s - now) <= _NEAR_S else now

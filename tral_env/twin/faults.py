@@ -64,6 +64,8 @@ class Fault:
     begin: Callable[[Twin, float], None]
     """Begins it, with a rate in (0, 1]."""
     end: Callable[[Twin], None]
+    check: Callable[[Twin], None] = lambda twin: None
+    """Raises a ConfigError if the twin cannot have it."""
 
 
 class BusErrors:
@@ -154,13 +156,7 @@ def _plug_in(twin: Twin) -> None:
 
 
 def fill(folder: Path) -> None:
-    """Fill the file system of a folder to the last byte.
-
-    Raises:
-        ConfigError: the folder is no disk of the twin.
-    """
-    if not os.path.ismount(folder):
-        raise ConfigError(f"{folder} is no disk of the twin: it needs device files, so root and /dev/fuse")
+    """Fill the file system of a folder to the last byte."""
     with (folder / FILLER).open("wb", buffering=0) as file:
         for size in (1 << 20, 4096, 1):
             while True:
@@ -170,6 +166,11 @@ def fill(folder: Path) -> None:
                     if error.errno != errno.ENOSPC:
                         raise
                     break
+
+
+def _require_disk(twin: Twin) -> None:
+    if not os.path.ismount(twin.disk):
+        raise ConfigError(f"{twin.disk} is no disk of the twin: it needs device files, so root and /dev/fuse")
 
 
 def _fill(twin: Twin, rate: float) -> None:
@@ -214,7 +215,9 @@ FAULTS: dict[str, Fault] = {
     ),
     "servo-reversed": Fault("the servo turns the other way", *_flag("servo", "reversed")),
     "esc-unarmed": Fault("the motor controller is not armed, and does not arm", _unarm, _rearm),
-    "disk-full": Fault("no byte is left on the twin's disk, the folder `disk` beside its other files", _fill, _unfill),
+    "disk-full": Fault(
+        "no byte is left on the twin's disk, the folder `disk` beside its other files", _fill, _unfill, _require_disk
+    ),
 }
 """Faults by name."""
 
@@ -240,6 +243,7 @@ class Faults:
         Raises:
             ConfigError: no fault has this name, or the rate is none.
         """
+        _fault(name, rate).check(self._twin)
         self._begin(name, rate, self._twin.clock() + seconds)
 
     def end(self, name: str) -> None:
@@ -253,7 +257,7 @@ class Faults:
 
     def at(self, time_s: float, name: str, *, rate: float = 0.1, seconds: float = float("inf")) -> None:
         """Begin a fault at a time on the twin's clock, s; see `begin`."""
-        _fault(name, rate)
+        _fault(name, rate).check(self._twin)
         self._coming.append((time_s, name, rate, seconds))
 
     def turn(self, now_s: float) -> None:

@@ -25,7 +25,10 @@ _END_S = 10.0
 
 
 def serve(
-    settings: TwinSettings, ready: Callable[[dict[str, Any]], None], ended: threading.Event | None = None
+    settings: TwinSettings,
+    ready: Callable[[dict[str, Any]], None],
+    ended: threading.Event | None = None,
+    seconds: float | None = None,
 ) -> None:
     """Run a twin until it is told to end, by the control socket, by a signal or by an event.
 
@@ -33,6 +36,7 @@ def serve(
         settings: of the twin.
         ready: is told the first status, when everything stands.
         ended: ends it too.
+        seconds: it ends by itself after so long; None: never.
 
     Raises:
         TralError: it cannot be built.
@@ -48,7 +52,7 @@ def serve(
         ):
             twin.start()
             ready(twin.status())
-            ended.wait()
+            ended.wait(seconds)
     finally:
         sys.setswitchinterval(interval)
         for number, handler in before:
@@ -74,11 +78,12 @@ def _commands(twin: Twin, ended: threading.Event) -> dict[str, Answer]:
             twin.faults.end(name)
         else:
             seconds = request.get("seconds")
-            twin.faults.begin(
-                name,
-                rate=float(request.get("rate") or 0.1),
-                seconds=float("inf") if seconds is None else float(seconds),
-            )
+            rate, after = float(request.get("rate") or 0.1), float(request.get("after") or 0.0)
+            lasts = float("inf") if seconds is None else float(seconds)
+            if after > 0.0:
+                twin.faults.at(twin.clock() + after, name, rate=rate, seconds=lasts)
+            else:
+                twin.faults.begin(name, rate=rate, seconds=lasts)
         return {}
 
     return {
@@ -137,7 +142,7 @@ class TwinProcess(Physical):
         return found
 
     def fault(self, name: str, **how: Any) -> None:
-        """Begin a fault now, with `rate` and `seconds` as in `Faults.begin`; ``off=True`` ends it."""
+        """Begin a fault, with `rate` and `seconds` as in `Faults.begin`, now or `after` s; ``off=True`` ends it."""
         self.ask("fault", name=name, **how)
 
     def reset(self, seed: int) -> None:

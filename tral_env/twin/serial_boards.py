@@ -62,7 +62,11 @@ _MOTOR_LEVELS, _STEERING_LEVELS = 10, 50
 
 
 class Board2016:
-    """The board of 2016. Ranges are in centimetres, the battery in mV (both: choice)."""
+    """The board of 2016. Ranges are in centimetres, the battery in mV (both: choice).
+
+    A range stands in one frame after its ranging; in the others, and without an echo, it is 0, which who reads it takes
+    for "as before". So a repeated range is not taken for a new one.
+    """
 
     baud = 115200
 
@@ -70,7 +74,7 @@ class Board2016:
         """Stand; `calibration` are the pulses of its servo and motor controller."""
         self._calibration = calibration
         self.motor_level = self.steering_level = 0
-        self._due_s = 0.0
+        self._due_s, self._ranging = 0.0, -1
 
     def hear(self, data: bytes, now_s: float) -> bytes:
         """Each byte is a command; one beyond the levels is ignored."""
@@ -89,7 +93,8 @@ class Board2016:
             return b""
         self._due_s = max(self._due_s + FRAME_PERIOD_S, now_s)
         hall = int(readings.ticks * METRES_PER_TICK * UNITS_PER_M) & 0xFFFF
-        ranges = [_units(readings.range_m[side], 0.01) for side in ("front", "right", "left")]
+        fresh, self._ranging = readings.ranging != self._ranging, readings.ranging
+        ranges = [_units(readings.range_m[side], 0.01) if fresh else 0 for side in ("front", "right", "left")]
         return _FRAME.pack(0x00, 0x0F, *ranges, readings.line, hall, round(readings.battery_v * 1e3))
 
     def pulses_us(self, now_s: float) -> tuple[float, float]:

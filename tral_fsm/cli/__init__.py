@@ -36,9 +36,9 @@ app = typer.Typer(
     epilog="Exit codes: 0 success, 1 an episode failed or a file is bad, 2 bad usage, 3 the computer lacks something.",
 )
 app.command("drive")(drive_command)
-app.command("replay")(replay_command)
 app.command("deploy")(deploy_command)
 app.command("teleop")(teleop_command)
+app.command("replay")(replay_command)
 app.command("courses")(courses_command)
 app.command("compare")(compare_command)
 app.command("tune")(tune_command)

@@ -27,6 +27,7 @@ def up(
     board: Annotated[Board, typer.Option(help="Who is wired to servo and motor controller.")] = "pca9685",
     camera: Annotated[bool, typer.Option(help="Serve the camera's images, which needs OpenGL.")] = False,
     bus: Annotated[int, typer.Option(min=0, max=999, help="Number N of the bus: root gets /dev/i2c-N.")] = 7,
+    seconds: Annotated[float | None, typer.Option(help="The twin ends by itself after so long.")] = None,
     name: Name = "twin",
 ) -> None:
     """Run a twin until Ctrl-C or `tral twin down`."""
@@ -44,7 +45,7 @@ def up(
         camera=camera,
         bus=bus,
     )
-    serve(settings, _show_start)
+    serve(settings, _show_start, seconds=seconds)
 
 
 @app.command("status")
@@ -58,6 +59,7 @@ def fault(
     fault: Annotated[str, typer.Argument(help="Name of the fault, or `list`.", metavar="NAME")],
     rate: Annotated[float, typer.Option(help="Share of what fails, for faults that have one.")] = 0.1,
     seconds: Annotated[float | None, typer.Option(help="The fault ends by itself after so long.")] = None,
+    after: Annotated[float, typer.Option(min=0.0, help="The fault begins in so many seconds.")] = 0.0,
     off: Annotated[bool, typer.Option("--off", help="End the fault.")] = False,
     name: Name = "twin",
 ) -> None:
@@ -68,7 +70,7 @@ def fault(
         for each, what in FAULTS.items():
             typer.echo(f"{each:17} {what.told}")
         return
-    _ask(name, do="fault", name=fault, rate=rate, seconds=seconds, off=off)
+    _ask(name, do="fault", name=fault, rate=rate, seconds=seconds, after=after, off=off)
 
 
 @app.command("reset")

@@ -12,7 +12,6 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env import policy_file
 from tral_env.course.layout import Course
 from tral_env.errors import BadFileError
 from tral_env.randomization import level
@@ -22,35 +21,13 @@ from tral_env.world import Step
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.episode import Episode, Tick, TickRecorder
 from tral_fsm.evaluation.loop import DriveLoop, Observer, Pair
-from tral_fsm.evaluation.own_policy import files_of
+from tral_fsm.evaluation.policy_files import MACHINE
 from tral_fsm.formats import read as read_machine
-from tral_fsm.formats import write
 from tral_fsm.runtime.machine import Trace, Transit
-from tral_fsm.runtime.policy import MachinePolicy
 
 Index = NDArray[np.int64]
-MACHINE = "machine.json"
-"""A recording keeps the machine that drove under this name."""
 COURSE = "course.json"
 """A recording of a simulated drive keeps its course under this name."""
-
-
-def files_of_policy(source: str, policy: Any) -> dict[str, bytes]:
-    """The files of a policy, for a recording to keep.
-
-    Args:
-        source: as on the command line: the name of a machine, a path, or FILE.py:NAME.
-        policy: the policy.
-    """
-    if isinstance(policy, MachinePolicy):
-        return {MACHINE: write(policy.definition, "json").encode()}
-    code, python, _ = source.partition(".py:")
-    if python:
-        return {path.name: path.read_bytes() for path in files_of(Path(f"{code}.py"))}
-    path = Path(source)
-    folder = path if path.is_dir() else path.parent
-    names = (policy_file.JSON_NAME, policy_file.WEIGHTS_NAME)
-    return {name: (folder / name).read_bytes() for name in names if (folder / name).is_file()}
 
 
 class DriveRecorder:

@@ -15,7 +15,8 @@ from tral_env.errors import BadFileError, ConfigError
 from tral_env.interface import CONTROL_PERIOD_S, NO_ECHO_M, Policy
 from tral_env.recording.read import Recording
 from tral_env.se2 import wrap
-from tral_fsm.evaluation.recording import COURSE, MACHINE, files_of_policy
+from tral_fsm.evaluation.policy_files import MACHINE, files_of_policy
+from tral_fsm.evaluation.recording import COURSE
 from tral_fsm.evaluation.replayed import QUANTITIES, Comparison, OpenLoop
 from tral_fsm.runtime.policy import MachinePolicy
 

@@ -92,7 +92,7 @@ def run(
     """
     from tral_env.hardware.env import TralCarEnv
     from tral_fsm.evaluation.own_policy import find_policy
-    from tral_fsm.evaluation.recording import files_of_policy
+    from tral_fsm.evaluation.policy_files import files_of_policy
 
     require_hands(devices, arguments.arm)
     car = load_car(arguments.config)

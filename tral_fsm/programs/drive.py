@@ -179,7 +179,8 @@ def _drive_one(
 def _recorder(
     env: gym.Env[Any, Any], policy: Policy, seed: int, folder: Path, arguments: DriveArguments
 ) -> DriveRecorder:
-    from tral_fsm.evaluation.recording import DriveRecorder, files_of_policy
+    from tral_fsm.evaluation.policy_files import files_of_policy
+    from tral_fsm.evaluation.recording import DriveRecorder
 
     return DriveRecorder(
         folder / RECORDING,

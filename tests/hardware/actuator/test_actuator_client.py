@@ -108,6 +108,20 @@ def test_a_board_that_refused_is_told_and_can_be_armed_again(process: type[Threa
         drive(actuator, 0.1)
 
 
+def test_transactions_that_were_tried_again_are_counted(process: type[Thread]) -> None:
+    with ActuatorProcess(settings()) as actuator:
+        assert actuator.retries == 0
+        actuator.arm()
+        process.board.failures = 2
+        actuator.command(0.0, 0.5, 1)
+        until_s = time.monotonic() + 2.0
+        while actuator.retries < 2 and time.monotonic() < until_s:
+            actuator.command(0.0, 0.5, 1)
+            time.sleep(0.005)
+            actuator.check()
+        assert actuator.retries == 2
+
+
 def test_a_board_that_goes_on_refusing_neutral_says_to_cut_the_power(process: type[Thread]) -> None:
     with ActuatorProcess(settings()) as actuator:
         actuator.arm()

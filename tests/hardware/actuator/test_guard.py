@@ -426,6 +426,22 @@ def test_a_stop_brakes_too_if_it_may() -> None:
     assert bench.send(flags=Flag.STOP) == BRAKE
 
 
+def test_a_forward_too_short_to_be_seen_does_not_grow_while_the_car_coasts() -> None:
+    bench = Bench(settings(brake=-1.0)).arm()
+    bench.drive(12.5, 0.5)
+    bench.drive(200, 0.0)
+    assert bench.send(flags=Flag.STOP) == NEUTRAL  # two periods of the board are 35 ms
+
+
+def test_arming_forgets_that_the_car_went_forward() -> None:
+    bench = Bench(settings(brake=-1.0)).arm()
+    bench.drive(100, 0.5)
+    bench.send(flags=Flag.DISARM)
+    bench.arm()
+    bench.drive(25, 0.0)
+    assert bench.send(flags=Flag.STOP) == NEUTRAL  # somebody may have turned the car, and a brake would be reverse
+
+
 def packet(bench: Bench, throttle: float = 0.0, flags: Flag = Flag.NONE) -> None:
     """Give a command that is read in the same turn as the next one: nothing is written in between."""
     bench.sequence += 1

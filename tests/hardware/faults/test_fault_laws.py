@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
 from typing import Any
@@ -152,6 +153,13 @@ def test_a_frozen_ultrasonic_needs_echoes_and_not_only_way() -> None:
     assert drive(seldom, 9.0, sonar(lambda fired: 4.0)) is None
 
 
+def test_the_echo_that_makes_it_enough_is_the_one_that_stops() -> None:
+    watch = FaultWatch(SONAR | HALL, FaultLimits(frozen_echoes=5, frozen_m=0.1))
+    assert drive(watch, 9.0, sonar(lambda fired: 4.0)) == pytest.approx(0.4, abs=0.013)
+    assert watch.stopped is not None
+    assert watch.stopped.detail == "front, 4.00 m in 5 echoes over 0.4 m"
+
+
 def test_an_old_image_stops_the_car_and_no_camera_does_not() -> None:
     watch = FaultWatch(HALL)
     when = drive(watch, 5.0, rolling(1.0), image_s=lambda now: min(now, 2.0) - 0.1)
@@ -182,6 +190,21 @@ def test_the_mean_voltage_warns_and_stops_and_a_dip_does_neither() -> None:
     empty = FaultWatch(frozenset({"battery"}))
     assert drive(empty, 20.0, lambda now: {"battery": 6.4 if now < 5.0 else 5.8}) == pytest.approx(7.2, abs=0.2)
     assert str(empty.stopped).startswith("STOP battery empty: 6.0 V in the mean, below 6 V")
+
+
+def test_a_voltage_is_judged_when_half_of_the_mean_is_known() -> None:
+    watch = FaultWatch(frozenset({"battery"}))
+    assert drive(watch, 5.0, lambda now: {"battery": 5.0}) == pytest.approx(2.0 * math.log(2.0), abs=0.03)
+
+
+@pytest.mark.parametrize(("metres", "stops"), [(0.455, True), (0.46, False)])
+def test_too_near_counts_bumper_age_reaction_and_brake(metres: float, stops: bool) -> None:
+    # 0.320 m for the brake at 1 m/s, 0.1 m for the reaction, 0.0125 m for the age of the echo, 0.025 m for the bumper
+    watch = FaultWatch(SONAR | HALL)
+    for tick, age_s in enumerate((0.0125, 0.025, 0.0125), 1):
+        readings = {"ultrasonic_front": metres, "ultrasonic_front_age": age_s}
+        found = watch.update(Look(0.0125 * tick, rolling(1.0)(0.0125 * tick) | readings, 0.3))
+    assert (found is not None) == stops
 
 
 def test_something_ahead_stops_the_car_while_the_brake_is_still_enough() -> None:

@@ -210,11 +210,10 @@ class Battery:
 
 def stopping_m(speed: float) -> float:
     """Way that the car still goes when it is stopped by full brake at a speed, m/s: `STOPPING`, with straight lines
-    between, m."""
-    for (low, start_m), (high, end_m) in pairwise(STOPPING):
-        if speed <= high or high == STOPPING[-1][0]:
-            return start_m + (speed - low) / (high - low) * (end_m - start_m)
-    raise AssertionError
+    between, and the last one beyond, m."""
+    lines = list(pairwise(STOPPING))
+    (low, start_m), (high, end_m) = next((line for line in lines if speed <= line[1][0]), lines[-1])
+    return start_m + (speed - low) / (high - low) * (end_m - start_m)
 
 
 class TooNear:
