@@ -218,3 +218,15 @@ def test_a_camera_that_cannot_be_opened_is_told_with_what_to_do(webcam: Webcam, 
 def test_a_camera_that_never_started_is_let_go(webcam: Webcam, lens: str) -> None:
     Camera(CameraOptions(lens=lens)).stop()
     assert webcam.released
+
+
+def test_images_can_be_watched_with_the_time_of_their_exposure(started: Any, webcam: Webcam) -> None:
+    eye, clock = started()
+    seen: list[tuple[float, Image]] = []
+    eye.watch_images(lambda exposed_s, pixels: seen.append((exposed_s, pixels)))
+    blue = picture()
+    blue[...] = (255, 0, 0)  # OpenCV has blue first
+    webcam.hand(blue)
+    ((exposed_s, pixels),) = seen
+    assert exposed_s == clock() - CameraOptions(lens="").latency_s
+    assert pixels[0, 0].tolist() == [0, 0, 255]

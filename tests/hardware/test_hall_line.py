@@ -154,3 +154,12 @@ def test_the_library_has_all_that_is_used_of_it() -> None:
         assert hasattr(gpiod.LineRequest, method)
     with pytest.raises(HardwareError, match="cannot use line 17 of /dev/null"):
         HallLine(HallOptions(chip="/dev/null"))
+
+
+def test_each_change_of_the_pin_can_be_watched_with_the_stamp_of_the_kernel(kernel: Kernel) -> None:
+    clock, seen = Clock(), []
+    hall = opened(clock)
+    hall.watch_frames(lambda source, data: seen.append((source, data[0], int.from_bytes(data[1:], "little"))))
+    kernel.magnet(2.0, near_s=0.004)
+    hall.read(clock())
+    assert seen == [("hall", 1, 2_000_000_000), ("hall", 0, 2_004_000_000)]

@@ -210,3 +210,13 @@ def test_20000_random_streams_give_no_reading_out_of_bounds(port: Port, clock: C
             continue
         for name, value in readings.items():
             assert BOUNDS[name].low <= value <= BOUNDS[name].high, (name, value)
+
+
+@pytest.mark.parametrize("kind", [Board2016SensorOptions, UcboardSensorOptions])
+def test_all_bytes_of_a_board_can_be_watched_as_they_come(port: Port, clock: Clock, kind: Any) -> None:
+    sensors, seen = opened(kind, clock), []
+    sensors.watch_frames(lambda source, data: seen.append((source, data)))
+    for data in (b"garbled", b"", wire()):
+        port.waiting = data
+        sensors.read(clock())
+    assert seen == [(PORT, b"garbled"), (PORT, wire())]

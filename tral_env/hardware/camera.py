@@ -17,7 +17,7 @@ from tral_env.config import CarConfig
 from tral_env.errors import ConfigError, HardwareError
 from tral_env.hardware.camera_options import CameraOptions
 from tral_env.hardware.physical import Physical
-from tral_env.hardware.sensors import ImageTimes
+from tral_env.hardware.sensors import ImageTimes, ImageWatcher
 from tral_env.perception.aruco import Detector, marker_poses
 from tral_env.perception.camera_pipeline import QUANTITIES, SUBJECTS, CameraPipeline
 from tral_env.perception.gate import nearest_in_image
@@ -66,6 +66,11 @@ class Camera(Physical):
         self.changed_s = clock()
         """Time of the newest image that differed from the one before, s: a frozen camera sends the same one again."""
         self._before: NDArray[np.uint8] | None = None
+        self._watcher: ImageWatcher | None = None
+
+    def watch_images(self, watcher: ImageWatcher) -> None:
+        """Call a watcher with each image; the camera's thread calls it."""
+        self._watcher = watcher
 
     def start(self) -> None:
         """Forget what was seen; the thread begins at the first start."""
@@ -129,6 +134,9 @@ class Camera(Physical):
             self.changed_s = exposed_s if changed else self.changed_s
             self._pipeline.expose(_ONE_CAR, np.array([exposed_s]), seen)
             self._pipeline.deliver(np.array([exposed_s]))
+        if self._watcher is not None:
+            pixels = cv2.cvtColor(image, cv2.COLOR_BGR2RGB) if image.ndim == 3 else image
+            self._watcher(exposed_s, np.asarray(pixels, np.uint8))
 
 
 def open_capture(options: CameraOptions) -> Any:

@@ -12,7 +12,7 @@ from tral_env.errors import HardwareError, MissingExtraError
 from tral_env.geometry import HALL_METRES_PER_TICK
 from tral_env.hardware.actuator.options import check_quantities, quantity
 from tral_env.hardware.physical import Physical
-from tral_env.hardware.sensors import HallCounter, Sensors
+from tral_env.hardware.sensors import FrameWatcher, HallCounter, Sensors
 
 _NS = 1_000_000_000
 _STAMP_S = 1e-6
@@ -67,7 +67,16 @@ class HallLine(Physical):
         self._counter = HallCounter(HallConfig(metres_per_tick=options.metres_per_tick, stamp_s=_STAMP_S), clock)
         self._last_s = -float("inf")
         self._rising: Any = None
+        self._watcher: FrameWatcher | None = None
         self._request: Any = self._asked()
+
+    def watch_frames(self, watcher: FrameWatcher) -> None:
+        """Call a watcher for each change of the pin, also one that does not count.
+
+        A frame of "hall" has nine bytes: 1 for a magnet that comes near, 0 for one that goes, then the kernel's stamp,
+        ns, low byte first.
+        """
+        self._watcher = watcher
 
     def start(self) -> None:
         """Count from zero; edges that the kernel kept are forgotten."""
@@ -112,5 +121,8 @@ class HallLine(Physical):
                 stamp_s = event.timestamp_ns / _NS
                 was_quiet = stamp_s - self._last_s >= self._options.debounce_s
                 self._last_s = stamp_s
+                if self._watcher is not None:
+                    comes = event.event_type is self._rising
+                    self._watcher("hall", bytes([comes]) + event.timestamp_ns.to_bytes(8, "little"))
                 if was_quiet and event.event_type is self._rising:
                     self._counter.edge(stamp_s)

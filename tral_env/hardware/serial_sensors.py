@@ -18,7 +18,7 @@ from tral_env.geometry import HALL_METRES_PER_TICK
 from tral_env.hardware.actuator.options import check_quantities, quantity
 from tral_env.hardware.actuator.serial_boards import BAUD_2016, BAUD_UCBOARD
 from tral_env.hardware.physical import Physical
-from tral_env.hardware.sensors import HallCounter, Sensors
+from tral_env.hardware.sensors import FrameWatcher, HallCounter, Sensors
 from tral_env.hardware.serial_frames import Frame, FrameParser, TextParser
 from tral_env.hardware.serial_port import open_port
 from tral_env.interface import NO_ECHO_M, OPTIONAL_GROUPS
@@ -106,6 +106,11 @@ class _SerialSensors(Physical):
         self._ranges: dict[str, tuple[float, float]] = {}
         self._heard_s = math.inf
         self._battery: float | None = None
+        self._watcher: FrameWatcher | None = None
+
+    def watch_frames(self, watcher: FrameWatcher) -> None:
+        """Call a watcher with all bytes that the board sends, under the name of the port."""
+        self._watcher = watcher
 
     def start(self) -> None:
         """Forget all readings, and all bytes that waited."""
@@ -125,6 +130,8 @@ class _SerialSensors(Physical):
             data: bytes = self._port.read(_MAX_BYTES)
         except OSError as error:
             raise HardwareError(f"the serial board at {self._name} is lost ({error}): is its plug in?") from error
+        if data and self._watcher is not None:
+            self._watcher(self._name, data)
         return data
 
     def _take_range(self, side: str, metres: float, now: float) -> None:
