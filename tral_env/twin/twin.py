@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
@@ -131,6 +131,8 @@ class Twin(Physical):
         self._running.clear()
         self._stack.close()
         self.car.close()
+        with suppress(OSError):  # it was never made, or somebody put a file there
+            self.settings.run_folder.rmdir()
 
     def __enter__(self) -> Self:
         """The running twin."""
