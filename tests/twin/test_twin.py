@@ -1,5 +1,7 @@
 """The twin by hand: the car's own environment drives the simulated car, on a clock that waits for nobody."""
 
+import time
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -7,7 +9,7 @@ import numpy as np
 import pytest
 from twins import Clock, twin_by_hand
 
-from tral_env.errors import ConfigError
+from tral_env.errors import ConfigError, SimulationError
 from tral_env.hardware.calibration_file import load_calibration
 from tral_env.hardware.sensors import HallCounter, SensorGroup
 from tral_env.hardware.sonar import SonarArray
@@ -162,6 +164,21 @@ def test_settings_survive_json() -> None:
     assert TwinSettings.from_json(settings.to_json()) == settings
     with pytest.raises(ConfigError, match="unknown setting 'sed': did you mean 'seed'"):
         TwinSettings.from_json('{"sed": 4}')
+
+
+def test_physics_that_fails_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    twin = Twin(TwinSettings(**STRAIGHT, files=False, serial=False, folder=str(tmp_path)))
+
+    def fails(*_: Any, **__: Any) -> None:
+        raise SimulationError("unstable physics in rows [0]")
+
+    monkeypatch.setattr(twin.car, "tick", fails)
+    with twin:
+        until_s = time.monotonic() + 10.0
+        while not twin.status()["failure"]:
+            assert time.monotonic() < until_s
+            time.sleep(0.01)
+        assert twin.status()["failure"] == "unstable physics in rows [0]"
 
 
 def test_a_twin_without_files_says_why() -> None:

@@ -50,7 +50,8 @@ class I2cBus:
     def __init__(self, chips: Sequence[Chip]) -> None:
         """Wire chips together."""
         self._chips = tuple(chips)
-        self._lock = threading.Lock()
+        self.lock = threading.Lock()
+        """Held during a transaction; who changes a chip from outside holds it too."""
         self.faults: dict[str, Fault] = {}
         """Faults that are asked before each transaction, by name."""
         self.powered = True
@@ -68,7 +69,7 @@ class I2cBus:
         Raises:
             OSError: nobody acknowledged, or the bus failed; its errno is that of Linux.
         """
-        with self._lock:
+        with self.lock:
             self.transactions += 1
             for fault in tuple(self.faults.values()):
                 fault(messages)

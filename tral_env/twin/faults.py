@@ -128,8 +128,9 @@ def _flag(*path: str, value: object = True, otherwise: object = False) -> tuple[
 
 
 def _brown_out(twin: Twin, rate: float) -> None:
-    twin.pca9685.power_cycle()
-    twin.pulses.note()
+    with twin.bus.lock:
+        twin.pca9685.power_cycle()
+        twin.pulses.note()
 
 
 def _nothing(twin: Twin) -> None:

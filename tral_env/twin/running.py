@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
-from contextlib import closing, suppress
+from contextlib import closing
 from pathlib import Path
 from typing import Any, Self
 
@@ -57,8 +57,6 @@ def serve(
         sys.setswitchinterval(interval)
         for number, handler in before:
             signal.signal(number, handler)
-        with suppress(OSError):
-            settings.run_folder.rmdir()
 
 
 def _commands(twin: Twin, ended: threading.Event) -> dict[str, Answer]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
 
-from tral_env.errors import ConfigError
+from tral_env.errors import ConfigError, SimulationError
 from tral_env.hardware.calibration_file import load_calibration
 from tral_env.hardware.physical import Physical
 from tral_env.hardware.sonar import ADDRESSES
@@ -73,6 +73,8 @@ class Twin(Physical):
         self.hall_off = self.hall_bounces = False
         self.camera_gone = self.camera_frozen = False
         self.faults = Faults(self)
+        self.failure = ""
+        """Why the twin stands still, in words; empty: it does not."""
         self.why_no_files = "" if settings.files else "the settings ask for none"
         self._lock, self._running = threading.RLock(), threading.Event()
         self._stack = ExitStack()
@@ -129,6 +131,8 @@ class Twin(Physical):
         self._running.clear()
         self._stack.close()
         self.car.close()
+        with suppress(OSError):  # it was never made, or somebody put a file there
+            self.settings.run_folder.rmdir()
 
     def __enter__(self) -> Self:
         """The running twin."""
@@ -166,6 +170,7 @@ class Twin(Physical):
             steering_us, throttle_us = self._standing_us()
         return {
             "seed": self.seed,
+            "failure": self.failure,
             "i2c": None if self.files is None else str(self.i2c_path),
             "why_no_files": self.why_no_files,
             "serial": {name: str(port.path) for name, port in self.ports.items()},
@@ -213,7 +218,11 @@ class Twin(Physical):
             if now_s < self._next_s:
                 self._sleep(self._next_s - now_s)
             self._late(self.clock() - self._next_s)
-            edges_s = self.tick(self._next_s)
+            try:
+                edges_s = self.tick(self._next_s)
+            except SimulationError as error:  # told by `status`: there is nobody else to tell
+                self.failure = str(error)
+                return
             if edges_s and self.hall is not None:
                 self.hall.send(edges_s)
             self._next_s += CONTROL_PERIOD_S
