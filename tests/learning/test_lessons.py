@@ -12,7 +12,8 @@ from tral_env.learned import Network
 from tral_env.learner import LearnerView
 from tral_env.vector_env import TralCorridorVectorEnv
 from tral_fsm import load_policy
-from tral_fsm.learning.teacher import Guard, Lessons, Samples, TeacherSettings, teacher_settings
+from tral_fsm.learning.guard import Guard
+from tral_fsm.learning.teacher import Lessons, Samples, TeacherSettings, teacher_settings
 
 CARS = 2
 SETTINGS = replace(teacher_settings(("straight",)), stuck_s=60.0)
@@ -56,11 +57,12 @@ def test_the_machine_drives_a_car_off_where_a_network_let_it_stand(env: TralCorr
 
 
 class TestGuard:
-    SETTINGS = replace(SETTINGS, guarded=0.5, help_above=0.4, help_decisions=3)
+    def guard(self) -> Guard:
+        return Guard(2, guarded=0.5, above=0.4, decisions=3)
 
     def after(self, errors: list[float]) -> list[list[bool]]:
         """Which of two cars the machine drives after each decision."""
-        guard, helped = Guard(2, self.SETTINGS), []
+        guard, helped = self.guard(), []
         for error in errors:
             guard.watch(np.ones(2, bool), np.full(2, error))
             helped.append(guard.helps.tolist())
@@ -78,7 +80,7 @@ class TestGuard:
         assert not any(first for first, _ in self.after([0.39] * 100))
 
     def test_an_episode_begins_without_errors(self) -> None:
-        guard, both = Guard(2, self.SETTINGS), np.ones(2, bool)
+        guard, both = self.guard(), np.ones(2, bool)
         for _ in range(5):
             guard.watch(both, np.ones(2))
         guard.reset(both)

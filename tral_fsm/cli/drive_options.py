@@ -16,8 +16,8 @@ Episodes = Annotated[int, typer.Option(min=1, help="Number of episodes.")]
 Policy = Annotated[
     str,
     typer.Option(
-        help="Name of a packaged machine, a machine file, the folder of a trained policy, or FILE.py:NAME for a policy "
-        "of your own."
+        help="Name of a packaged machine or trained policy, a machine file, the folder of a trained policy, or "
+        "FILE.py:NAME for a policy of your own."
     ),
 ]
 Camera = Annotated[

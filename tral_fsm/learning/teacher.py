@@ -26,6 +26,7 @@ from tral_env.speed_control import SPEED_PER_THROTTLE, THROTTLE_DEAD
 from tral_env.vector_env import TralCorridorVectorEnv
 from tral_fsm.evaluation.stuck import StuckWatch
 from tral_fsm.learning.choices import check_size, positive, read_settings, sees_detections
+from tral_fsm.learning.guard import Guard
 from tral_fsm.learning.networks import ACTIVATIONS, as_network, nn, perceptron, torch
 from tral_fsm.learning.run import RECENT, TrainingRun
 from tral_fsm.policies import load_machine_policy
@@ -183,44 +184,6 @@ class Student:
         self._rng = np.random.default_rng((self._seed, self._updates))
 
 
-class Guard:
-    """Says which cars the machine takes over because their network errs for too long.
-
-    So these cars stay where the machine's answers belong together, and come to the end of their courses from the first
-    minutes on. The other cars show where the network leads. Source: Zhang and Cho, Query-Efficient Imitation Learning
-    for End-to-End Autonomous Driving, 2017 (SafeDAgger).
-    """
-
-    _SHARE = 0.1
-    """The running mean of the errors takes this share of each new one: it is that of about 10 decisions."""
-
-    def __init__(self, n: int, settings: TeacherSettings) -> None:
-        self._settings = settings
-        self._guarded = np.arange(n) < round(settings.guarded * n)
-        self._error = np.zeros(n)
-        self._left = np.zeros(n, np.int64)
-        """(n,) decisions for which the machine drives on."""
-
-    @property
-    def helps(self) -> Flags:
-        """(n,) the machine drives the car."""
-        helped: Flags = self._left > 0
-        return helped
-
-    def watch(self, rows: Flags, errors: NDArray[np.floating]) -> None:
-        """Take over the errors (k,) of the network's steering in the rows (n,) that decide."""
-        self._left[rows] = np.maximum(self._left[rows] - 1, 0)
-        self._error[rows] += self._SHARE * (errors - self._error[rows])
-        begins = rows & self._guarded & (self._left == 0) & (self._error > self._settings.help_above)
-        self._left[begins] = self._settings.help_decisions
-        self._error[begins] = 0.0
-
-    def reset(self, rows: Flags) -> None:
-        """New episodes begin."""
-        self._error[rows] = 0.0
-        self._left[rows] = 0
-
-
 class Lessons:
     """Cars that drive while the machine watches each of them."""
 
@@ -241,7 +204,7 @@ class Lessons:
         self._stuck = StuckWatch(n, settings.stuck_s)
         self._rng = np.random.default_rng(seed)
         self._wanted = np.zeros((n, 2))
-        self._guard = Guard(n, settings)
+        self._guard = Guard(n, settings.guarded, settings.help_above, settings.help_decisions)
         self._drawn = np.ones(n, bool)
         """(n,) cars that the machine drives in this round in any case."""
         self._taught = np.ones(n, bool)
