@@ -63,3 +63,18 @@ def test_it_names_all_that_an_effort_file_may_have() -> None:
 def test_the_hours_of_its_example_are_those_of_the_script() -> None:
     assert round(10 * 3600 / compare.DRIVE_S) == 1440
     assert "so 1440" in PAGE
+
+
+def test_the_published_table_is_that_of_its_file() -> None:
+    shown = json.loads((Path(__file__).parents[2] / "benchmarks/results/contenders.json").read_text())
+    overview, families = (table(read("docs/results.md"), head) for head in ("| contender | success", "| family | spec"))
+    for row, one in zip(overview, shown["contenders"], strict=True):
+        got = one["figures"]
+        assert row[0].removesuffix(" \\*") == one["name"]
+        assert row[1] == f"{100 * got['success']['value']:.1f}"
+        assert row[3:5] == [f"{got['iqm']['value']:.3f}", f"{got['iqm']['low']:.3f} to {got['iqm']['high']:.3f}"]
+        assert float(row[8]) == round(got["time_s"]["value"], 1)
+    for row in families:
+        tasks = [task["contenders"] for task in shown["tasks"] if task["family"] == row[0]]
+        for cell, one in zip(row[1:], shown["contenders"], strict=True):
+            assert cell == ", ".join(f"{t[one['name']]['successes']}/{t[one['name']]['drives']}" for t in tasks)

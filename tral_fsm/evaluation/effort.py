@@ -132,10 +132,17 @@ def _plus(one: Effort, before: Effort | None) -> Effort:
     """Sum of two efforts; what is unknown of one is unknown of both."""
     if before is None:
         return one
-    names = ("decisions", "simulated_h", "minutes")
-    pairs = {name: (getattr(one, name), getattr(before, name)) for name in names}
-    sums: dict[str, Any] = {n: None if None in pair else round(sum(pair), 3) for n, pair in pairs.items()}
-    return replace(one, **sums)
+    known = one.decisions is not None and before.decisions is not None
+    return replace(
+        one,
+        decisions=(one.decisions or 0) + (before.decisions or 0) if known else None,
+        simulated_h=_sum(one.simulated_h, before.simulated_h),
+        minutes=_sum(one.minutes, before.minutes),
+    )
+
+
+def _sum(one: float | None, other: float | None) -> float | None:
+    return None if one is None or other is None else round(one + other, 3)
 
 
 def _borrowed(network: Network) -> str:

@@ -19,7 +19,7 @@ from tral_env.learner import LearnerConfig
 from tral_fsm.formats import library, tral_json
 from tral_fsm.learning import start
 from tral_fsm.learning.choices import TrainRequest, check_size, positive, read_settings, sees_detections
-from tral_fsm.learning.export import network_of
+from tral_fsm.learning.export import network_of_model
 from tral_fsm.learning.networks import ACTIVATIONS, torch
 from tral_fsm.learning.run import RECENT, TrainingRun
 from tral_fsm.runtime.policy import MachinePolicy
@@ -207,10 +207,8 @@ class _Callback(BaseCallback):
 
     def _validate(self) -> None:
         settings: ReinforcementSettings = self._run.settings
-        state = self.model.policy.state_dict()
-        network = network_of(
-            state, settings.learner, activation=settings.activation, provenance={"algorithm": self._run.request.algo}
-        )
+        about = {"algorithm": self._run.request.algo}
+        network = network_of_model(self.model, settings.learner, provenance=about)
         if isinstance(settings, ResidualSettings):
             assert self._machine is not None
             network = replace(network, correction=Correction(machine=self._machine, bounds=settings.bounds))
