@@ -19,6 +19,8 @@ from tral_fsm.cli import app
 from tral_fsm.cli.console import BAD_USAGE, MACHINE_LACKS
 
 NAME = f"test-{os.getpid()}"
+BUS = 950 + int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
+"""Workers of pytest do not share a bus."""
 
 
 def tral(*arguments: str) -> Any:
@@ -29,7 +31,7 @@ def tral(*arguments: str) -> Any:
 def up() -> Iterator[list[str]]:
     """A running twin; gives what the command printed."""
     command = "from tral_fsm.cli import app; app()"
-    arguments = ["twin", "up", "--name", NAME, "--scenario", "straight", "--seed", "3", "--bus", "908"]
+    arguments = ["twin", "up", "--name", NAME, "--scenario", "straight", "--seed", "3", "--bus", str(BUS)]
     program = subprocess.Popen([sys.executable, "-c", command, *arguments], stdout=subprocess.PIPE, text=True)
     assert program.stdout is not None
     lines = []
@@ -41,7 +43,7 @@ def up() -> Iterator[list[str]]:
     assert tral("down", "--name", NAME).exit_code == 0
     assert program.wait(20.0) == 0
     program.stdout.close()
-    assert not os.path.lexists("/dev/i2c-908")
+    assert not os.path.lexists(f"/dev/i2c-{BUS}")
     assert NAME not in Path("/proc/mounts").read_text()
 
 
@@ -82,6 +84,6 @@ def test_up_refuses_what_cannot_be() -> None:
 
 def test_up_ends_by_itself() -> None:
     begun_s = time.monotonic()
-    done = tral("up", "--name", f"{NAME}-short", "--scenario", "straight", "--bus", "909", "--seconds", "0.2")
+    done = tral("up", "--name", f"{NAME}-short", "--scenario", "straight", "--bus", str(BUS + 20), "--seconds", "0.2")
     assert done.exit_code == 0, done.output
     assert time.monotonic() - begun_s < 60.0

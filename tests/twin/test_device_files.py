@@ -29,7 +29,9 @@ from tral_env.twin.srf08 import Srf08Chip
 
 pytestmark = pytest.mark.usefixtures("device_files")
 smbus2 = pytest.importorskip("smbus2")
-LINK = Path("/dev/i2c-907")
+NUMBER = 910 + int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
+"""Of the bus: workers of pytest do not share one."""
+LINK = Path(f"/dev/i2c-{NUMBER}")
 
 
 class Rig:
@@ -40,7 +42,7 @@ class Rig:
         rangers = [Srf08Chip(0x70 + k, lambda fired_s, k=k: [1.0 + k]) for k in range(3)]
         self.bus, self.pwm = I2cBus([self.board, *rangers]), PwmChip()
         self.files = DeviceFiles(
-            folder / "dev", self.bus, i2c_name="i2c-907", tree=self.pwm, link=LINK, disk=folder / "disk"
+            folder / "dev", self.bus, i2c_name=LINK.name, tree=self.pwm, link=LINK, disk=folder / "disk"
         )
 
 
@@ -73,7 +75,7 @@ def errno_of(call: Any) -> int | None:
 
 
 def test_smbus2_speaks_to_the_chips(rig: Rig) -> None:
-    with smbus2.SMBus(907) as bus:
+    with smbus2.SMBus(NUMBER) as bus:
         assert bus.read_byte_data(0x40, 0x00) == 0x11
         bus.write_byte_data(0x40, 0x00, 0x20)
         bus.write_i2c_block_data(0x40, 0x06, [0, 0, 100, 0, 0, 0, 200, 0])
@@ -112,7 +114,7 @@ def test_errors_of_the_bus_reach_the_caller(rig: Rig) -> None:
 def test_a_bus_that_blocks_keeps_its_caller_and_nobody_who_opens_it(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tral_env.twin.faults.BLOCKS_S", 0.5)
     rig.bus.faults["timeout"] = BusTimeouts()
-    with smbus2.SMBus(907) as bus, ThreadPoolExecutor() as pool:
+    with smbus2.SMBus(NUMBER) as bus, ThreadPoolExecutor() as pool:
         begun_s = time.monotonic()
         blocked = pool.submit(errno_of, lambda: bus.read_byte_data(0x40, 0))
         time.sleep(0.1)
@@ -123,9 +125,9 @@ def test_a_bus_that_blocks_keeps_its_caller_and_nobody_who_opens_it(rig: Rig, mo
 
 
 def test_the_cars_own_sonars_range_through_the_file(rig: Rig) -> None:
-    with smbus2.SMBus(907) as bus:
+    with smbus2.SMBus(NUMBER) as bus:
         bus.write_byte_data(0x40, 0x00, 0x20)  # the board leaves address 0x70
-    sonars = SonarArray(bus=907)
+    sonars = SonarArray(bus=NUMBER)
     sonars.start()
     sonars.read(time.monotonic())
     time.sleep(0.07)
@@ -136,7 +138,7 @@ def test_the_cars_own_sonars_range_through_the_file(rig: Rig) -> None:
 
 def test_adafruits_library_drives_the_board_through_the_file(rig: Rig) -> None:
     library = pytest.importorskip("adafruit_pca9685", exc_type=ImportError)
-    with smbus2.SMBus(907) as bus:
+    with smbus2.SMBus(NUMBER) as bus:
 
         def write_then_read(address: int, data: bytes, length: int) -> bytes:
             read = smbus2.i2c_msg.read(address, length)
@@ -153,12 +155,12 @@ def test_adafruits_library_drives_the_board_through_the_file(rig: Rig) -> None:
 
 @pytest.mark.skipif(shutil.which("i2cdetect") is None, reason="i2c-tools are not installed")
 def test_i2c_tools_find_the_chips(rig: Rig) -> None:
-    table = run("i2cdetect", "-y", "907")
+    table = run("i2cdetect", "-y", str(NUMBER))
     found = [word for line in table.splitlines()[1:] for word in line.split()[1:] if word != "--"]
     assert found == ["40", "70", "71", "72"]
-    assert run("i2cget", "-y", "907", "0x40", "0xfe") == "0x1e\n"
-    run("i2cset", "-y", "907", "0x40", "0x00", "0x20")
-    assert run("i2cget", "-y", "907", "0x70", "0x00") == "0x0a\n"
+    assert run("i2cget", "-y", str(NUMBER), "0x40", "0xfe") == "0x1e\n"
+    run("i2cset", "-y", str(NUMBER), "0x40", "0x00", "0x20")
+    assert run("i2cget", "-y", str(NUMBER), "0x70", "0x00") == "0x0a\n"
 
 
 def run(*command: str) -> str:
@@ -169,7 +171,7 @@ def run(*command: str) -> str:
 
 def test_pwm_outputs_are_files(rig: Rig) -> None:
     chip = rig.files.i2c_path.parent / "pwm" / "pwmchip0"
-    assert sorted(path.name for path in chip.parent.parent.iterdir()) == ["i2c-907", "pwm"]
+    assert sorted(path.name for path in chip.parent.parent.iterdir()) == [LINK.name, "pwm"]
     (chip / "export").write_text("0")
     for name, text in (("period", "17430000"), ("duty_cycle", "1530000"), ("enable", "1")):
         (chip / "pwm0" / name).write_text(text)
@@ -182,7 +184,7 @@ def test_pwm_outputs_are_files(rig: Rig) -> None:
 
 def test_a_second_bus_of_the_same_number_is_refused(rig: Rig, tmp_path: Path) -> None:
     with pytest.raises(HardwareError, match="is there already"):
-        DeviceFiles(tmp_path / "other", rig.bus, i2c_name="i2c-907", link=LINK)
+        DeviceFiles(tmp_path / "other", rig.bus, i2c_name=LINK.name, link=LINK)
 
 
 PROGRAM = """
@@ -223,7 +225,7 @@ def test_what_two_killed_programs_leave_the_next_start_takes_away(tmp_path: Path
     ended(program)
     assert mounts(tmp_path)  # dead
     rig = Rig(tmp_path)
-    with smbus2.SMBus(907) as bus:
+    with smbus2.SMBus(NUMBER) as bus:
         assert bus.read_byte_data(0x40, 0x00) == 0x11
     rig.files.close()
     assert not mounts(tmp_path)
@@ -231,7 +233,7 @@ def test_what_two_killed_programs_leave_the_next_start_takes_away(tmp_path: Path
 
 def test_files_whose_program_is_killed_fail_and_are_taken_away_at_the_end(tmp_path: Path) -> None:
     rig = Rig(tmp_path)
-    bus = smbus2.SMBus(907)
+    bus = smbus2.SMBus(NUMBER)
     os.kill(rig.files.pid, signal.SIGKILL)
     assert errno_of(lambda: bus.read_byte_data(0x40, 0)) in (errno.ECONNABORTED, errno.ENOTCONN, errno.ENODEV)
     assert errno_of(bus.close) in (None, errno.ENOTCONN)
