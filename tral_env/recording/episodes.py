@@ -20,7 +20,7 @@ class PolicyWatch:
 
     def __init__(self, policy: Any) -> None:
         """Watch a policy; its own `trace`, if it has one, is still called."""
-        self._policy, self._fired, self._state = policy, list[Any](), ""
+        self._policy, self._fired = policy, list[Any]()
         if hasattr(policy, "trace"):
             before = policy.trace
 
@@ -30,6 +30,11 @@ class PolicyWatch:
                     before(transit)
 
             policy.trace = both
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget what the policy did before an episode."""
+        self._fired.clear()
         self._state = self._active()
 
     def take(self) -> dict[str, Any]:
@@ -96,6 +101,8 @@ class EpisodeRecorder:
         self.close()
         if self._path is None:
             return
+        if self._watch is not None:
+            self._watch.restart()
         # A car that records nothing needs neither MCAP nor OpenCV.
         from tral_env.recording.file import free_path
         from tral_env.recording.recorder import Recorder
