@@ -174,7 +174,7 @@ def test_a_running_worker_has_imported_the_standard_library_and_the_bus_alone(gi
     assert others == ({"smbus2"} if driver == "pca9685" else set())
 
 
-ALLOWED = {"tral_env.errors", "tral_env.hardware", "tral_env.hardware.i2c"}
+ALLOWED = {"tral_env.errors", "tral_env.hardware", "tral_env.hardware.i2c", "tral_env.hardware.serial_port"}
 
 
 def test_a_board_has_one_owner(actuator: ActuatorProcess, given: Settings, log: Path) -> None:
@@ -401,7 +401,7 @@ def test_the_board_is_driven_by_the_process_by_default(monkeypatch: pytest.Monke
         wanted.append(settings)
         raise HardwareError("no car here")
 
-    monkeypatch.setattr("tral_env.hardware.env.ActuatorProcess", start)
+    monkeypatch.setattr("tral_env.hardware.opening.ActuatorProcess", start)
     for sensors, evidence_s in ((None, None), (Counting(), 1.0)):
         for bus, told in ((3, 3), (np.int64(3), 3), (Path("/dev/i2c-3"), "/dev/i2c-3")):
             with pytest.raises(HardwareError, match="no car here"):

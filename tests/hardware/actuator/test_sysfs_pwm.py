@@ -29,22 +29,22 @@ def chip(tmp_path: Path) -> Path:
 
 
 class Kernel:
-    """Refuses what the kernel refuses, and notes each write."""
+    """Refuses what the kernel refuses, takes each write as a whole, and notes it."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.writes: list[tuple[str, str, str]] = []
-        write_text = Path.write_text
 
-        def write(path: Path, text: str, *rest: Any) -> int:
-            if path.name in FILES:
-                state = {name: (path.parent / name).read_text().strip() for name in FILES} | {path.name: text}
-                period, duty = int(state["period"]), int(state["duty_cycle"])
-                if not period or duty > period or (path.name == "polarity" and state["enable"] == "1"):
-                    raise OSError(22, "Invalid argument")
-                self.writes.append((path.parent.name, path.name, text))
-            return write_text(path, text, *rest)
+        def write(file: int, data: bytes, offset: int) -> int:
+            path, text = Path(f"/proc/self/fd/{file}").readlink(), data.decode().strip()
+            assert offset == 0
+            state = {name: (path.parent / name).read_text().strip() for name in FILES} | {path.name: text}
+            period, duty = int(state["period"]), int(state["duty_cycle"])
+            if not period or duty > period or (path.name == "polarity" and state["enable"] == "1"):
+                raise OSError(22, "Invalid argument")
+            self.writes.append((path.parent.name, path.name, text))
+            return path.write_bytes(data)
 
-        monkeypatch.setattr(Path, "write_text", write)
+        monkeypatch.setattr("os.pwrite", write)
 
 
 @pytest.fixture
@@ -73,6 +73,24 @@ def test_a_new_output_gets_its_period_before_a_pulse(chip: Path, kernel: Kernel)
         ("pwm1", "duty_cycle", "1500000"),
         ("pwm1", "enable", "1"),
     ]
+
+
+def test_a_pulse_of_an_output_that_is_on_is_one_write(chip: Path, kernel: Kernel) -> None:
+    board = opened(chip)
+    board.start()
+    kernel.writes.clear()
+    board.set_pulses(1400.0, 1450.0)
+    assert kernel.writes == [("pwm0", "duty_cycle", "1400000"), ("pwm1", "duty_cycle", "1450000")]
+
+
+def test_pulses_after_the_end_switch_the_outputs_on_again(chip: Path, kernel: Kernel) -> None:
+    board = opened(chip)
+    board.start()
+    board.off()
+    assert board.check() == ""
+    kernel.writes.clear()
+    board.set_pulses(1530.0, 1500.0)
+    assert [name for _, name, _ in kernel.writes] == ["duty_cycle", "enable"] * 2
 
 
 def test_an_output_that_ran_with_another_period_stops_before_it_takes_ours(chip: Path, kernel: Kernel) -> None:
@@ -114,7 +132,7 @@ def test_off_ends_the_pulses_of_the_throttle_first(chip: Path, kernel: Kernel) -
 
 
 @pytest.mark.usefixtures("kernel")
-@pytest.mark.parametrize(("name", "value"), [("period", "20000000"), ("polarity", "inversed")])
+@pytest.mark.parametrize(("name", "value"), [("period", "20000000"), ("polarity", "inversed"), ("enable", "0")])
 def test_a_setting_that_somebody_changed_is_found(chip: Path, name: str, value: str) -> None:
     board = opened(chip)
     board.start()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,6 +16,8 @@ from tral_env.hardware.actuator.settings import Settings
 
 _NS = 1000
 """Nanoseconds in a microsecond."""
+_FILES = ("period", "duty_cycle", "enable", "polarity")
+_MAX_BYTES = 64
 _NORMAL = "normal"
 """Polarity of an output whose pulses are high."""
 _EXPORT_TRIES, _EXPORT_S = 20, 0.05
@@ -61,12 +64,9 @@ class SysfsPwm:
         """
         self._period_ns = round(settings.period_us * _NS)
         self._channels = settings.steering, settings.throttle
-        self._outputs = [chip / f"pwm{channel.output}" for channel in self._channels]
+        self._on = False
         try:
-            for channel, output in zip(self._channels, self._outputs, strict=True):
-                if not output.is_dir():
-                    (chip / "export").write_text(str(channel.output))
-                _await_rights(output, sleep)
+            self._outputs = [_Output(chip, channel.output, sleep) for channel in self._channels]
         except OSError as error:
             raise HardwareError(
                 f"cannot use the PWM outputs of {chip} ({error}). Raspberry Pi: dtoverlay=pwm-2chan in "
@@ -75,50 +75,76 @@ class SysfsPwm:
 
     def start(self) -> None:
         """Set period and neutral of both outputs, and switch them on."""
+        self._on = False
         for output in self._outputs:
             # No pulse may be longer than its period, also not for a moment; a new output has none and takes no pulse.
-            if int((output / "period").read_text()):
-                (output / "duty_cycle").write_text("0")
-                (output / "enable").write_text("0")
-            (output / "period").write_text(str(self._period_ns))
-            if (output / "polarity").read_text().strip() != _NORMAL:
-                (output / "polarity").write_text(_NORMAL)
+            if int(output.get("period")):
+                output.put("duty_cycle", 0)
+                output.put("enable", 0)
+            output.put("period", self._period_ns)
+            if output.get("polarity") != _NORMAL:
+                output.put("polarity", _NORMAL)
         self.set_pulses(*(channel.centre_us for channel in self._channels))
 
     def set_pulses(self, steering_us: float, throttle_us: float) -> None:
         """Send both pulses, rounded to nanoseconds, within the limits of the channels."""
         for us, channel, output in zip((steering_us, throttle_us), self._channels, self._outputs, strict=True):
-            (output / "duty_cycle").write_text(str(_pulse_ns(us, channel)))
-            (output / "enable").write_text("1")
+            output.put("duty_cycle", _pulse_ns(us, channel))
+            if not self._on:
+                output.put("enable", 1)
+        self._on = True
 
     def off(self) -> None:
         """End the pulses, the throttle first. A pulse of no length: some outputs keep their level when disabled."""
+        self._on = False
         for output in reversed(self._outputs):
-            (output / "duty_cycle").write_text("0")
-            (output / "enable").write_text("0")
+            output.put("duty_cycle", 0)
+            output.put("enable", 0)
 
     def check(self) -> str:
-        """Read periods and polarities back: what is wrong, or nothing."""
-        found = [(output / name).read_text().strip() for output in self._outputs for name in ("period", "polarity")]
-        wanted = [str(self._period_ns), _NORMAL] * 2
-        return "" if found == wanted else f"period and polarity {', '.join(found)} instead of {', '.join(wanted)}"
+        """Read the settings of both outputs back: what is wrong, or nothing."""
+        found = [output.get(name) for output in self._outputs for name in ("period", "polarity", "enable")]
+        wanted = [str(self._period_ns), _NORMAL, str(int(self._on))] * 2
+        return "" if found == wanted else f"period, polarity, enable {', '.join(found)} instead of {', '.join(wanted)}"
+
+
+class _Output:
+    """The files of one output, open: to open one anew for each pulse takes longer than to write it."""
+
+    def __init__(self, chip: Path, number: int, sleep: Callable[[float], None]) -> None:
+        """Ask the kernel for the output, and open its files.
+
+        Raises:
+            OSError: there is no such output, or this user may not write to it.
+        """
+        folder = chip / f"pwm{number}"
+        if not folder.is_dir():
+            (chip / "export").write_text(str(number))
+        self._files = {name: _opened(folder / name, sleep) for name in _FILES}
+
+    def put(self, name: str, value: int | str) -> None:
+        """Write a setting, which the kernel takes as a whole or refuses."""
+        os.pwrite(self._files[name], f"{value}\n".encode(), 0)
+
+    def get(self, name: str) -> str:
+        """Read a setting."""
+        return os.pread(self._files[name], _MAX_BYTES, 0).decode().strip()
 
 
 def _pulse_ns(us: float, channel: Channel) -> int:
     return round(clamped(us, channel.min_us, channel.max_us) * _NS)
 
 
-def _await_rights(output: Path, sleep: Callable[[float], None]) -> None:
-    """Wait until this user may write to the files of an output.
+def _opened(path: Path, sleep: Callable[[float], None]) -> int:
+    """A file of an output, open; udev may give the rights to it late.
 
     Raises:
-        OSError: it may not.
+        OSError: this user may not write to it.
     """
     tries = 0
     while True:
         try:
-            with (output / "period").open("r+"):
-                return
+            return os.open(path, os.O_RDWR | os.O_CLOEXEC)
         except OSError:
             tries += 1
             if tries == _EXPORT_TRIES:

@@ -17,8 +17,8 @@ name = "{name}"
 
 _BOARDS: Mapping[str, str] = {
     "pca9685": """\
-# The board that makes the pulses: a PCA9685 on an I2C bus.
 [board]
+# The board that makes the pulses: a PCA9685 on an I2C bus.
 driver = "pca9685"
 bus = 1                     # 1 is /dev/i2c-1
 address = 0x40              # as `i2cdetect -y 1` shows it
@@ -27,38 +27,38 @@ oscillator_hz = 25000000.0  # clock of the board; boards differ by some percent
 clock_measured = false      # true once it was measured on this board: until then nothing drives the motor
 """,
     "sysfs-pwm": """\
-# The pulses come from the computer's own PWM outputs. The channels of [pulses] are the numbers of the outputs.
 [board]
+# The pulses come from the computer's own PWM outputs. The channels of [pulses] are the numbers of the outputs.
 driver = "sysfs-pwm"
 chip = 0                    # 0 is /sys/class/pwm/pwmchip0
 # root = "/sys/class/pwm"
 period_us = 17430           # time from pulse to pulse
 """,
     "board2016": """\
-# The serial board of 2016. It makes the pulses by itself, from levels.
 [board]
+# The serial board of 2016. It makes the pulses by itself, from levels.
 driver = "board2016"
 port = "/dev/ttyUSB0"       # a name in /dev/serial/by-id stays the same
 # baud = 115200
 """,
     "ucboard": """\
-# The later serial board (ucboard). It makes the pulses by itself, and has a dead man's switch of its own.
 [board]
+# The later serial board (ucboard). It makes the pulses by itself, and has a dead man's switch of its own.
 driver = "ucboard"
 port = "/dev/ttyUSB0"       # a name in /dev/serial/by-id stays the same
 # baud = 921600             # 115200 at its RS-232 plug
 """,
     "log": """\
-# No board: a file that takes the pulses, for a dry run of the commands.
 [board]
+# No board: a file that takes the pulses, for a dry run of the commands.
 driver = "log"
 bus = "pulses.log"
 """,
 }
 
 _PULSES = """
-# Pulses of servo and motor controller: those of a file, and below it what was measured on this car.
 [pulses]
+# Pulses of servo and motor controller: those of a file, and below it what was measured on this car.
 file = "tt01"               # a packaged calibration, or the path of a .json file
 
 # [pulses.steering]
@@ -66,12 +66,16 @@ file = "tt01"               # a packaged calibration, or the path of a .json fil
 # neutral_us = 1530
 # left_us = 1240            # full left
 # trim_us = 0               # added to neutral, so that the car drives straight
+# min_us = 1240             # hard limits: no pulse goes beyond
+# max_us = 1810
 # slew_per_s = 8.0          # largest change of the command in a second; without this line: no limit
 # [pulses.throttle]
 # reverse_us = 1860         # full reverse, or brake
 # neutral_us = 1530
 # forward_us = 1140         # full forward
 # dead_zone_us = 50         # the motor rests this near to neutral
+# min_us = 1140             # hard limits: no pulse goes beyond
+# max_us = 1860
 """
 
 _SENSORS: Mapping[str, str] = {
@@ -122,8 +126,8 @@ port = "/dev/ttyUSB0"       # that of the board
 }
 
 _CAMERA = """
-# The camera that looks ahead. It stays off until `lens` names the file that `tral calibrate` wrote.
 [camera]
+# The camera that looks ahead. It stays off until `lens` names the file that `tral calibrate` wrote.
 device = 0                  # 0 is /dev/video0; a path or a URL in quotes
 width = 640                 # px; a size that the camera has, and that of the images for `tral calibrate`
 height = 480                # px
@@ -135,8 +139,8 @@ rate_hz = 30.0
 """
 
 _REST = """
-# When the actuator's process stops the car; docs/safety.md explains each.
 [limits]
+# When the actuator's process stops the car; docs/safety.md explains each.
 max_throttle = 0.4          # raise it when you trust the car; 1 is full throttle
 # max_reverse = 1.0
 # brake = 0.0               # throttle of a stop after a fault; below 0 brakes
@@ -147,15 +151,15 @@ max_throttle = 0.4          # raise it when you trust the car; 1 is full throttl
 # evidence_s = 1.0          # driving this long while no sensor changes stops the car; "off" for a car without sensors
 # bus_s = 0.05              # the board may refuse pulses for this long
 # check_s = 0.2             # the board's settings are read back this often
-# hang_s = 0.08             # a worker without a sign of life for this long is replaced
+# hang_s = 0.08             # a worker without a sign of life for this long is killed: neutral, then no pulses
 
-# Voltage of the drive battery, where a sensor reads it.
 [battery]
+# Voltage of the drive battery, where a sensor reads it.
 # warn_v = 6.6              # tell the driver
 # stop_v = 6.0              # stop the car
 
-# The days on which the steps of the calibration were done. `tral car calibrate` writes them; delete a line to repeat.
 [calibrated]
+# The days on which the steps of the calibration were done. `tral car calibrate` writes them; delete a line to repeat.
 """
 
 BOARD_SENSORS: Mapping[str, tuple[str, ...]] = {
