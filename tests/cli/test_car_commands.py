@@ -63,6 +63,10 @@ class Typing:
     def type(self, keys: str) -> None:
         os.write(self._person, keys.encode())
 
+    def hang_up(self) -> None:
+        os.close(self._person)
+        self.process.wait(30)
+
     def status(self) -> int:
         try:
             while read := os.read(self._person, 65536):
@@ -101,6 +105,18 @@ def test_a_signal_ends_a_drive_with_its_summary(folder: Path, number: signal.Sig
     run.process.send_signal(number)
     assert run.status() == 0
     assert json.loads((folder / "out" / "summary.json").read_text())["ended_by"] == number.name
+
+
+@pytest.mark.slow
+def test_a_terminal_that_is_lost_ends_the_drive_with_its_summary(folder: Path) -> None:
+    run = deploy(folder)
+    run.wait_for("To arm, press r")
+    run.type("r")
+    run.wait_for("Hz")
+    run.hang_up()
+    summary = json.loads((folder / "out" / "summary.json").read_text())
+    assert summary["failed"]
+    assert summary["ended_by"].startswith("the terminal is gone")
 
 
 @pytest.mark.slow
