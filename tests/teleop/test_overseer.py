@@ -48,6 +48,14 @@ def test_a_device_that_is_lost_stops_the_car_and_no_other_takes_over(hands: tupl
     assert watched.asks_to_arm() == End("the pad is gone", failed=True)
 
 
+def test_hands_that_held_when_their_device_was_lost_hold_no_more() -> None:
+    watched = Overseer([Script("gamepad", lambda polls: HELD if polls == 1 else LOST)], lambda: 0.0)
+    assert watched.look() is None
+    assert watched.hands == HELD
+    assert watched.look() == End("the pad is gone", failed=True)
+    assert watched.hands == AT_REST
+
+
 def test_a_dead_mans_button_that_is_let_go_ends_the_drive_of_a_policy() -> None:
     assert overseer(HELD, must_hold=True).look() is None
     assert overseer(AT_REST, HELD, must_hold=True).look() == End("the dead man's button of the gamepad was let go")
