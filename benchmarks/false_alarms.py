@@ -19,6 +19,7 @@ from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT
 from tral_fsm import load_machine
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.episode import EpisodeRequest, Tick
+from tral_fsm.evaluation.files import prepare_folder
 
 FAMILIES = ("corners", "office", "obstacles")
 LEVELS = ("default", "hard")
@@ -74,6 +75,8 @@ def main() -> None:
     parser.add_argument("--levels", default=",".join(LEVELS))
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()
+    if given.out is not None:
+        prepare_folder(given.out.parent)
     found = []
     for family in given.families.split(","):
         for level in given.levels.split(","):

@@ -24,7 +24,7 @@ from rich.table import Table
 
 from tral_env.perception.aruco import Detector
 from tral_env.perception.degrade import degrade
-from tral_fsm.evaluation.files import write_json
+from tral_fsm.evaluation.files import prepare_folder, write_json
 from tral_fsm.evaluation.host import host
 
 Image = NDArray[np.uint8]
@@ -143,6 +143,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=RESULTS)
     args = parser.parse_args()
+    prepare_folder(args.out.parent)
     result = {
         "images": args.images, "views": args.views, "seed": args.seed, "host": host(),
         "false": false_ids(args.images, args.seed), "found": found_share(args.views, args.seed),

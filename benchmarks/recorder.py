@@ -31,7 +31,7 @@ from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.recording.read import read
 from tral_env.recording.recorder import Recorder
 from tral_fsm import load_policy
-from tral_fsm.evaluation.files import write_json
+from tral_fsm.evaluation.files import prepare_folder, write_json
 from tral_fsm.evaluation.host import host
 
 RESULTS = Path(__file__).parent / "results" / "recorder.json"
@@ -172,6 +172,7 @@ def main() -> None:
         with Recorder(args.child, start_s=time.monotonic()) as recorder:
             pace(drive, recorder, tell=True)
         return
+    prepare_folder(args.out.parent)
     drive = driven(args.seconds, not args.no_images)
     bare = {**drive, "images": drive["images"][:0]}
     with tempfile.TemporaryDirectory() as folder:

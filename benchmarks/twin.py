@@ -25,6 +25,7 @@ from tral_env.twin.hall import TwinHall
 from tral_env.twin.running import TwinProcess
 from tral_env.twin.settings import TwinSettings
 from tral_fsm import load_policy
+from tral_fsm.evaluation.files import prepare_folder
 from tral_fsm.evaluation.host import host
 
 PAIRS = (("wall", "straight"), ("corners", "corners"))
@@ -106,6 +107,7 @@ def main() -> None:
     parser.add_argument("--randomization", default="default")
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()
+    prepare_folder(given.out.parent)
     drives: list[dict[str, Any]] = []
     for pair in given.pairs.split(","):
         machine, scenario = pair.split(":")

@@ -50,8 +50,9 @@ def test_its_actions_are_those_of_the_action_space() -> None:
 
 def test_its_keys_of_info_come_at_every_reset_and_step() -> None:
     env = TralCarEnv(clock=lambda: 0.0, sleep=lambda seconds: None)
-    told = [row[0].strip("`") for row in table(PAGE, "| key |")]
-    assert told.pop() == "armed_again_after", "of a reset alone, after the actuator's process stopped the car"
+    *told, warnings, armed_again_after = (row[0].strip("`") for row in table(PAGE, "| key |"))
+    assert warnings == "warnings", "of steps with a fault that is only told"
+    assert armed_again_after == "armed_again_after", "of a reset alone, after the actuator's process stopped the car"
     _, info = env.reset(seed=0)
     assert list(info) == told
     *_, info = env.step(np.zeros(2, np.float32))
