@@ -373,7 +373,10 @@ def measure_all(faults: list[str], runs: int, out: Path | None) -> None:
     from tral_env.config import CameraConfig
     from tral_env.twin.settings import TwinSettings
     from tral_env.twin.twin import Twin
+    from tral_fsm.evaluation.files import prepare_folder
 
+    if out is not None:
+        prepare_folder(out.parent)
     drives: list[dict[str, Any]] = []
     sys.setswitchinterval(SWITCH_S)
     print("| fault | neutral: median, longest | no pulses: median, longest | way |\n| --- | --- | --- | --- |")
