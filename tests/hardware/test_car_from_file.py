@@ -34,6 +34,7 @@ file = "tt01"
 max_throttle = 0.4
 """
 SONARS = '[[sensors]]\ndriver = "srf08"\n'
+SONAR_READINGS = {f"ultrasonic_{side}{what}" for side in ("left", "front", "right") for what in ("", "_age")}
 
 
 class Actuator(PulseCommands):
@@ -100,6 +101,34 @@ def test_a_dry_run_needs_no_measured_clock() -> None:
     assert env.output.sent[-1].throttle_us == 1140.0
     own = Recorder(env.calibration)
     assert made(FILE.replace("true", "false"), output=own).output is own
+
+
+def test_a_dry_run_writes_nothing_to_the_bus_of_a_board_that_was_not_set_up(bus: FakeSmbus) -> None:
+    env = made(FILE + SONARS, output="recorder")
+    env.reset()
+    for _ in range(80):
+        env.step(np.array([0.0, 0.3], np.float32))
+    assert bus.log == []
+    assert env.readings == {}
+    assert env.provided_readings == SONAR_READINGS | {"steering", "throttle"}
+    env.close()
+
+
+def test_a_dry_run_does_not_wait_for_a_serial_board_that_only_its_driver_sets_up() -> None:
+    text = FILE.replace('"pca9685"', '"ucboard"\nport = "/dev/no_such_port"').replace("clock_measured = true\n", "")
+    env = made(text + '[[sensors]]\ndriver = "ucboard"\nport = "/dev/no_such_port"\n', output="recorder")
+    env.reset()
+    env.step(np.array([0.0, 0.3], np.float32))
+    assert env.provided_readings is not None
+    assert env.provided_readings >= SONAR_READINGS | {"distance", "speed", "battery"}
+    env.close()
+
+
+def test_a_dry_run_opens_sensors_on_a_bus_without_a_board(bus: FakeSmbus) -> None:
+    env = made(FILE + SONARS + "bus = 2\n", output="recorder")
+    env.reset()
+    assert bus.log
+    env.close()
 
 
 @pytest.mark.usefixtures("actuator")
