@@ -15,7 +15,7 @@ from tral_env.errors import ConfigError, nearest
 from tral_env.hardware.actuator.client import ActuatorProcess
 from tral_env.hardware.actuator.settings import Limits
 from tral_env.hardware.calibration_file import load_calibration
-from tral_env.hardware.car_file import BatteryLimits, CarFile, load_car
+from tral_env.hardware.car_file import CarFile, load_car
 from tral_env.hardware.commands import Commands, PulseCommands, actuator_settings
 from tral_env.hardware.faults import FaultLimits, FaultWatch
 from tral_env.hardware.i2c import BusName, Smbus, named
@@ -93,19 +93,19 @@ def open_parts(wanted: Wanted) -> Parts:
         output.close()
         raise
     commands = output if isinstance(output, ActuatorProcess) else PulseCommands(output, calibration)
-    return Parts(calibration, output, commands, sensors, _watch(wanted.faults, car, output, sensors))
+    return Parts(calibration, output, commands, sensors, _watch(wanted, car, output, sensors))
 
 
 def _watch(
-    limits: FaultLimits | None, car: CarFile | None, output: PulseOutput | ActuatorProcess, sensors: Sensors | None
+    wanted: Wanted, car: CarFile | None, output: PulseOutput | ActuatorProcess, sensors: Sensors | None
 ) -> FaultWatch | None:
     """What watches over the drive: with given limits, or where a process drives a board."""
-    if limits is None:
-        if not isinstance(output, ActuatorProcess):
-            return None
-        battery = BatteryLimits() if car is None else car.battery
-        limits = FaultLimits(battery_low_v=battery.warn_v, battery_empty_v=battery.stop_v)
-    return FaultWatch(provided_by(sensors) or frozenset(), limits)
+    has_process = isinstance(output, ActuatorProcess)
+    if wanted.faults is None and not has_process:
+        return None
+    limits = (wanted.faults or FaultLimits()) if car is None else car.fault_limits(wanted.faults)
+    told = wanted.limits or (Limits() if car is None else car.limits)
+    return FaultWatch(provided_by(sensors) or frozenset(), limits, told.brake if has_process else 0.0)
 
 
 def _refuse_beside_a_car_file(wanted: Wanted) -> None:

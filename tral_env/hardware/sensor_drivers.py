@@ -65,6 +65,11 @@ class Srf08Options:
         check_quantities(self)
         check_addresses(type(self).__name__, self.addresses)
 
+    @property
+    def oldest_s(self) -> float:
+        """Age of a range just before the next one of its side comes, s: the cadences between, and its ranging."""
+        return self.cadence_s * (len(self.addresses) if self.firing == "in turn" else 1) + UltrasonicConfig.cadence_s
+
     def open(self, clock: Clock, sleep: Sleep) -> Sensors:
         """Open the bus; see `SensorOptions.open`."""
         del clock
