@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -22,6 +21,7 @@ from tral_env.hardware.sensors import FrameWatcher, HallCounter, Sensors
 from tral_env.hardware.serial_frames import Frame, FrameParser, TextParser
 from tral_env.hardware.serial_port import open_port
 from tral_env.interface import NO_ECHO_M, OPTIONAL_GROUPS
+from tral_env.sensors.hall import WindowSpeed
 from tral_env.sensors.ultrasonic import readable
 
 _PATIENCE_S = 0.5
@@ -37,8 +37,6 @@ _NO_ECHO_S = 0.2
 no echo comes, s."""
 _QUEUED_S = 0.1
 """What is read at once may have come so long apart, s."""
-_SPEED_S = 0.15
-"""The speed is that over the last time of this length, s."""
 _MAX_BATTERY_V = OPTIONAL_GROUPS["battery"][0].high
 """A higher voltage is garbled."""
 _RANGES = UltrasonicConfig()
@@ -247,7 +245,7 @@ class _Travel:
         self._count: int | None = None
         self._counted_s = 0.0
         self.distance = 0.0
-        self._way: deque[tuple[float, float]] = deque()
+        self._speed = WindowSpeed(_MAX_SPEED)
 
     def take(self, count: int, now: float) -> None:
         """Take a count. One that would need a speed that no car has is a garbled frame or a board that began anew."""
@@ -256,16 +254,11 @@ class _Travel:
             if way <= _MAX_SPEED * (now - self._counted_s + _QUEUED_S):
                 self.distance += way
         self._count, self._counted_s = count, now
-        self._way.append((now, self.distance))
-        while len(self._way) > 2 and self._way[1][0] <= now - _SPEED_S:
-            self._way.popleft()
+        self._speed.take(self.distance, now)
 
     def speed(self, now: float) -> float:
         """Speed over the last counts, m/s."""
-        if len(self._way) < 2:
-            return 0.0
-        begun_s, begun = self._way[0]
-        return min((self.distance - begun) / max(now - begun_s, _SPEED_S), _MAX_SPEED)
+        return self._speed.speed(now)
 
 
 class _CountedEdges:

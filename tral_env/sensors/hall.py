@@ -8,6 +8,7 @@ control period. Ticks get lost, and counted twice (report: "very unreliable").
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,6 +91,35 @@ class EdgeSpeed:
     def distance(self) -> Array:
         """Distance counted since reset, forward and backward alike, (n,) m."""
         return self._ticks.astype(np.float64) * self._config.metres_per_tick
+
+
+WINDOW_S = 0.15
+"""`WindowSpeed` looks back for so long, s."""
+
+
+class WindowSpeed:
+    """Speed of a sensor that tells a distance at any time, and no edges: that over the last `WINDOW_S`.
+
+    The other law, `EdgeSpeed`, needs the times of edges.
+    """
+
+    def __init__(self, max_speed: float) -> None:
+        """Begin at a standstill; no speed is told above the largest, m/s."""
+        self._max_speed = max_speed
+        self._way: deque[tuple[float, float]] = deque()
+
+    def take(self, distance: float, now: float) -> None:
+        """Take a distance, m, at a time, s."""
+        self._way.append((now, distance))
+        while len(self._way) > 2 and self._way[1][0] <= now - WINDOW_S:
+            self._way.popleft()
+
+    def speed(self, now: float) -> float:
+        """Speed at a time, s, in m/s; it falls while no distance comes."""
+        if len(self._way) < 2:
+            return 0.0
+        begun_s, begun = self._way[0]
+        return min((self._way[-1][1] - begun) / max(now - begun_s, WINDOW_S), self._max_speed)
 
 
 class Hall:
