@@ -57,6 +57,9 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     calibration whose clock was never measured is warned of: neutral may drive then, see docs/safety.md. A car file whose
     board was never measured is refused.
 
+    A dry run of a car file, ``output="recorder"``, opens no sensor on the bus or the port of the board: until the board
+    is set up, a command for a sensor may disturb it. Their readings are "nothing seen" then.
+
     In each step the car is watched for the faults of `tral_env.hardware.faults`. One that stops it raises a
     `CarStoppedError`, after the stop; the others stand in the info.
 
