@@ -224,3 +224,24 @@ class _FullFromTheStart(RecordingFile):
 def test_a_disk_that_is_full_from_the_start_is_told_before_the_drive(tmp_path: Path):
     with pytest.raises(ConfigError, match="No space left on device"):
         Recorder(tmp_path / "drive.mcap", open_file=_FullFromTheStart)
+
+
+def test_readings_and_answers_that_are_no_numbers_are_recorded_as_such(tmp_path: Path):
+    rows = observations(3)
+    rows[1, 0], rows[2, 1] = np.nan, np.inf
+    with Recorder(tmp_path / "drive.mcap") as recorder:
+        for k, row in enumerate(rows):
+            recorder.tick(time_s=k / 80, observation=row, action=(float("nan") if k == 1 else 0.1, 0.2))
+    found = read(tmp_path / "drive.mcap")
+    rows[2, 1] = np.nan  # JSON has neither of them
+    np.testing.assert_array_equal(found.observation, rows)
+    np.testing.assert_array_equal(found.action, [[0.1, 0.2], [np.nan, 0.2], [0.1, 0.2]])
+
+
+def test_a_time_that_no_clock_can_tell_is_refused_and_the_rest_recorded(tmp_path: Path):
+    row = observations(1)[0]
+    with Recorder(tmp_path / "drive.mcap") as recorder:
+        recorder.tick(time_s=1e300, observation=row, action=(0.0, 0.0))
+        recorder.tick(time_s=0.1, observation=row, action=(0.0, 0.0))
+    assert recorder.refused == 1
+    assert read(tmp_path / "drive.mcap").tick.tolist() == [1]

@@ -80,7 +80,7 @@ class Encoder:
     def __init__(self, layout: Layout, start_ns: int) -> None:
         """Fix the layout of the observations and the calendar time of the start, ns since 1970."""
         self._start_ns = start_ns
-        self._observation = topics.observation_topic(layout)
+        self._observation, self._names = topics.observation_topic(layout), layout.names
         # Nine digits tell each float32 from all others; repr() of the same number in float64 takes twice as many.
         names = "".join(f', "{name}": %.9g' for name in layout.names)
         self._row = f'{{"tick": %d, "time_s": %r, "clock_s": %r{names}}}'
@@ -105,7 +105,11 @@ class Encoder:
     def _tick(self, tick: RecordedTick) -> Iterator[Message]:
         head = {"tick": tick.number, "time_s": tick.time_s}
         row = np.frombuffer(tick.observation, tick.observation_type).astype(np.float32).tolist()
-        yield self._observation, (self._row % (tick.number, tick.time_s, tick.clock_s, *row)).encode()
+        if all(map(math.isfinite, row)):
+            yield self._observation, (self._row % (tick.number, tick.time_s, tick.clock_s, *row)).encode()
+        else:
+            seen = zip(self._names, map(_known, row), strict=True)
+            yield self._observation, _json({**head, "clock_s": tick.clock_s, **dict(seen)})
         yield topics.ACTION, _json({**head, **_named(np.frombuffer(tick.action, tick.action_type))})
         if tick.applied is not None:
             steering_us, throttle_us = tick.pulses_us or (None, None)
@@ -179,9 +183,9 @@ def flat_truth(info: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-def _named(command: Iterable[float]) -> dict[str, float]:
+def _named(command: Iterable[float]) -> dict[str, float | None]:
     steering, throttle = command
-    return {"steering": float(steering), "throttle": float(throttle)}
+    return {"steering": _known(float(steering)), "throttle": _known(float(throttle))}
 
 
 def _transition(fired: Any) -> dict[str, Any]:

@@ -271,12 +271,12 @@ class Recorder:
             for wall_ns, kind, fields in queue.take():
                 item = kind._make(fields)
                 try:
-                    messages = list(self._encoder.messages(item))
+                    messages, log_ns = list(self._encoder.messages(item)), self._encoder.log_ns(item.time_s)
                 except Exception as error:  # whatever is wrong with one item, the others are recorded
                     self._refuse(item, error)
                     continue
                 for topic, data in messages:
-                    self._file.message(topic, data, self._encoder.log_ns(item.time_s), wall_ns)
+                    self._file.message(topic, data, log_ns, wall_ns)
 
     def _refuse(self, item: Item, error: Exception) -> None:
         """Count an item that no message can be made of, and tell the first."""

@@ -6,6 +6,7 @@ A fault begins and ends; `Faults.at` lets it begin at a time on the twin's clock
 from __future__ import annotations
 
 import errno
+import math
 import os
 import random
 import time
@@ -233,7 +234,7 @@ class Faults:
         """Name -> end, s on the twin's clock; infinite: until `end`."""
         self._coming: list[tuple[float, str, float, float]] = []
 
-    def begin(self, name: str, *, rate: float = 0.1, seconds: float = float("inf")) -> None:
+    def begin(self, name: str, *, rate: float = 0.1, seconds: float = math.inf) -> None:
         """Begin a fault now.
 
         Args:
@@ -242,9 +243,9 @@ class Faults:
             seconds: it ends by itself after so long.
 
         Raises:
-            ConfigError: no fault has this name, or the rate is none.
+            ConfigError: no fault has this name, or the rate or the time is none.
         """
-        _fault(name, rate).check(self._twin)
+        _fault(name, rate, seconds).check(self._twin)
         self._begin(name, rate, self._twin.clock() + seconds)
 
     def end(self, name: str) -> None:
@@ -256,9 +257,9 @@ class Faults:
         _fault(name, 1.0).end(self._twin)
         self.active.pop(name, None)
 
-    def at(self, time_s: float, name: str, *, rate: float = 0.1, seconds: float = float("inf")) -> None:
+    def at(self, time_s: float, name: str, *, rate: float = 0.1, seconds: float = math.inf) -> None:
         """Begin a fault at a time on the twin's clock, s; see `begin`."""
-        _fault(name, rate).check(self._twin)
+        _fault(name, rate, seconds).check(self._twin)
         self._coming.append((time_s, name, rate, seconds))
 
     def turn(self, now_s: float) -> None:
@@ -276,10 +277,14 @@ class Faults:
         self.active[name] = end_s
 
 
-def _fault(name: str, rate: float) -> Fault:
+def _fault(name: str, rate: float, seconds: float = math.inf) -> Fault:
     if name not in FAULTS:
         raise ConfigError(f"unknown fault '{name}': {nearest(name, FAULTS)}")
     check_number("rate", rate)
     if not 0 < rate <= 1:
         raise ConfigError(f"rate = {rate!r}: expected a share above 0, at most 1")
+    if seconds != math.inf:
+        check_number("seconds", seconds, "s")
+    if not seconds > 0:
+        raise ConfigError(f"seconds = {seconds!r}: expected a time above 0")
     return FAULTS[name]
