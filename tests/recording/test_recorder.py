@@ -245,3 +245,26 @@ def test_a_time_that_no_clock_can_tell_is_refused_and_the_rest_recorded(tmp_path
         recorder.tick(time_s=0.1, observation=row, action=(0.0, 0.0))
     assert recorder.refused == 1
     assert read(tmp_path / "drive.mcap").tick.tolist() == [1]
+
+
+class _Broken(RecordingFile):
+    """A writer that fails as no disk does."""
+
+    def message(self, *_: Any) -> None:
+        raise RuntimeError("the writer is broken")
+
+
+def test_a_writer_that_fails_in_its_own_way_is_told_and_does_not_stop_the_drive(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+):
+    recorder = Recorder(tmp_path / "drive.mcap", open_file=_Broken)
+    recorder.tick(time_s=0.0, observation=observations(1)[0], action=(0.0, 0.0))
+    recorder.close()
+    assert "the writer is broken" in recorder.failure
+    assert "the recording ended after" in recorder.failure
+    assert recorder.failure in caplog.text
+
+
+def test_a_configuration_that_json_does_not_have_is_refused(tmp_path: Path):
+    with pytest.raises(ConfigError, match="the configuration is nothing that JSON has"):
+        Recorder(tmp_path / "drive.mcap", configuration={"car": object()})

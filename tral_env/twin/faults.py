@@ -9,6 +9,7 @@ import errno
 import math
 import os
 import random
+import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -233,6 +234,7 @@ class Faults:
         self.active: dict[str, float] = {}
         """Name -> end, s on the twin's clock; infinite: until `end`."""
         self._coming: list[tuple[float, str, float, float]] = []
+        self._lock = threading.Lock()
 
     def begin(self, name: str, *, rate: float = 0.1, seconds: float = math.inf) -> None:
         """Begin a fault now.
@@ -260,12 +262,14 @@ class Faults:
     def at(self, time_s: float, name: str, *, rate: float = 0.1, seconds: float = math.inf) -> None:
         """Begin a fault at a time on the twin's clock, s; see `begin`."""
         _fault(name, rate, seconds).check(self._twin)
-        self._coming.append((time_s, name, rate, seconds))
+        with self._lock:
+            self._coming.append((time_s, name, rate, seconds))
 
     def turn(self, now_s: float) -> None:
         """Begin and end what is due."""
-        due = [each for each in self._coming if each[0] <= now_s]
-        self._coming = [each for each in self._coming if each[0] > now_s]
+        with self._lock:
+            due = [each for each in self._coming if each[0] <= now_s]
+            self._coming = [each for each in self._coming if each[0] > now_s]
         for _, name, rate, seconds in due:
             self._begin(name, rate, now_s + seconds)
         for name, end_s in tuple(self.active.items()):

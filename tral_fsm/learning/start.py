@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 from tral_env import policy_file
@@ -32,6 +33,11 @@ def network_to_begin_with(path: str) -> Network:
             "--algo teacher or ppo"
         )
     return network
+
+
+def digest_of_start(path: str) -> str:
+    """Digest of the policy from which a training goes on, so that another one in its place is noticed."""
+    return policy_file.digest(Path(trained.path_of(path)))
 
 
 def begin_with(model: Any, network: Network, noise: float) -> None:
