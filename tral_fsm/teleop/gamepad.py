@@ -95,7 +95,7 @@ class Gamepad:
         pulled = any(abs(self._axes[axis]) < _AT_END for axis in (_BACKWARD, _FORWARD))
         if self._holds and pulled and now_s - self._heard_s > self._max_quiet_s:
             raise SourceLostError(
-                f"{self.name} has said nothing for {self._max_quiet_s:g} s while its trigger is half held: out of reach?"
+                f"{self.name} has said nothing for {self._max_quiet_s:g} s while a trigger is half held: out of reach?"
             )
         return Hands(-self._axes[_STEERING], throttle, self._holds, _ARM in pressed, _STOP in pressed, _END in pressed)
 
