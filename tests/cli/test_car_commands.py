@@ -171,3 +171,17 @@ def test_a_missing_car_file_is_told() -> None:
     done = CliRunner().invoke(app, ["deploy", "--policy", "wall", "--config", "none.toml", "--arm"])
     assert done.exit_code == 1
     assert "none.toml" in done.output
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--scenario", "straight", "--dry"], "--dry beside --scenario"),
+        (["--config", "car.toml", "--seed", "7"], "--seed is for a simulated car"),
+        (["--config", "car.toml", "--randomization", "default"], "--randomization is for a simulated car"),
+    ],
+)
+def test_an_option_of_another_car_is_refused(options: list[str], told: str) -> None:
+    done = CliRunner().invoke(app, ["teleop", *options])
+    assert done.exit_code == 2
+    assert told in " ".join(done.output.split())
