@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +9,6 @@ import typer
 
 from tral_env.errors import ConfigError
 from tral_fsm.cli import hands
-from tral_fsm.cli.console import FAILED
 from tral_fsm.cli.deploy import AsJson, Dry, Out, Record, Seconds
 from tral_fsm.programs.seat import Course
 from tral_fsm.programs.teleop import TeleopArguments, run
@@ -48,9 +46,7 @@ def command(
     arms, B stops, back ends. Keyboard: w, s, a, d or arrows while they are held; + and - change the throttle; r arms,
     space stops, q ends.
     """
-    from tral_fsm.cli.show_car import table_of_car_drive
     from tral_fsm.teleop.keyboard import Keyboard
-    from tral_fsm.terminal import print_figures
 
     arguments = TeleopArguments(
         config=config,
@@ -62,13 +58,7 @@ def command(
     )
     with hands.devices(gamepad, gamepad_file, Keyboard) as devices:
         report = run(arguments, out, devices, hands.TerminalConsole())
-    if as_json:
-        typer.echo(json.dumps(report, indent=2))
-    else:
-        print_figures(table_of_car_drive(report))
-        typer.echo(f"Files: {out}")
-    if report["failed"]:
-        raise typer.Exit(FAILED)
+    hands.tell(report, out, as_json)
 
 
 def _simulated(scenario: str | None, course: str | None, seed: int | None, randomization: str | None) -> Course | None:

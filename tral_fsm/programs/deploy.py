@@ -16,7 +16,7 @@ from tral_env.hardware.car_file import CarFile, load_car
 from tral_env.interface import check_readings
 from tral_fsm.programs.car_drive import CarDrive, Console, report_of
 from tral_fsm.programs.drive import RECORDING, SUMMARY
-from tral_fsm.programs.seat import CarSeat, open_car
+from tral_fsm.programs.seat import AskedOfCar, CarSeat, open_car
 from tral_fsm.teleop.hands import Device
 from tral_fsm.teleop.overseer import Overseer, Signals
 
@@ -98,14 +98,9 @@ def run(
     """
     require_hands(devices, arguments.arm)
     car, (policy, files) = load_car(arguments.config), _policy(arguments.policy)
-    if not arguments.dry:
-        preflight(check(car), console)
+    preflight(car, arguments, check, console)
     record = prepare(out, arguments.record)
-    given: dict[str, Any] = {"clock": clock, "sleep": sleep} | options
-    with (
-        Signals() as signals,
-        contextlib.closing(open_car(car, arguments.dry, arguments.max_duration_s, record, **given)) as env,
-    ):
+    with Signals() as signals, contextlib.closing(open_car(car, arguments, record, clock, sleep, options)) as env:
         check_readings(policy, env)
         overseer = Overseer(devices, clock, signals, must_hold=must_hold)
         drive = CarDrive(CarSeat(env, files), policy, overseer, console, clock, sleep)
@@ -121,12 +116,15 @@ def _policy(name: str) -> tuple[Any, dict[str, bytes]]:
     return policy, files_of_policy(name, policy)
 
 
-def preflight(findings: Sequence[Finding], console: Console) -> None:
-    """Tell what a check of the car found.
+def preflight(car: CarFile, asked: AskedOfCar, check: Callable[[CarFile], Sequence[Finding]], console: Console) -> None:
+    """Look at a car before a drive, unless that is a dry run, and tell what was found.
 
     Raises:
         HardwareError: something is wrong.
     """
+    if asked.dry:
+        return
+    findings = check(car)
     for each in findings:
         console.say(f"pre-flight, {each.what}: {each.problem or each.told or 'ok'}")
     if problems := [f"{each.what}: {each.problem}" for each in findings if each.problem]:

@@ -56,8 +56,35 @@ class Seat(Protocol):
         """Let go of the car and of the recording."""
 
 
-def open_car(car: CarFile, dry: bool, max_duration_s: float, record: Path | None, **options: Any) -> TralCarEnv:
-    """Open the real car; a dry run only records its pulses.
+class AskedOfCar(Protocol):
+    """What a drive asks of the real car."""
+
+    @property
+    def dry(self) -> bool:
+        """Whether the pulses are only recorded."""
+
+    @property
+    def max_duration_s(self) -> float:
+        """The drive ends after this time, s."""
+
+
+def open_car(
+    car: CarFile,
+    asked: AskedOfCar,
+    record: Path | None,
+    clock: Callable[[], float],
+    sleep: Callable[[float], None],
+    options: Mapping[str, Any],
+) -> TralCarEnv:
+    """Open the real car.
+
+    Args:
+        car: its car file.
+        asked: what the drive asks of it.
+        record: file of the recording; None: none is written.
+        clock: gives a time that never goes back, s.
+        sleep: waits some seconds.
+        options: more options of the environment.
 
     Raises:
         ConfigError: an option or the car file cannot be used.
@@ -65,8 +92,15 @@ def open_car(car: CarFile, dry: bool, max_duration_s: float, record: Path | None
     """
     from tral_env.hardware.env import TralCarEnv
 
-    output = "recorder" if dry else None
-    return TralCarEnv(config=car, output=output, max_duration_s=max_duration_s, record=record, **options)
+    return TralCarEnv(
+        config=car,
+        output="recorder" if asked.dry else None,
+        max_duration_s=asked.max_duration_s,
+        record=record,
+        clock=clock,
+        sleep=sleep,
+        **options,
+    )
 
 
 class CarSeat:

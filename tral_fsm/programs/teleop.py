@@ -84,18 +84,23 @@ def run(
     """
     require_hands(devices, arm=False)
     car = arguments.car()
-    if isinstance(car, CarFile) and not arguments.dry:
-        preflight(check(car), console)
+    if isinstance(car, CarFile):
+        preflight(car, arguments, check, console)
     record = prepare(out, arguments.record)
-    given: dict[str, Any] = {"clock": clock, "sleep": sleep} | options
-    with Signals() as signals, contextlib.closing(_seat(arguments, car, record, given)) as seat:
+    with Signals() as signals, contextlib.closing(_seat(arguments, car, record, clock, sleep, options)) as seat:
         overseer = Overseer(devices, clock, signals)
         drive = CarDrive(seat, Pilot(overseer, arguments.shaping), overseer, console, clock, sleep)
         return finish(asdict(arguments), out, drive, how_to_arm(devices, must_hold=False), record)
 
 
-def _seat(arguments: TeleopArguments, car: CarFile | Course, record: Path | None, given: dict[str, Any]) -> Seat:
-    seconds = arguments.max_duration_s
+def _seat(
+    arguments: TeleopArguments,
+    car: CarFile | Course,
+    record: Path | None,
+    clock: Callable[[], float],
+    sleep: Callable[[float], None],
+    options: dict[str, Any],
+) -> Seat:
     if isinstance(car, Course):
-        return SimulatedSeat(car, record, given["clock"], given["sleep"], seconds)
-    return CarSeat(open_car(car, arguments.dry, seconds, record, **given), {})
+        return SimulatedSeat(car, record, clock, sleep, arguments.max_duration_s)
+    return CarSeat(open_car(car, arguments, record, clock, sleep, options), {})
