@@ -28,11 +28,11 @@ class Shaping:
         for each in fields(self):
             value = getattr(self, each.name)
             check_number(f"shaping: {each.name}", value)
-            if not 0.0 <= value <= _MOST[each.name]:
-                raise ConfigError(f"shaping: {each.name} = {value!r}, expected 0 to {_MOST[each.name]:g}")
+            if not 0.0 <= value <= _UPPER_ENDS[each.name]:
+                raise ConfigError(f"shaping: {each.name} = {value!r}, expected 0 to {_UPPER_ENDS[each.name]:g}")
 
 
-_MOST = {"dead_zone": 0.9, "expo": 1.0, "max_throttle": 1.0}
+_UPPER_ENDS = {"dead_zone": 0.9, "expo": 1.0, "max_throttle": 1.0}
 
 
 def without_dead_zone(value: float, zone: float) -> float:
