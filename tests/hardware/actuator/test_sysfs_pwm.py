@@ -102,7 +102,11 @@ def test_an_output_that_ran_with_another_period_stops_before_it_takes_ours(chip:
         (chip / "pwm0" / name).write_bytes(text.encode())
     (chip / "pwm1" / "polarity").write_bytes(b"inversed\n")
     opened(chip).start()
-    assert kernel.writes[-5:-2] == [("pwm0", "duty_cycle", "0"), ("pwm0", "enable", "0"), ("pwm0", "period", "17430000")]
+    assert kernel.writes[-5:-2] == [
+        ("pwm0", "duty_cycle", "0"),
+        ("pwm0", "enable", "0"),
+        ("pwm0", "period", "17430000"),
+    ]
     assert state(chip, 0) == ("17430000", "1530000", "1", "normal")
     assert state(chip, 1) == ("17430000", "1500000", "1", "normal")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from workbench import FILE, Script, Workbench, car_file
 
-from tral_env.errors import ConfigError
+from tral_env.errors import ConfigError, HardwareError
 from tral_env.hardware.bringup.guide import calibrate
 from tral_env.hardware.car_file import CarFile, load_car
 
@@ -27,6 +27,12 @@ def done(folder: Path, bench: Workbench, step: str, *answers: str, text: str = F
     calibrate(path, script.person, bench.bench, [step])
     assert bench.rests, "no pulses stand after a step"
     return load_car(path), script
+
+
+def assert_untouched(folder: Path, bench: Workbench) -> None:
+    """Nothing was written, and nothing moves."""
+    assert (folder / "car.toml").read_text() == FILE
+    assert bench.rests
 
 
 def test_the_clock_is_measured_in_neutral_with_the_motors_plug_off(tmp_path: Path, bench: Workbench) -> None:
@@ -119,10 +125,10 @@ def test_the_dead_zone_ends_before_the_pulse_that_turns_the_wheels(tmp_path: Pat
     assert tried == [1525.0, 1520.0, 1515.0, 1510.0]
 
 
-def test_a_motor_that_never_turns_has_the_widest_dead_zone(tmp_path: Path, bench: Workbench) -> None:
-    car, script = done(tmp_path, bench, "dead_zone", *["n"] * 30)
-    assert car.calibration.throttle.dead_zone_us == 150
-    assert "is the motor on?" in script.told
+def test_a_motor_that_never_turns_leaves_the_step_undone(tmp_path: Path, bench: Workbench) -> None:
+    with pytest.raises(HardwareError, match="nothing turned up to 150 us .* is the motor on?"):
+        done(tmp_path, bench, "dead_zone", *["n"] * 30)
+    assert_untouched(tmp_path, bench)
 
 
 def test_arming_takes_the_shortest_neutral_after_which_the_wheels_turn(tmp_path: Path, bench: Workbench) -> None:
@@ -134,10 +140,10 @@ def test_arming_takes_the_shortest_neutral_after_which_the_wheels_turn(tmp_path:
         assert (first - each.works.board.done[0][0]) / 1e9 >= each.settings.limits.arming_s
 
 
-def test_a_motor_controller_that_never_arms_gets_the_longest_time(tmp_path: Path, bench: Workbench) -> None:
-    car, script = done(tmp_path, bench, "arming", *["", "n"] * 4)
-    assert car.limits.arming_s == 3.0
-    assert "is its neutral right?" in script.told
+def test_a_motor_controller_that_never_arms_leaves_the_step_undone(tmp_path: Path, bench: Workbench) -> None:
+    with pytest.raises(HardwareError, match="did not arm within 3 s, and nothing was written: is its neutral right?"):
+        done(tmp_path, bench, "arming", *["", "n"] * 4)
+    assert_untouched(tmp_path, bench)
 
 
 def test_on_the_bench_no_pulse_leaves_the_reach_around_neutral(tmp_path: Path, bench: Workbench) -> None:

@@ -27,7 +27,7 @@ ALL = "".join(f"{step} = 2026-05-01\n" for step in ("clock", *MOVES))
     [
         (FILE, ("clock", *MOVES)),
         (FILE + '[[sensors]]\ndriver = "hall"\n[camera]\n', ("clock", *MOVES, "hall", "camera")),
-        (car_text(board="ucboard"), (*MOVES, "hall", "sonars", "camera")),
+        (car_text(board="ucboard"), ("direction", "arming", "hall", "sonars", "camera")),
         (car_text(board="sysfs-pwm", sensors=("srf02",), camera=False), (*MOVES, "sonars")),
         (car_text(board="log", camera=False), MOVES),
     ],

@@ -40,6 +40,8 @@ period_us = 17430           # time from pulse to pulse
 driver = "board2016"
 port = "/dev/ttyUSB0"       # a name in /dev/serial/by-id stays the same
 # baud = 115200
+# steering_reversed = false # true: each steering is sent with the other sign
+# throttle_reversed = false # true: each throttle is sent with the other sign
 """,
     "ucboard": """\
 [board]
@@ -47,6 +49,8 @@ port = "/dev/ttyUSB0"       # a name in /dev/serial/by-id stays the same
 driver = "ucboard"
 port = "/dev/ttyUSB0"       # a name in /dev/serial/by-id stays the same
 # baud = 921600             # 115200 at its RS-232 plug
+# steering_reversed = false # true: each steering is sent with the other sign
+# throttle_reversed = false # true: each throttle is sent with the other sign
 """,
     "log": """\
 [board]
