@@ -126,7 +126,7 @@ def test_the_dead_zone_ends_before_the_pulse_that_turns_the_wheels(tmp_path: Pat
 
 
 def test_a_motor_that_never_turns_leaves_the_step_undone(tmp_path: Path, bench: Workbench) -> None:
-    with pytest.raises(HardwareError, match="nothing turned up to 150 us .* is the motor on?"):
+    with pytest.raises(HardwareError, match=r"nothing turned up to 150 us .* is the motor on\?"):
         done(tmp_path, bench, "dead_zone", *["n"] * 30)
     assert_untouched(tmp_path, bench)
 
@@ -141,7 +141,7 @@ def test_arming_takes_the_shortest_neutral_after_which_the_wheels_turn(tmp_path:
 
 
 def test_a_motor_controller_that_never_arms_leaves_the_step_undone(tmp_path: Path, bench: Workbench) -> None:
-    with pytest.raises(HardwareError, match="did not arm within 3 s, and nothing was written: is its neutral right?"):
+    with pytest.raises(HardwareError, match="did not arm within 3 s, and nothing was written"):
         done(tmp_path, bench, "arming", *["", "n"] * 4)
     assert_untouched(tmp_path, bench)
 

@@ -1,4 +1,4 @@
-"""Whatever the board and however servo and motor are mounted: after the guided direction, a drive goes left and forward.
+"""Whatever the board, and however servo and motor are mounted: after the step direction, a drive goes left and forward.
 
 A person at the bench sees the car move, and answers what is true.
 """

@@ -74,6 +74,7 @@ def do(step: Step, guided: Guided) -> None:
         HardwareError: it found nothing, or a device does not answer; nothing of this step was written.
         BrokenOff: the person ended it; nothing of this step was written.
     """
+    guided.file.read()
     if step.moves:
         require_clock(guided.car)
     guided.person.say(f"\n== {step.title}")

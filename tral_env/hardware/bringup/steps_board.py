@@ -18,6 +18,7 @@ _CLOCK_HZ = (22e6, 29e6)
 _DEAD_ZONE_STEP_US, _MAX_DEAD_ZONE_US = 5, 150
 _THROTTLES = (0.1, 0.15, 0.2, 0.25, MAX_THROTTLE)
 """Shares of full throttle that are tried until the wheels turn."""
+_CONFLICT = "An end at {} us lies beyond the hard limit {}.{} = {} us of the car file. Move the limit?"
 _ARMING_S = (1.0, 1.5, 2.0, 3.0)
 """Times for which neutral stands before the first throttle; the first one that the motor controller takes counts."""
 
@@ -69,7 +70,7 @@ def neutral(guided: Guided) -> Found:
     moved = motor - throttle.neutral_us
     return {
         ("pulses", "throttle", "neutral_us"): motor,
-        **_limits("throttle", throttle.forward_us + moved, throttle.reverse_us + moved, "forward_us", "reverse_us"),
+        **_ends(guided, "throttle", forward_us=throttle.forward_us + moved, reverse_us=throttle.reverse_us + moved),
         ("pulses", "steering", "trim_us"): wheels - steering.neutral_us,
     }
 
@@ -97,8 +98,8 @@ def ends(guided: Guided) -> Found:
         for way, us in (("forward", throttle.forward_us), ("reverse or brake", throttle.reverse_us))
     )
     return {
-        **_limits("steering", left, right, "left_us", "right_us"),
-        **_limits("throttle", forward, reverse, "forward_us", "reverse_us"),
+        **_ends(guided, "steering", left_us=left, right_us=right),
+        **_ends(guided, "throttle", forward_us=forward, reverse_us=reverse),
     }
 
 
@@ -178,15 +179,24 @@ def _around(us: int, reach_us: int) -> tuple[int, int]:
     return us - reach_us, us + reach_us
 
 
-def _limits(channel: str, one: int, other: int, one_name: str, other_name: str) -> dict[tuple[str | int, ...], object]:
-    """Both ends of a channel, and hard limits at them."""
-    place = ("pulses", channel)
-    return {
-        (*place, one_name): one,
-        (*place, other_name): other,
-        (*place, "min_us"): min(one, other),
-        (*place, "max_us"): max(one, other),
-    }
+def _ends(guided: Guided, channel: str, **ends_us: int) -> dict[tuple[str | int, ...], object]:
+    """Both ends of a channel, and its hard limits.
+
+    A limit that stood at an end goes with it. One that somebody set elsewhere stays: where an end lies beyond it, the
+    person decides which of the two gives way.
+    """
+    pulses = getattr(guided.car.calibration, channel)
+    limits = {}
+    for name, outer in (("min_us", min), ("max_us", max)):
+        limit, end = getattr(pulses, name), outer(ends_us.values())
+        follows = limit == outer(getattr(pulses, each) for each in ends_us)
+        if follows or (
+            outer(limit, end) != limit and guided.person.agrees(_CONFLICT.format(end, channel, name, limit))
+        ):
+            limits[name] = limit = end
+        inner = max if outer is min else min
+        ends_us = {each: inner(us, limit) for each, us in ends_us.items()}
+    return {("pulses", channel, name): us for name, us in {**ends_us, **limits}.items()}
 
 
 BOARD_STEPS = (
