@@ -101,6 +101,40 @@ def test_ends_that_cannot_be_are_not_written_and_asked_again(tmp_path: Path, ben
     assert car.calibration.steering.left_us == 1240
 
 
+LIMITED = FILE + "[pulses.steering]\nmin_us = 1200\nmax_us = 1850\n[pulses.throttle]\nmax_us = 1900\n"
+
+
+@pytest.mark.parametrize(
+    ("answer", "ends", "limits"), [("y", (1180, 1880), (1180, 1880)), ("n", (1200, 1850), (1200, 1850))]
+)
+def test_a_hard_limit_of_the_person_is_moved_only_when_they_agree(
+    tmp_path: Path, bench: Workbench, answer: str, ends: tuple[int, int], limits: tuple[int, int]
+) -> None:
+    car, script = done(tmp_path, bench, "ends", "1180", "", "1880", "", "", "", answer, answer, text=LIMITED)
+    steering, throttle = car.calibration.steering, car.calibration.throttle
+    assert (steering.left_us, steering.right_us) == ends
+    assert (steering.min_us, steering.max_us) == limits
+    assert (throttle.min_us, throttle.max_us) == (1140, 1900)
+    assert script.asked[-2:] == [
+        f"An end at {us} us lies beyond the hard limit steering.{name} = {limit} us of the car file. "
+        "Move the limit? [y/n/q] "
+        for us, name, limit in ((1180, "min_us", 1200), (1880, "max_us", 1850))
+    ]
+
+
+def test_a_hard_limit_of_the_person_that_no_end_passes_stays(tmp_path: Path, bench: Workbench) -> None:
+    car, script = done(tmp_path, bench, "ends", *[""] * 4, text=LIMITED)
+    assert len(script.asked) == 4
+    assert (car.calibration.steering.min_us, car.calibration.steering.max_us) == (1200, 1850)
+
+
+def test_neutral_moves_no_hard_limit_of_the_person_in_silence(tmp_path: Path, bench: Workbench) -> None:
+    text = FILE + "[pulses.throttle]\nmin_us = 1130\n"
+    car, _ = done(tmp_path, bench, "neutral", "1512", "", "", "n", text=text)
+    throttle = car.calibration.throttle
+    assert (throttle.min_us, throttle.forward_us, throttle.reverse_us, throttle.max_us) == (1130, 1130, 1842, 1842)
+
+
 @pytest.mark.parametrize("left", ["y", "n"])
 @pytest.mark.parametrize("forward", ["y", "n"])
 def test_a_direction_that_is_wrong_is_turned_round(tmp_path: Path, bench: Workbench, left: str, forward: str) -> None:

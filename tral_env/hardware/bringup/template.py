@@ -200,7 +200,7 @@ def car_text(
 
     Raises:
         ConfigError: no board or sensor of this package has such a name, a sensor is named twice, or the name of the car
-            is empty or no single line.
+            or its file is empty or no single line.
     """
     one_of("board", board, _BOARDS)
     chosen = BOARD_SENSORS[board] if sensors is None else tuple(sensors)
@@ -212,8 +212,9 @@ def car_text(
         if len(chosen) > 1:
             raise ConfigError(f"sensors {', '.join(chosen)}: '{NO_SENSORS}' stands alone")
         chosen = ()
-    if not name.strip() or not name.isprintable():
-        raise ConfigError(f"name = {name!r}: expected a line of text that can be read")
+    for what, line in (("name", name), ("path", path)):
+        if not line.strip() or not line.isprintable():
+            raise ConfigError(f"{what} = {line!r}: expected a line of text that can be read")
     quoted = name.replace("\\", "\\\\").replace('"', '\\"')
     listed = "".join(_SENSORS[sensor] for sensor in chosen) or '\n# No [[sensors]]: every reading is "nothing seen".\n'
     parts = (_HEAD.format(name=quoted, path=path), "\n", _BOARDS[board], _PULSES, listed, _CAMERA if camera else "")
