@@ -23,13 +23,14 @@ from tral_fsm.evaluation.files import prepare_folder
 
 FAMILIES = ("corners", "office", "obstacles")
 LEVELS = ("default", "hard")
+RANGES = ("ultrasonic_left", "ultrasonic_front", "ultrasonic_right")
 
 
 class Watched:
     """A drive under watch: all faults that would have stopped it, with their times; it is not stopped."""
 
-    def __init__(self) -> None:
-        self._watch = FaultWatch(frozenset(CORE_LAYOUT.names), FaultLimits())
+    def __init__(self, unit: str, brake: float) -> None:
+        self._watch, self._unit = FaultWatch(frozenset(CORE_LAYOUT.names), FaultLimits(), brake), unit
         self.stops: dict[str, float] = {}
         self.ticks = 0
 
@@ -37,15 +38,17 @@ class Watched:
         """Look at a tick."""
         self.ticks += 1
         readings = {name: float(value) for name, value in CORE_LAYOUT.unpack(tick.observation).items()}
+        if self._unit == "cm":
+            readings |= {name: round(readings[name], 2) for name in RANGES}
         found = self._watch.update(Look(tick.index * CONTROL_PERIOD_S, readings, readings["throttle"]))
         assert found is None or found.fault.decision is Decision.STOP
         if found is not None:
             self.stops.setdefault(found.fault.name, tick.index * CONTROL_PERIOD_S)
 
 
-def drives(family: str, level: str, seeds: range) -> dict[str, Any]:
+def drives(family: str, level: str, seeds: range, unit: str, brake: float) -> dict[str, Any]:
     """Drive one family on one level."""
-    watched = [Watched() for _ in seeds]
+    watched = [Watched(unit, brake) for _ in seeds]
     with BatchRunner([family], randomization=level, rows=len(seeds)) as runner:
         results = runner.drive(
             [load_machine(family)],
@@ -59,6 +62,8 @@ def drives(family: str, level: str, seeds: range) -> dict[str, Any]:
     return {
         "family": family,
         "level": level,
+        "unit": unit,
+        "brake": brake,
         "drives": len(results),
         "hours": sum(each.ticks for each in watched) * CONTROL_PERIOD_S / 3600.0,
         "successes": sum(result.success for result in results),
@@ -73,6 +78,8 @@ def main() -> None:
     parser.add_argument("--courses", type=int, default=50)
     parser.add_argument("--families", default=",".join(FAMILIES))
     parser.add_argument("--levels", default=",".join(LEVELS))
+    parser.add_argument("--unit", choices=("us", "cm"), default="us", help="of the ultrasonics' ranges")
+    parser.add_argument("--brake", type=float, default=0.0, help="Limits.brake, by which the car would be stopped")
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()
     if given.out is not None:
@@ -80,7 +87,9 @@ def main() -> None:
     found = []
     for family in given.families.split(","):
         for level in given.levels.split(","):
-            found.append(drives(family, level, range(given.first, given.first + given.courses)))
+            found.append(
+                drives(family, level, range(given.first, given.first + given.courses), given.unit, given.brake)
+            )
             print(json.dumps(found[-1]), flush=True)
             if given.out is not None:
                 given.out.write_text(json.dumps(found, indent=1))

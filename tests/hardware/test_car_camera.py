@@ -216,8 +216,41 @@ def test_a_camera_that_cannot_be_opened_is_told_with_what_to_do(webcam: Webcam, 
 
 
 def test_a_camera_that_never_started_is_let_go(webcam: Webcam, lens: str) -> None:
-    Camera(CameraOptions(lens=lens)).stop()
+    opened = Camera(CameraOptions(lens=lens))
+    webcam.hand_last(None)
+    opened.stop()
     assert webcam.released
+
+
+def test_images_come_from_the_opening_on_so_that_a_slow_camera_is_awake_when_the_car_is_armed(
+    webcam: Webcam, lens: str
+) -> None:
+    opened = Camera(CameraOptions(lens=lens), Clock())
+    webcam.hand(picture((40, 1.0, 0.0)))
+    assert opened.images == 1
+    opened.start()
+    webcam.hand(picture((41, 1.0, 0.0)))
+    assert opened.read(100.0)["marker_id"] == 41.0
+    webcam.hand_last(None)
+    opened.stop()
+
+
+def test_a_camera_whose_library_fails_is_told_with_its_words(
+    started: Any, webcam: Webcam, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen, clock = started()
+    webcam.hand(picture())
+
+    def fail() -> Any:
+        raise cv2.error("select() timeout")
+
+    monkeypatch.setattr(webcam, "retrieve", fail)
+    webcam.hand_last(picture())
+    for thread in threading.enumerate():
+        if thread.name == "tral-camera":
+            thread.join(5.0)
+    with pytest.raises(HardwareError, match=r"the camera 0 failed: select\(\) timeout"):
+        seen.read(clock())
 
 
 def test_images_can_be_watched_with_the_time_of_their_exposure(started: Any, webcam: Webcam) -> None:

@@ -11,6 +11,7 @@ from gymnasium.error import ResetNeeded
 
 from tral_env.errors import CarStoppedError
 from tral_env.hardware.env import TralCarEnv
+from tral_env.hardware.episode import Episode
 from tral_env.hardware.faults import FaultLimits
 from tral_env.hardware.sensors import ImageTimes, SensorGroup, image_times
 
@@ -73,6 +74,15 @@ def test_without_a_board_that_drives_no_fault_stops_a_dry_run() -> None:
     env, _ = car(Told(distance=0.0, speed=0.0), None)
     assert "warnings" not in drive(env, 400)
     env.close()
+
+
+def test_a_voltage_that_flickers_is_no_evidence_that_the_sensors_live() -> None:
+    episode = Episode()
+    for tick in range(10):
+        episode.weigh({"distance": 0.5, "ultrasonic_left": 1.0, "ultrasonic_left_age": 0.01 * tick, "battery": tick})
+    assert episode.evidence == 1
+    episode.weigh({"distance": 0.525, "ultrasonic_left": 1.0, "battery": 7.0})
+    assert episode.evidence == 2
 
 
 def test_warnings_stand_in_the_info() -> None:

@@ -12,6 +12,7 @@ from tral_env.errors import BadFileError
 from tral_env.hardware.actuator.settings import Limits, Settings
 from tral_env.hardware.calibration_file import load_calibration
 from tral_env.hardware.car_file import BatteryLimits, CameraOptions, CarFile, load_car, parse_car
+from tral_env.hardware.faults import FaultLimits
 
 LEAST = """\
 version = 1
@@ -100,7 +101,7 @@ device = "/dev/video2"
 lens = "lens.yaml"
 [limits]
 max_throttle = 0.4
-evidence_s = "off"
+evidence_s = 2
 [battery]
 warn_v = 7
 stop_v = 6.5
@@ -113,7 +114,7 @@ neutral = 2026-05-01
     assert (sensor.driver, sensor.options.bus) == ("srf08", "/dev/i2c-5")
     assert sensor.options.addresses == {"left": 0x74, "right": 0x75}
     assert car.camera == CameraOptions(device="/dev/video2", lens=str(tmp_path / "lens.yaml"))
-    assert car.limits == Limits(max_throttle=0.4, evidence_s=None)
+    assert car.limits == Limits(max_throttle=0.4, evidence_s=2.0)
     assert car.battery == BatteryLimits(warn_v=7.0, stop_v=6.5)
     assert car.calibrated == {"neutral": date(2026, 5, 1)}
 
@@ -192,3 +193,66 @@ def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
 def test_a_car_compares_by_what_it_says() -> None:
     assert isinstance(parse_car(LEAST), CarFile)
     assert parse_car(LEAST) == parse_car("# a comment\n" + LEAST)
+
+
+def test_a_car_without_sensors_may_switch_the_law_of_frozen_ones_off() -> None:
+    assert parse_car(LEAST + '[limits]\nevidence_s = "off"\n').limits == Limits(evidence_s=None)
+
+
+def test_the_limits_of_faults_are_read_and_off_switches_a_law_off() -> None:
+    car = parse_car(
+        LEAST + '[faults]\nsilent_s = 1\nfrozen_m = "off"\nechoes = 3\n[battery]\nwarn_v = 11\nstop_v = 10\n'
+    )
+    assert car.faults == FaultLimits(silent_s=1.0, frozen_m=None, echoes=3)
+    assert car.fault_limits() == FaultLimits(
+        silent_s=1.0, frozen_m=None, echoes=3, battery_low_v=11.0, battery_empty_v=10.0
+    )
+
+
+def test_faults_that_are_given_keep_the_battery_of_the_car_unless_they_name_another() -> None:
+    car = parse_car(LEAST + "[battery]\nwarn_v = 11\nstop_v = 10\n")
+    assert car.fault_limits(FaultLimits(blind_m=0.4)) == FaultLimits(
+        blind_m=0.4, battery_low_v=11.0, battery_empty_v=10.0
+    )
+    assert car.fault_limits(FaultLimits(battery_low_v=None, battery_empty_v=9.0)) == FaultLimits(
+        battery_low_v=None, battery_empty_v=9.0
+    )
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        ("[faults]\nsilent_s = -1\n", "faults: faults: silent_s = -1.0, expected a number above 0"),
+        ('[faults]\nmoving_mps = "off"\n', "faults.moving_mps: got 'off', expected a number"),
+        ("[faults]\nbattery_low_v = 7\n", "faults.battery_low_v: stands in [battery], as warn_v"),
+        ("[faults]\nsilence = 7\n", "faults.silence: unknown; did you mean 'silent_s'?"),
+    ],
+)
+def test_what_a_table_of_faults_may_not_say(more: str, told: str) -> None:
+    assert told in problem(more)
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        ("[camera]\nrate_hz = 1\n", "camera: with rate_hz = 1 and latency_s = 0 the newest image gets 1.00 s old"),
+        ("[camera]\nlatency_s = 0.9\n", "image_s = 0.5 s would stop every drive"),
+        ('[[sensors]]\ndriver = "srf08"\ncadence_s = 0.5\nfiring = "in turn"\n', "sensors[1]: a range gets 1.56 s old"),
+        ('[[sensors]]\ndriver = "srf08"\n[limits]\nevidence_s = "off"\n', 'evidence_s: "off" is for a car without'),
+    ],
+)
+def test_options_that_would_stop_every_drive_or_none_are_refused_together(more: str, told: str) -> None:
+    assert told in problem(more)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        "[camera]\nrate_hz = 1\n[faults]\nimage_s = 1.5\n",
+        '[camera]\nrate_hz = 1\n[faults]\nimage_s = "off"\n',
+        '[[sensors]]\ndriver = "srf08"\nfiring = "in turn"\n',
+        '[[sensors]]\ndriver = "srf08"\ncadence_s = 0.5\n[faults]\nsilent_s = 1\n',
+    ],
+)
+def test_slow_devices_are_allowed_with_limits_that_fit_them(more: str) -> None:
+    assert parse_car(LEAST + more).name == "mine"

@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 from fakes import Clock, FakeSmbus, Pca9685Fake, Srf08Fake
 
-from tral_env.errors import ConfigError, HardwareError
+from tral_env.errors import CarStoppedError, ConfigError, HardwareError
 from tral_env.hardware import opening, sensor_drivers
 from tral_env.hardware.actuator.settings import Limits, Settings
 from tral_env.hardware.car_file import CarFile, parse_car
 from tral_env.hardware.commands import PulseCommands
 from tral_env.hardware.env import TralCarEnv
+from tral_env.hardware.faults import FaultLimits
 from tral_env.hardware.opening import open_sensors
 from tral_env.hardware.pwm import Recorder
 from tral_env.interface import CORE_LAYOUT, OPTIONAL_GROUPS, action_space
@@ -34,6 +35,7 @@ file = "tt01"
 max_throttle = 0.4
 """
 SONARS = '[[sensors]]\ndriver = "srf08"\n'
+SONAR_READINGS = {f"ultrasonic_{side}{what}" for side in ("left", "front", "right") for what in ("", "_age")}
 
 
 class Actuator(PulseCommands):
@@ -61,6 +63,12 @@ def bus(monkeypatch: pytest.MonkeyPatch) -> FakeSmbus:
     made = FakeSmbus({0x40: Pca9685Fake(), **{address: Srf08Fake(clock) for address in (0x70, 0x71, 0x72)}})
     monkeypatch.setattr(smbus2, "SMBus", lambda number: made)
     return made
+
+
+def drive(env: TralCarEnv, throttle: float, ticks: int = 400) -> None:
+    env.reset()
+    for _ in range(ticks):
+        env.step(np.array([0.0, throttle], np.float32))
 
 
 def made(text: str = FILE, **options: Any) -> TralCarEnv:
@@ -100,6 +108,32 @@ def test_a_dry_run_needs_no_measured_clock() -> None:
     assert env.output.sent[-1].throttle_us == 1140.0
     own = Recorder(env.calibration)
     assert made(FILE.replace("true", "false"), output=own).output is own
+
+
+def test_a_dry_run_writes_nothing_to_the_bus_of_a_board_that_was_not_set_up(bus: FakeSmbus) -> None:
+    env = made(FILE + SONARS, output="recorder")
+    drive(env, 0.3, 80)
+    assert bus.log == []
+    assert env.readings == {}
+    assert env.provided_readings == SONAR_READINGS | {"steering", "throttle"}
+    env.close()
+
+
+def test_a_dry_run_does_not_wait_for_a_serial_board_that_only_its_driver_sets_up() -> None:
+    text = FILE.replace('"pca9685"', '"ucboard"\nport = "/dev/no_such_port"').replace("clock_measured = true\n", "")
+    env = made(text + '[[sensors]]\ndriver = "ucboard"\nport = "/dev/no_such_port"\n', output="recorder")
+    env.reset()
+    env.step(np.array([0.0, 0.3], np.float32))
+    assert env.provided_readings is not None
+    assert env.provided_readings >= SONAR_READINGS | {"distance", "speed", "battery"}
+    env.close()
+
+
+def test_a_dry_run_opens_sensors_on_a_bus_without_a_board(bus: FakeSmbus) -> None:
+    env = made(FILE + SONARS + "bus = 2\n", output="recorder")
+    env.reset()
+    assert bus.log
+    env.close()
 
 
 @pytest.mark.usefixtures("actuator")
@@ -191,6 +225,57 @@ def test_a_reading_that_the_observation_has_no_field_for_is_kept_beside_it() -> 
     assert CORE_LAYOUT.space().contains(observation)
     assert env.readings == {"battery": 7.0}
     assert {field.name for field in OPTIONAL_GROUPS["battery"]} == set(env.readings)
+
+
+@pytest.mark.usefixtures("plugin")
+@pytest.mark.parametrize("faults", [None, FaultLimits(blind_m=0.4)])
+def test_the_battery_of_the_car_file_stops_the_drive_whatever_other_limits_are_given(
+    actuator: type[Actuator], faults: FaultLimits | None
+) -> None:
+    battery = '[[sensors]]\ndriver = "volts"\nvolts = 9\n[battery]\nwarn_v = 11\nstop_v = 10\n'
+    env = made(FILE + battery, faults=faults)
+    assert actuator.told.driver == "pca9685"
+    with pytest.raises(CarStoppedError, match=r"STOP battery empty: 9\.0 V in the mean, below 10 V"):
+        drive(env, 0.0)
+    env.close()
+
+
+class Wall:
+    """A car at 1 m/s, and a wall that comes near."""
+
+    provided_readings = frozenset({"ultrasonic_front", "ultrasonic_front_age", "distance", "speed"})
+
+    def start(self) -> None:
+        """Begin."""
+
+    def read(self, now: float) -> dict[str, float]:
+        way = now - 100.0
+        return {"ultrasonic_front": 3.0 - way, "ultrasonic_front_age": 0.0, "distance": way, "speed": 1.0}
+
+    def stop(self) -> None:
+        """End."""
+
+
+@pytest.mark.usefixtures("actuator")
+@pytest.mark.parametrize(("brake", "left_m"), [(-1.0, 0.44), (0.0, 0.70)])
+def test_too_near_is_judged_by_the_brake_of_the_car(brake: float, left_m: float) -> None:
+    clock = Clock()
+    text = FILE.replace("[limits]", f"[limits]\nbrake = {brake}") + "[pulses.throttle]\ndead_zone_us = 30\n"
+    env = TralCarEnv(config=parse_car(text), sensors=Wall(), clock=clock, sleep=clock.sleep)
+    with pytest.raises(CarStoppedError, match="STOP too near"):
+        drive(env, 0.3)
+    assert 3.0 - (clock() - 100.0) == pytest.approx(left_m, abs=0.03)
+    env.close()
+
+
+@pytest.mark.usefixtures("actuator")
+def test_the_limits_of_faults_of_the_car_file_count() -> None:
+    clock = Clock()
+    env = TralCarEnv(
+        config=parse_car(FILE + '[faults]\nreaction_s = "off"\n'), sensors=Wall(), clock=clock, sleep=clock.sleep
+    )
+    drive(env, 0.3, 200)
+    env.close()
 
 
 @pytest.mark.usefixtures("plugin")

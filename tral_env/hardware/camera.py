@@ -57,7 +57,7 @@ class Camera(Physical):
         self._capture: Any = open_capture(options)
         self._lock, self._ends = threading.Lock(), threading.Event()
         self._pipeline = CameraPipeline(1, options.rate_hz)
-        self._thread: threading.Thread | None = None
+        self._pipeline.reset(_ONE_CAR, np.zeros(1))
         self._failure: Exception | None = None
         self.images = 0
         """Number of images since the camera was opened."""
@@ -67,19 +67,19 @@ class Camera(Physical):
         """Time of the newest image that differed from the one before, s: a frozen camera sends the same one again."""
         self._before: NDArray[np.uint8] | None = None
         self._watcher: ImageWatcher | None = None
+        # It begins here, long before a car is armed: a camera takes a while until its first image.
+        self._thread = threading.Thread(target=self._watch, name="tral-camera", daemon=True)
+        self._thread.start()
 
     def watch_images(self, watcher: ImageWatcher) -> None:
         """Call a watcher with each image; the camera's thread calls it."""
         self._watcher = watcher
 
     def start(self) -> None:
-        """Forget what was seen; the thread begins at the first start."""
+        """Forget what was seen."""
         with self._lock:
             self._pipeline.reset(_ONE_CAR, np.zeros(1))
             self.exposed_s = self.changed_s = self._clock()
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._watch, name="tral-camera", daemon=True)
-            self._thread.start()
 
     def read(self, now: float) -> Mapping[str, float]:
         """Give the gate and the marker that were seen last; see `Sensors.read`."""
@@ -101,25 +101,28 @@ class Camera(Physical):
     def stop(self) -> None:
         """End the thread and let go of the camera; a second call does nothing."""
         self._ends.set()
-        if self._thread is not None:
-            self._thread.join(_END_S)
+        self._thread.join(_END_S)
         self._capture.release()
 
     def _watch(self) -> None:
         """Take images until the end."""
         while not self._ends.is_set():
-            if not self._capture.grab():
-                self._ends.wait(_RETRY_S)
-                continue
-            exposed_s = self._clock() - self._options.latency_s
-            whole, image = self._capture.retrieve()
             try:
-                if whole:
-                    self._look(image, exposed_s)
+                self._take()
             except Exception as error:  # told by the next reading, in the thread that drives
                 with self._lock:
                     self._failure = error
                 return
+
+    def _take(self) -> None:
+        """Wait for an image, and look at it; one that could not be read is passed over."""
+        if not self._capture.grab():
+            self._ends.wait(_RETRY_S)
+            return
+        exposed_s = self._clock() - self._options.latency_s
+        whole, image = self._capture.retrieve()
+        if whole:
+            self._look(image, exposed_s)
 
     def _look(self, image: NDArray[np.uint8], exposed_s: float) -> None:
         """Look for markers in an image, and note what was seen."""

@@ -36,6 +36,11 @@ class CameraOptions:
         """Check the values."""
         check_quantities(self)
 
+    @property
+    def oldest_s(self) -> float:
+        """Age of the newest image just before the next one comes, s."""
+        return 1.0 / self.rate_hz + self.latency_s
+
     def calibrated(self) -> CameraConfig:
         """The lens for images of this camera.
 

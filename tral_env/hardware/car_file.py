@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from datetime import date
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,6 +18,7 @@ from tral_env.hardware.actuator.options import check_quantities, quantity
 from tral_env.hardware.actuator.settings import Limits, Settings
 from tral_env.hardware.calibration_file import calibration_problems, load_calibration
 from tral_env.hardware.camera_options import CameraOptions
+from tral_env.hardware.faults import FaultLimits
 from tral_env.hardware.pulses import CarCalibration
 from tral_env.hardware.sensor_drivers import SensorOptions, sensor_class
 from tral_env.hardware.tables import Tables
@@ -76,6 +77,8 @@ class CarFile:
     limits: Limits = field(default_factory=Limits)
     """When the actuator's process stops the car."""
     battery: BatteryLimits = field(default_factory=BatteryLimits)
+    faults: FaultLimits = field(default_factory=FaultLimits)
+    """When the drive itself notices a fault; what the battery may fall to stands in `battery`."""
     calibrated: Mapping[str, date] = field(default_factory=dict)
     """Steps of the calibration that were done, each with its day; see `STEPS`."""
 
@@ -94,6 +97,21 @@ class CarFile:
             steering=steering,
             throttle=throttle,
             limits=self.limits,
+        )
+
+    def fault_limits(self, given: FaultLimits | None = None) -> FaultLimits:
+        """When a fault counts for this car.
+
+        Args:
+            given: counts instead of `faults`; None: nothing was given. A voltage that it leaves at its default is that
+                of `battery`.
+        """
+        limits, default = self.faults if given is None else given, FaultLimits()
+        low_v, empty_v = limits.battery_low_v, limits.battery_empty_v
+        return replace(
+            limits,
+            battery_low_v=self.battery.warn_v if low_v == default.battery_low_v else low_v,
+            battery_empty_v=self.battery.stop_v if empty_v == default.battery_empty_v else empty_v,
         )
 
     @property
@@ -138,7 +156,7 @@ class _Root:
     name: str
 
 
-_TABLES = ("board", "pulses", "sensors", "camera", "limits", "battery", "calibrated")
+_TABLES = ("board", "pulses", "sensors", "camera", "limits", "battery", "faults", "calibrated")
 
 
 def _car(text: TomlText, folder: Path) -> CarFile:
@@ -155,11 +173,13 @@ def _car(text: TomlText, folder: Path) -> CarFile:
         "board": _board(tables, content.get("board", {})),
         "calibration": _pulses(tables, content.get("pulses", {}), content.get("board", {}), name, folder),
         "sensors": _sensors(tables, content.get("sensors", [])),
-        "limits": _limits(tables, content.get("limits", {})),
+        "limits": _switched(tables, Limits, ("limits",), content.get("limits", {})),
+        "faults": _faults(tables, content.get("faults", {})),
         "battery": _section(tables, BatteryLimits, ("battery",), content.get("battery", {})),
         "camera": _camera(tables, content["camera"], folder) if "camera" in content else None,
         "calibrated": _calibrated(tables, content.get("calibrated", {})),
     }
+    _refuse_together(tables, values)
     tables.finish()
     return CarFile(name=name, **values)
 
@@ -208,14 +228,46 @@ def _sensors(tables: Tables, value: Any) -> tuple[Sensor, ...]:
     return tuple(found)
 
 
-def _limits(tables: Tables, value: Any) -> Limits | None:
-    """The limits; ``evidence_s = "off"`` switches that law off, which is for a car without sensors."""
-    if (table := tables.table(("limits",), value)) is None:
+def _switched(tables: Tables, kind: type[Any], path: Path_, value: Any) -> Any:
+    """Limits from a table; "off" switches a law off whose limit may be None."""
+    if (table := tables.table(path, value)) is None:
         return None
-    blind = table.get("evidence_s") == "off"
-    rest = {name: item for name, item in table.items() if not (blind and name == "evidence_s")}
-    limits: Limits | None = tables.build(Limits, ("limits",), rest)
-    return replace(limits, evidence_s=None) if blind and limits is not None else limits
+    optional = {each.name for each in fields(kind) if "None" in str(each.type)}
+    off = {name: None for name in optional if table.get(name) == "off"}
+    limits = tables.build(kind, path, {name: item for name, item in table.items() if name not in off})
+    return None if limits is None else replace(limits, **off)
+
+
+def _faults(tables: Tables, value: Any) -> Any:
+    """When a fault counts; the two voltages stand in [battery]."""
+    for name, own in (("battery_low_v", "warn_v"), ("battery_empty_v", "stop_v")):
+        if isinstance(value, dict) and name in value:
+            tables.refuse(("faults", name), f"stands in [battery], as {own}")
+    return _switched(tables, FaultLimits, ("faults",), value)
+
+
+def _refuse_together(tables: Tables, values: Mapping[str, Any]) -> None:
+    """Note what is allowed alone, and would stop every drive, or never stop a blind one, together."""
+    camera, faults, limits = values["camera"], values["faults"], values["limits"]
+    if limits is not None and limits.evidence_s is None and values["sensors"]:
+        tables.refuse(("limits", "evidence_s"), '"off" is for a car without sensors, and this one has [[sensors]]')
+    if faults is None:
+        return
+    if camera is not None and faults.image_s is not None and camera.oldest_s >= faults.image_s:
+        tables.refuse(
+            ("camera",),
+            f"with rate_hz = {camera.rate_hz:g} and latency_s = {camera.latency_s:g} the newest image gets "
+            f"{camera.oldest_s:.2f} s old, and image_s = {faults.image_s:g} s would stop every drive: choose a faster "
+            "camera, or raise image_s in [faults]",
+        )
+    for number, sensor in enumerate(values["sensors"]):
+        oldest_s = getattr(getattr(sensor, "options", None), "oldest_s", 0.0)
+        if faults.silent_s is not None and oldest_s >= faults.silent_s:
+            tables.refuse(
+                ("sensors", number),
+                f"a range gets {oldest_s:.2f} s old with this cadence_s and firing, and silent_s = {faults.silent_s:g} "
+                "s would stop every drive: choose a shorter cadence_s, or raise silent_s in [faults]",
+            )
 
 
 def _camera(tables: Tables, value: Any, folder: Path) -> CameraOptions | None:

@@ -118,7 +118,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     | `sensors` | `None` | `"srf08"`: three ultrasonics; `"none"`: no reading. An object of your own, see `tral_env.hardware.sensors.Sensors`. `None`: those of the car file, or none without one. |
     | `bus` | `None` | I2C bus of what is opened by name: a number, a path, or an object like `smbus2.SMBus`. `None`: bus 1. The car file has its own. |
     | `limits` | `None` | When the actuator's process stops the car: `tral_env.hardware.actuator.settings.Limits`. `None`: those of the car file, or the defaults; for a car without sensors without `evidence_s`. Refused where no such process is started. |
-    | `faults` | `None` | By which numbers faults are noticed: `tral_env.hardware.faults.FaultLimits`. `None`: its defaults, and the battery of the car file, where the actuator's process drives; elsewhere no fault stops the car, because a car that is not driven does not move. |
+    | `faults` | `None` | By which numbers faults are noticed: `tral_env.hardware.faults.FaultLimits`. `None`: those of the car file, or the defaults, where the actuator's process drives; elsewhere no fault stops the car, because a car that is not driven does not move. |
     | `groups` | `()` | Optional groups of readings behind the core ones; the sensors must name all of them in `provided_readings`. |
     | `max_duration_s` | `60.0` | Length of an episode, s, above 0. |
     | `record` | `None` | Each episode is recorded into this file, or beside it if it exists: `drive.mcap`, `drive-2.mcap`. See `watch`. `None`: nothing is. |
@@ -172,6 +172,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         """What the sensors told last, also what the observation has no field for, such as the battery."""
         self._max_duration_s, self._clock, self._sleep = max_duration_s, clock, sleep
         self._running, self._closed = False, False
+        self._read_s = clock()
         self._episode = Episode()
         self.calibration, self.output, self._commands, self.sensors, self._watch = open_parts(
             Wanted(
@@ -330,7 +331,8 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         episode.tick += 1
 
     def _observe(self) -> Observation:
-        readings: Mapping[str, float] = {} if self.sensors is None else self.sensors.read(self._clock())
+        self._read_s = self._clock()
+        readings: Mapping[str, float] = {} if self.sensors is None else self.sensors.read(self._read_s)
         for name, value in readings.items():
             if not np.isfinite(value):
                 raise HardwareError(f"the sensors say {name} = {value!r}: expected a finite number")
@@ -353,7 +355,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         episode, commands = self._episode, self._commands
         image = image_times(self.sensors)
         look = Look(
-            self._clock(), self.readings, commands.applied[1],
+            self._read_s, self.readings, commands.applied[1],
             image_s=image and image.exposed_s, changed_s=image and image.changed_s,
             retries=commands.retries, late_ticks=episode.late_ticks, ticks=episode.tick,
         )  # fmt: skip

@@ -35,8 +35,11 @@ class Episode:
     measured: Mapping[str, float] = field(default_factory=dict)
 
     def weigh(self, readings: Mapping[str, float]) -> None:
-        """Count an observation if a sensor measured something else than before; its age alone does not count."""
-        measured = {name: value for name, value in readings.items() if not name.endswith("_age")}
+        """Count an observation if a sensor measured something else than before.
+
+        An age alone does not count, nor does the voltage of the battery: it flickers while all else is frozen.
+        """
+        measured = {name: value for name, value in readings.items() if not name.endswith("_age") and name != "battery"}
         self.evidence += measured != self.measured
         self.measured = measured
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,12 +15,14 @@ from tral_env.errors import ConfigError, nearest
 from tral_env.hardware.actuator.client import ActuatorProcess
 from tral_env.hardware.actuator.settings import Limits
 from tral_env.hardware.calibration_file import load_calibration
-from tral_env.hardware.car_file import BatteryLimits, CarFile, load_car
+from tral_env.hardware.car_file import CarFile, load_car
 from tral_env.hardware.commands import Commands, PulseCommands, actuator_settings
 from tral_env.hardware.faults import FaultLimits, FaultWatch
 from tral_env.hardware.i2c import BusName, Smbus, named
+from tral_env.hardware.physical import Physical
 from tral_env.hardware.pulses import CarCalibration
 from tral_env.hardware.pwm import Pca9685, PulseOutput, Recorder
+from tral_env.hardware.sensor_drivers import SensorOptions, readings_of
 from tral_env.hardware.sensors import SensorGroup, Sensors, provided_by
 from tral_env.hardware.sonar import SonarArray
 from tral_env.interface import OPTIONAL_GROUPS
@@ -89,19 +93,19 @@ def open_parts(wanted: Wanted) -> Parts:
         output.close()
         raise
     commands = output if isinstance(output, ActuatorProcess) else PulseCommands(output, calibration)
-    return Parts(calibration, output, commands, sensors, _watch(wanted.faults, car, output, sensors))
+    return Parts(calibration, output, commands, sensors, _watch(wanted, car, output, sensors))
 
 
 def _watch(
-    limits: FaultLimits | None, car: CarFile | None, output: PulseOutput | ActuatorProcess, sensors: Sensors | None
+    wanted: Wanted, car: CarFile | None, output: PulseOutput | ActuatorProcess, sensors: Sensors | None
 ) -> FaultWatch | None:
     """What watches over the drive: with given limits, or where a process drives a board."""
-    if limits is None:
-        if not isinstance(output, ActuatorProcess):
-            return None
-        battery = BatteryLimits() if car is None else car.battery
-        limits = FaultLimits(battery_low_v=battery.warn_v, battery_empty_v=battery.stop_v)
-    return FaultWatch(provided_by(sensors) or frozenset(), limits)
+    has_process = isinstance(output, ActuatorProcess)
+    if wanted.faults is None and not has_process:
+        return None
+    limits = (wanted.faults or FaultLimits()) if car is None else car.fault_limits(wanted.faults)
+    told = wanted.limits or (Limits() if car is None else car.limits)
+    return FaultWatch(provided_by(sensors) or frozenset(), limits, told.brake if has_process else 0.0)
 
 
 def _refuse_beside_a_car_file(wanted: Wanted) -> None:
@@ -186,7 +190,7 @@ def _check_provided(groups: Sequence[str], sensors: Sensors | None) -> None:
 def _sensors(wanted: Wanted, car: CarFile | None, bus: int | str | Smbus) -> Sensors | None:
     sensors = wanted.sensors
     if sensors is None and car is not None:
-        return open_sensors(car, wanted.clock, wanted.sleep)
+        return open_sensors(car, wanted.clock, wanted.sleep, dry=wanted.output == "recorder")
     if sensors is None or sensors == "none":
         return None
     if not isinstance(sensors, str):
@@ -198,8 +202,69 @@ def _sensors(wanted: Wanted, car: CarFile | None, bus: int | str | Smbus) -> Sen
     raise ConfigError(f"unknown sensors '{sensors}': {nearest(sensors, SENSORS)}")
 
 
-def open_sensors(car: CarFile, clock: Callable[[], float], sleep: Callable[[float], None]) -> Sensors | None:
+class Device(NamedTuple):
+    """A sensor or the camera of a car file."""
+
+    name: str
+    """Of its driver, or "camera"."""
+    open: Callable[[], Sensors]
+    """Opens it; see `tral_env.hardware.sensor_drivers.SensorOptions.open`."""
+    asleep: Unopened | None
+    """Stands in for it while the board is not set up; None: it has nothing to do with the board."""
+
+
+class Unopened(Physical):
+    """Sensors that stay shut in a dry run: each reading is "nothing seen"."""
+
+    def __init__(self, provided_readings: frozenset[str] | None) -> None:
+        """Stand in for sensors with these readings."""
+        self.provided_readings = provided_readings
+
+    def start(self) -> None:
+        """Do nothing."""
+
+    def read(self, now: float) -> Mapping[str, float]:
+        """Give no reading."""
+        del now
+        return {}
+
+    def stop(self) -> None:
+        """Do nothing."""
+
+
+def devices(car: CarFile, clock: Callable[[], float], sleep: Callable[[float], None]) -> Iterator[Device]:
+    """All sensors of a car file, and its camera if the lens is known; nothing is opened yet."""
+    for each in car.sensors:
+        asleep = Unopened(readings_of(each.options)) if _is_beside_the_board(each.options, car) else None
+        yield Device(each.driver, partial(each.options.open, clock, sleep), asleep)
+    if car.camera is not None and car.camera.lens:
+        from tral_env.hardware.camera import Camera  # OpenCV is for cars with a camera
+
+        yield Device("camera", partial(Camera, car.camera, clock), None)
+
+
+def _is_beside_the_board(options: SensorOptions, car: CarFile) -> bool:
+    """Whether a sensor has the bus or the port of the board."""
+    device = getattr(options, "bus", getattr(options, "port", None))
+    return device is not None and _path(device) == _path(car.board.options.device)
+
+
+def _path(device: int | str) -> str:
+    return os.path.realpath(f"/dev/i2c-{device}" if isinstance(device, int) else device)
+
+
+def open_sensors(
+    car: CarFile, clock: Callable[[], float], sleep: Callable[[float], None], *, dry: bool = False
+) -> Sensors | None:
     """Open all sensors of a car file; None: it has none.
+
+    Args:
+        car: the car.
+        clock: the environment's clock, s.
+        sleep: waits some seconds.
+        dry: whether the board was not set up. Then what is on its bus or port stays shut: a PCA9685 fresh from power
+            answers to the address of the left ultrasonic, and a command for that one would put it to sleep; a serial
+            board sends nothing before its driver has set it up.
 
     Raises:
         HardwareError: a device does not answer; those that did were let go.
@@ -207,12 +272,8 @@ def open_sensors(car: CarFile, clock: Callable[[], float], sleep: Callable[[floa
     """
     opened: list[Sensors] = []
     try:
-        for each in car.sensors:
-            opened.append(each.options.open(clock, sleep))
-        if car.camera is not None and car.camera.lens:
-            from tral_env.hardware.camera import Camera  # OpenCV is for cars with a camera
-
-            opened.append(Camera(car.camera, clock))
+        for each in devices(car, clock, sleep):
+            opened.append(each.asleep if dry and each.asleep is not None else each.open())
     except BaseException:
         for sensor in opened:
             with suppress(OSError):

@@ -13,7 +13,12 @@ from tral_env.hardware.actuator.options import check_quantities, quantity
 from tral_env.hardware.actuator.settings import MAX_ADDRESS, MIN_ADDRESS
 from tral_env.hardware.hall_line import HallOptions
 from tral_env.hardware.sensors import Sensors
-from tral_env.hardware.serial_sensors import Board2016SensorOptions, UcboardSensorOptions
+from tral_env.hardware.serial_sensors import (
+    Board2016SensorOptions,
+    Board2016Sensors,
+    UcboardSensorOptions,
+    UcboardSensors,
+)
 from tral_env.hardware.sonar import ADDRESSES, SonarArray, Srf02, Srf08
 
 GROUP = "tral_env.sensors"
@@ -59,6 +64,11 @@ class Srf08Options:
         """Check the values."""
         check_quantities(self)
         check_addresses(type(self).__name__, self.addresses)
+
+    @property
+    def oldest_s(self) -> float:
+        """Age of a range just before the next one of its side comes, s: the cadences between, and its ranging."""
+        return self.cadence_s * (len(self.addresses) if self.firing == "in turn" else 1) + UltrasonicConfig.cadence_s
 
     def open(self, clock: Clock, sleep: Sleep) -> Sensors:
         """Open the bus; see `SensorOptions.open`."""
@@ -127,3 +137,13 @@ def sensor_class(name: str) -> type[SensorOptions]:
         kind: type[SensorOptions] = found
         return kind
     raise ConfigError(f"unknown sensors '{name}': {nearest(name, sensor_names())}")
+
+
+def readings_of(options: SensorOptions) -> frozenset[str] | None:
+    """Names of the readings of sensors that were not opened; None: unknown."""
+    if isinstance(options, Srf08Options):
+        return frozenset(f"ultrasonic_{side}{what}" for side in options.addresses for what in ("", "_age"))
+    return {
+        Board2016SensorOptions: Board2016Sensors.provided_readings,
+        UcboardSensorOptions: UcboardSensors.provided_readings,
+    }.get(type(options))

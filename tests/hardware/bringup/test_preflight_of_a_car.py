@@ -13,6 +13,8 @@ from tral_env.errors import HardwareError
 from tral_env.hardware.bringup.preflight import Finding, check_car
 from tral_env.hardware.car_file import parse_car
 from tral_env.hardware.sensor_drivers import Srf08Options
+from tral_env.hardware.sensors import ImageTimes
+from tral_env.interface import NO_ECHO_M
 
 SONARS = '[[sensors]]\ndriver = "srf08"\n'
 DONE = "[calibrated]\n" + "".join(
@@ -86,6 +88,33 @@ def test_a_reading_that_does_not_come_is_named(bench: Workbench, monkeypatch: An
 def test_a_low_battery_is_told(bench: Workbench, monkeypatch: Any, volts: float, problem: str, told: str) -> None:
     reads(monkeypatch, bench, ALL | {"battery": volts})
     assert checked(bench, FILE + SONARS)["battery"] == Finding(what="battery", problem=problem, told=told)
+
+
+class Eye(FakeSensors):
+    """A camera that gives an image in each second part of a second, or none at all."""
+
+    provided_readings = frozenset({"gate_x", "gate_age"})
+    period_s = 0.05
+
+    @property
+    def image_times(self) -> ImageTimes:
+        exposed_s = self.bench.clock() // self.period_s * self.period_s
+        return ImageTimes(exposed_s, exposed_s)
+
+
+@pytest.mark.parametrize(("period_s", "problem"), [(0.05, ""), (1e6, "no image within 1 s")])
+def test_a_camera_that_opens_and_gives_no_image_is_told(
+    bench: Workbench, monkeypatch: Any, period_s: float, problem: str
+) -> None:
+    monkeypatch.setattr(Eye, "period_s", period_s)
+    monkeypatch.setattr("tral_env.hardware.camera.Camera", lambda options, clock: Eye(bench, lambda past_s: {}))
+    assert checked(bench, FILE + '[camera]\nlens = "wide"\n')["camera"].problem == problem
+
+
+def test_what_a_standing_car_cannot_show_is_told(bench: Workbench, monkeypatch: Any) -> None:
+    reads(monkeypatch, bench, ALL | {"ultrasonic_left": NO_ECHO_M, "distance": 0.0})
+    told = checked(bench, FILE + SONARS)["srf08"].told
+    assert told.startswith("left no echo: hold a hand before it, front 1.25 m, right 1.25 m, the wheel stands, so")
 
 
 @pytest.mark.parametrize("when", ["open", "start", "read"])

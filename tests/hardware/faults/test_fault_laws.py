@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 from tral_env.errors import ConfigError
 from tral_env.hardware.car_file import BatteryLimits
 from tral_env.hardware.faults import FAULTS, Decision, FaultLimits, FaultWatch, Finding, Look
-from tral_env.hardware.faults.laws import STOPPING, stopping_m
+from tral_env.hardware.faults.laws import ROLLING, STOPPING, stopping_m
 from tral_env.interface import CONTROL_PERIOD_S, CORE_FIELDS, NO_ECHO_M
+from tral_env.speed_control import THROTTLE_DEAD
 from tral_fsm.control.speed import MOVING_MPS
-from tral_fsm.runtime.watch import MAX_SILENCE_S, MIN_THROTTLE
+from tral_fsm.runtime.watch import MAX_SILENCE_S
 
 ALL = frozenset(field.name for field in CORE_FIELDS) | {"battery"}
 HALL = frozenset({"distance", "speed"})
@@ -73,7 +74,7 @@ def test_a_car_that_does_not_move_is_stopped_after_two_seconds_of_a_small_thrott
     assert str(watch.stopped).startswith("STOP no motion: told to drive for 2.0 s without motion (told to drive")
 
 
-@pytest.mark.parametrize("throttle", [0.05, 0.0, -0.5])
+@pytest.mark.parametrize("throttle", [0.078, THROTTLE_DEAD, 0.05, 0.0, -0.5])
 def test_a_car_that_is_not_told_to_drive_forward_may_stand(throttle: float) -> None:
     assert drive(FaultWatch(HALL), 5.0, standing, throttle) is None
 
@@ -138,7 +139,7 @@ def test_a_frozen_ultrasonic_stops_a_car_that_moves_on() -> None:
     watch = FaultWatch(SONAR | HALL)
     limit_m = FaultLimits().frozen_m
     assert limit_m is not None
-    assert drive(watch, 60.0, sonar(lambda fired: 4.0)) == pytest.approx(limit_m + 0.1, abs=0.1)
+    assert drive(watch, 60.0, sonar(lambda fired: 4.003)) == pytest.approx(limit_m + 0.1, abs=0.1)
     assert stopped_by(watch) == "sonar frozen"
 
 
@@ -150,12 +151,24 @@ def test_no_echo_or_one_that_changes_or_a_car_that_stands_is_no_frozen_ultrasoni
 
 def test_a_frozen_ultrasonic_needs_echoes_and_not_only_way() -> None:
     seldom = FaultWatch(SONAR | HALL, FaultLimits(frozen_echoes=100))
-    assert drive(seldom, 9.0, sonar(lambda fired: 4.0)) is None
+    assert drive(seldom, 9.0, sonar(lambda fired: 4.003)) is None
+
+
+def test_a_range_in_whole_centimetres_may_stay_for_a_longer_way() -> None:
+    limits = FaultLimits()
+    assert limits.frozen_m is not None
+    assert limits.frozen_cm_m is not None
+    along_a_wall = limits.frozen_cm_m - 0.1
+    assert along_a_wall > limits.frozen_m
+    side = HALL | {"ultrasonic_left", "ultrasonic_left_age"}
+    assert drive(FaultWatch(side), along_a_wall, sonar(lambda fired: 0.75, "left")) is None
+    stopped_s = drive(FaultWatch(side), 60.0, sonar(lambda fired: 0.75, "left"))
+    assert stopped_s == pytest.approx(limits.frozen_cm_m + 0.1, abs=0.1)
 
 
 def test_the_echo_that_makes_it_enough_is_the_one_that_stops() -> None:
     watch = FaultWatch(SONAR | HALL, FaultLimits(frozen_echoes=5, frozen_m=0.1))
-    assert drive(watch, 9.0, sonar(lambda fired: 4.0)) == pytest.approx(0.4, abs=0.013)
+    assert drive(watch, 9.0, sonar(lambda fired: 4.003)) == pytest.approx(0.4, abs=0.013)
     assert watch.stopped is not None
     assert watch.stopped.detail == "front, 4.00 m in 5 echoes over 0.4 m"
 
@@ -200,19 +213,51 @@ def test_a_voltage_is_judged_when_half_of_the_mean_is_known() -> None:
 @pytest.mark.parametrize(("metres", "stops"), [(0.455, True), (0.46, False)])
 def test_too_near_counts_bumper_age_reaction_and_brake(metres: float, stops: bool) -> None:
     # 0.320 m for the brake at 1 m/s, 0.1 m for the reaction, 0.0125 m for the age of the echo, 0.025 m for the bumper
-    watch = FaultWatch(SONAR | HALL)
-    for tick, age_s in enumerate((0.0125, 0.025, 0.0125), 1):
+    watch = FaultWatch(SONAR | HALL, brake=-1.0)
+    for now, age_s in ((0.1, 0.0125), (0.15, 0.0625), (0.2, 0.0125)):
         readings = {"ultrasonic_front": metres, "ultrasonic_front_age": age_s}
-        found = watch.update(Look(0.0125 * tick, rolling(1.0)(0.0125 * tick) | readings, 0.3))
+        found = watch.update(Look(now, rolling(1.0)(now) | readings, 0.3))
     assert (found is not None) == stops
 
 
 def test_something_ahead_stops_the_car_while_the_brake_is_still_enough() -> None:
+    for brake in (-1.0, -0.5, 0.0):
+        watch = FaultWatch(SONAR | HALL, brake=brake)
+        when = drive(watch, 5.0, sonar(lambda fired: 3.0 - fired))
+        assert stopped_by(watch) == "too near"
+        assert when is not None
+        assert -0.1 < 3.0 - when - stopping_m(1.0, brake, FaultLimits().rolling_share) < 0.25  # two echoes, 0.1 s apart
+
+
+def told_in_each_tick(every: int) -> Callable[[float], dict[str, float]]:
+    """A wall 2 m ahead of a car at 1 m/s; each tick a range comes, and a new one in each so manieth."""
+
+    def readings(now: float) -> dict[str, float]:
+        ranged_s = round(now / CONTROL_PERIOD_S) // every * every * CONTROL_PERIOD_S
+        return rolling(1.0)(now) | {"ultrasonic_front": 2.0 - ranged_s, "ultrasonic_front_age": 0.0}
+
+    return readings
+
+
+def test_echoes_that_come_in_each_tick_are_noticed_too() -> None:
     watch = FaultWatch(SONAR | HALL)
-    when = drive(watch, 5.0, sonar(lambda fired: 2.0 - fired))
+    assert drive(watch, 2.0, told_in_each_tick(1)) == pytest.approx(2.0 - stopping_m(1.0, 0.0, 0.6) - 0.1, abs=0.08)
     assert stopped_by(watch) == "too near"
-    assert when is not None
-    assert 0.1 < 2.0 - when < stopping_m(1.0) + 1.0 * 0.25  # two echoes, 0.1 s apart
+
+
+def test_one_echo_that_a_board_tells_again_does_not_confirm_itself() -> None:
+    def outlier(now: float) -> dict[str, float]:
+        """A board that tells its last range each 20 ms, and one wrong echo for one ranging."""
+        metres = 0.1 if 1.0 <= now < 1.05 else 4.0 - 0.1 * now
+        return rolling(1.0)(now) | {"ultrasonic_front": metres, "ultrasonic_front_age": now % 0.02}
+
+    assert drive(FaultWatch(SONAR | HALL), 3.0, outlier) is None
+
+
+def test_without_the_brake_the_way_to_stop_is_that_of_a_rolling_car() -> None:
+    assert [stopping_m(speed, 0.0) for speed, _ in ROLLING] == [way for _, way in ROLLING]
+    assert stopping_m(1.05, 0.0, 0.6) == pytest.approx(0.6 * 1.01)
+    assert stopping_m(1.05, -0.5) == pytest.approx((0.34 + 1.01) / 2)
 
 
 @pytest.mark.parametrize(("speed", "throttle"), [(1.0, -0.3), (0.0, 0.3)])
@@ -307,9 +352,9 @@ def test_each_fault_has_its_name_its_limits_and_a_law() -> None:
         assert fault.decision in Decision
 
 
-def test_numbers_that_the_machines_watch_has_too_are_the_same() -> None:
+def test_numbers_that_machines_have_too_are_the_same_and_a_car_in_its_dead_zone_is_not_told_to_drive() -> None:
     assert FaultLimits().silent_s == MAX_SILENCE_S
-    assert FaultLimits().driving_throttle == MIN_THROTTLE
+    assert FaultLimits().driving_throttle > THROTTLE_DEAD
     assert FaultLimits().moving_mps == MOVING_MPS
 
 

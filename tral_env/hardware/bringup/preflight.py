@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 
 from tral_env.errors import TralError
 from tral_env.hardware.actuator.client import ActuatorProcess
@@ -14,8 +13,9 @@ from tral_env.hardware.actuator.settings import Settings
 from tral_env.hardware.bringup.steps import missing_steps
 from tral_env.hardware.car_file import CarFile
 from tral_env.hardware.commands import Commands
-from tral_env.hardware.sensors import Sensors, provided_by
-from tral_env.interface import CONTROL_PERIOD_S
+from tral_env.hardware.opening import Device, devices
+from tral_env.hardware.sensors import image_times, provided_by
+from tral_env.interface import CONTROL_PERIOD_S, NO_ECHO_M
 
 _LISTEN_S = 1.0
 """Each sensor has so long to give its first readings: fifteen rangings, or a second of a slow camera."""
@@ -85,34 +85,27 @@ def _granted(actuator: Commands) -> str:
 def _sensors(car: CarFile, clock: Callable[[], float], sleep: Callable[[float], None]) -> Iterator[Finding]:
     if not car.sensors:
         yield Finding(what="sensors", told='none: every reading is "nothing seen"')
-    for sensor in car.sensors:
-        yield from _live(sensor.driver, partial(sensor.options.open, clock, sleep), car, clock, sleep)
-    if car.camera is not None and car.camera.lens:
-        from tral_env.hardware.camera import Camera
-
-        yield from _live("camera", partial(Camera, car.camera, clock), car, clock, sleep)
+    for device in devices(car, clock, sleep):
+        yield from _live(device, car, clock, sleep)
 
 
 def _live(
-    name: str,
-    open_it: Callable[[], Sensors],
-    car: CarFile,
-    clock: Callable[[], float],
-    sleep: Callable[[float], None],
+    device: Device, car: CarFile, clock: Callable[[], float], sleep: Callable[[float], None]
 ) -> Iterator[Finding]:
     """Open a sensor, listen to it, and tell what does not come."""
-    readings: Mapping[str, float] = {}
+    name, readings = device.name, dict[str, float]()
     try:
-        sensors = open_it()
+        sensors = device.open()
     except TralError as error:
         yield Finding(what=name, problem=str(error))
         return
     try:
         sensors.start()
-        begun_s = clock()
+        begun_s, before = clock(), image_times(sensors)
         while clock() - begun_s < _LISTEN_S:
-            readings = sensors.read(clock())
+            readings = dict(sensors.read(clock()))
             sleep(CONTROL_PERIOD_S)
+        is_blind = before is not None and image_times(sensors) == before
     except TralError as error:
         yield Finding(what=name, problem=str(error))
         return
@@ -121,6 +114,7 @@ def _live(
             sensors.stop()
     wanted = provided_by(sensors) or frozenset()
     silent = sorted(each for each in wanted if each not in readings and not each.startswith(_SEEN))
+    silent += ["image"] * is_blind
     yield Finding(
         what=name, problem=f"no {', '.join(silent)} within {_LISTEN_S:g} s" if silent else "", told=_told(readings)
     )
@@ -129,13 +123,19 @@ def _live(
 
 
 def _told(readings: Mapping[str, float]) -> str:
-    """The ranges, which a person can compare with the room."""
-    ranges = (
-        f"{side} {readings[f'ultrasonic_{side}']:.2f} m"
+    """The ranges, which a person can compare with the room, and what cannot be seen on a car that stands."""
+    told = [
+        f"{side} {_range(readings[f'ultrasonic_{side}'])}"
         for side in ("left", "front", "right")
         if f"ultrasonic_{side}" in readings
-    )
-    return ", ".join(ranges)
+    ]
+    if readings.get("distance") == 0.0:
+        told.append("the wheel stands, so a hall wire that is off would not be noticed: turn it, see the step hall")
+    return ", ".join(told)
+
+
+def _range(metres: float) -> str:
+    return f"{metres:.2f} m" if metres < NO_ECHO_M else "no echo: hold a hand before it"
 
 
 def _battery(volts: float, car: CarFile) -> Finding:

@@ -17,16 +17,28 @@ from tral_env.speed_control import SPEED_PER_THROTTLE, THROTTLE_DEAD
 SIDES = ("left", "front", "right")
 _RESPONSE_S = 0.3
 """Time in which the car reaches 63 % of the speed that a throttle stands for, s. Source: docs/car.md."""
+_RANGING_S = 0.06
+"""An ultrasonic needs at least so long for a ranging, s: a board that tells its range more often repeats it."""
+_SAME_S = 0.001
+"""Two times of arrival that are nearer are one, s."""
+_WHOLE_CM = 1e-5
+"""A range this near to whole centimetres, m, comes from an ultrasonic that measures in centimetres."""
 _MAX_STEP_S = 0.1
 """A look after a longer pause counts as one after this time, s: nobody drove in the pause."""
 _BUMPER_M = LENGTH_M / 2 - FRONT_SONAR_FROM_MIDDLE_M
 """The bumper is so far ahead of the front ultrasonic, m."""
+_KNOWN_TICKS = 80
+"""A second of ticks has to be known before a share of them is judged."""
 STOPPING = (
     (0.0, 0.0), (0.26, 0.05), (0.52, 0.13), (1.05, 0.34), (1.58, 0.58), (1.98, 0.78), (2.38, 1.01),
 )  # fmt: skip
 """Speeds, m/s, and the way that the car still goes when the actuator's process stops it by full brake, m: 0.4 s of
 brake, then no pulses, with 20 ms of latency. Source: the model of docs/car.md, by
 `tests/car/test_stopping.py`."""
+ROLLING = (
+    (0.0, 0.0), (0.26, 0.11), (0.52, 0.35), (1.05, 1.01), (1.58, 1.78), (1.98, 2.40), (2.38, 3.03),
+)  # fmt: skip
+"""The same where it stops the car by neutral, m. Source: as above."""
 
 
 class Law(Protocol):
@@ -45,8 +57,8 @@ class Watched(NamedTuple):
     law: Law
 
 
-def laws_for(provided: frozenset[str], limits: FaultLimits) -> Iterator[Watched]:
-    """The laws for a car that measures these readings."""
+def laws_for(provided: frozenset[str], limits: FaultLimits, brake: float) -> Iterator[Watched]:
+    """The laws for a car that measures these readings and is stopped with this throttle."""
     if {"distance", "speed"} <= provided:
         yield Watched("no motion", NoMotion(limits))
     for side in SIDES:
@@ -60,7 +72,7 @@ def laws_for(provided: frozenset[str], limits: FaultLimits) -> Iterator[Watched]
         yield Watched("battery empty", Battery(limits.battery_empty_v, limits.battery_s))
         yield Watched("battery low", Battery(limits.battery_low_v, limits.battery_s))
     if {"ultrasonic_front", "ultrasonic_front_age", "speed"} <= provided:
-        yield Watched("too near", TooNear(limits))
+        yield Watched("too near", TooNear(limits, brake))
     yield Watched("bus errors", BusErrors(limits))
     yield Watched("loop late", LoopLate(limits))
 
@@ -124,23 +136,30 @@ class SonarSilent:
 
 
 class _Echoes:
-    """Notices each new echo of an ultrasonic: its age has fallen since the look before."""
+    """Notices each new echo of an ultrasonic."""
 
     def __init__(self, side: str) -> None:
-        self._name, self._age_s = f"ultrasonic_{side}", math.inf
+        self._name, self._came_s, self._range_m = f"ultrasonic_{side}", -math.inf, math.nan
 
     def new(self, look: Look) -> float | None:
-        """The range of an echo that came since the look before, m."""
-        age_s = look.readings.get(f"{self._name}_age", math.inf)
-        is_new, self._age_s = age_s < self._age_s, age_s
-        return look.readings.get(self._name) if is_new else None
+        """The range of an echo that came since the look before, m.
+
+        It is known by its time of arrival, because echoes that come in each tick all have the age 0. The same range
+        again within one ranging is the same echo, told twice.
+        """
+        age_s, range_m = look.readings.get(f"{self._name}_age", math.inf), look.readings.get(self._name)
+        passed_s = look.time_s - age_s - self._came_s
+        if range_m is None or not passed_s > (_RANGING_S if range_m == self._range_m else _SAME_S):
+            return None
+        self._came_s, self._range_m = look.time_s - age_s, range_m
+        return range_m
 
 
 class SonarFrozen:
     """The same range, to the last digit, in echo after echo while the car moves on; no echo at all does not count."""
 
     def __init__(self, limits: FaultLimits, side: str) -> None:
-        self._limit_m, self._least = _or_never(limits.frozen_m), limits.frozen_echoes
+        self._limits, self._least = limits, limits.frozen_echoes
         self._side, self._echoes = side, _Echoes(side)
         self._range_m, self._count, self._since_m = math.nan, 0, 0.0
 
@@ -151,7 +170,9 @@ class SonarFrozen:
             self._range_m, self._count, self._since_m = echo_m, 0, distance
         self._count += echo_m is not None
         moved_m = distance - self._since_m
-        if self._range_m < NO_ECHO_M and self._count >= self._least and moved_m > self._limit_m:
+        is_coarse = abs(self._range_m - round(self._range_m, 2)) < _WHOLE_CM
+        limit_m = _or_never(self._limits.frozen_cm_m if is_coarse else self._limits.frozen_m)
+        if self._range_m < NO_ECHO_M and self._count >= self._least and moved_m > limit_m:
             return f"{self._side}, {self._range_m:.2f} m in {self._count} echoes over {moved_m:.1f} m"
         return ""
 
@@ -208,10 +229,21 @@ class Battery:
         return f"{mean_v:.1f} V in the mean, below {self._limit_v:g} V" if mean_v < self._limit_v else ""
 
 
-def stopping_m(speed: float) -> float:
-    """Way that the car still goes when it is stopped by full brake at a speed, m/s: `STOPPING`, with straight lines
-    between, and the last one beyond, m."""
-    lines = list(pairwise(STOPPING))
+def stopping_m(speed: float, brake: float = -1.0, rolling_share: float = 1.0) -> float:
+    """Way that the car still goes when it is stopped at a speed, m.
+
+    Args:
+        speed: of the car, m/s.
+        brake: throttle of the stop: -1 is `STOPPING`, 0 is `ROLLING`; between them the car needs less than a straight
+            line says.
+        rolling_share: share of `ROLLING` that counts.
+    """
+    return -brake * _between(STOPPING, speed) + (1.0 + brake) * rolling_share * _between(ROLLING, speed)
+
+
+def _between(table: tuple[tuple[float, float], ...], speed: float) -> float:
+    """The way of a table at a speed, with straight lines between, and the last one beyond, m."""
+    lines = list(pairwise(table))
     (low, start_m), (high, end_m) = next((line for line in lines if speed <= line[1][0]), lines[-1])
     return start_m + (speed - low) / (high - low) * (end_m - start_m)
 
@@ -222,8 +254,8 @@ class TooNear:
     A car that brakes already is let alone, and so is one that drives backwards.
     """
 
-    def __init__(self, limits: FaultLimits) -> None:
-        self._limits, self._echoes = limits, _Echoes("front")
+    def __init__(self, limits: FaultLimits, brake: float) -> None:
+        self._limits, self._brake, self._echoes = limits, brake, _Echoes("front")
         self._count = 0
 
     def update(self, look: Look) -> str:
@@ -232,12 +264,13 @@ class TooNear:
         if self._limits.reaction_s is None or echo_m is None:
             return ""
         passed_s = look.readings["ultrasonic_front_age"] + self._limits.reaction_s
-        left_m, needed_m = echo_m - _BUMPER_M - speed * passed_s, stopping_m(speed)
+        left_m = echo_m - _BUMPER_M - speed * passed_s
+        needed_m = stopping_m(speed, self._brake, self._limits.rolling_share)
         is_near = look.throttle >= 0.0 and speed > 0.0 and left_m < needed_m
         self._count = self._count + 1 if is_near else 0
         if self._count < self._limits.echoes:
             return ""
-        return f"{left_m:.2f} m are left at {speed:.2f} m/s, of which the brake needs {needed_m:.2f} m"
+        return f"{left_m:.2f} m are left at {speed:.2f} m/s, and {needed_m:.2f} m count for a stop"
 
 
 class _Window:
@@ -279,12 +312,8 @@ class LoopLate:
         """See `Law.update`."""
         late = self._late.grown(look.time_s, look.late_ticks)
         ticks = self._all.grown(look.time_s, look.ticks)
-        share = late / ticks if ticks >= _LEAST_TICKS else 0.0
+        share = late / ticks if ticks >= _KNOWN_TICKS else 0.0
         return f"{share:.0%} of the last {ticks} ticks" if share > self._limit else ""
-
-
-_LEAST_TICKS = 80
-"""A second of ticks has to be known."""
 
 
 def _or_never(limit: float | None) -> float:

@@ -17,8 +17,9 @@ class FaultLimits:
     CRASH_CHECK_TIMEOUT."""
     moving_mps: float = 0.08
     """A car that reads less does not move, m/s. Source: ArduPilot Rover, CRASH_CHECK_VEL_MIN."""
-    driving_throttle: float = 0.05
-    """More throttle than this tells the car to drive. Source: ArduPilot Rover, CRASH_CHECK_THROTTLE_MIN."""
+    driving_throttle: float = 0.11
+    """More throttle than this tells the car to drive: a hundredth above the dead zone of the car's model, below which a
+    healthy car stands, too. Source: `tral_env.speed_control.THROTTLE_DEAD`."""
     blind_m: float | None = 0.6
     """A car that should have driven so far, by its throttle, without one tick of the hall sensor is stopped before
     `standstill_s`, m: with a dead wire, a speed controller would go on raising the throttle. Source: measured,
@@ -27,6 +28,9 @@ class FaultLimits:
     """An ultrasonic may be silent for so long, s. Source: `tral_fsm.runtime.watch.MAX_SILENCE_S`."""
     frozen_m: float | None = 2.0
     """An ultrasonic may give the same range for so long a way of the car, m. Source: measured, as above."""
+    frozen_cm_m: float | None = 6.0
+    """As `frozen_m`, for a range of whole centimetres, m: a car that follows a wall well keeps it for long.
+    Source: measured, as above."""
     frozen_echoes: int = 10
     """And for so many echoes, so that a car that outruns its ultrasonics is no fault. Source: choice."""
     image_s: float | None = 0.5
@@ -40,6 +44,10 @@ class FaultLimits:
     reaction_s: float | None = 0.1
     """From the first echo that is too near to the next pulse, s: an echo that confirms it, a tick, a period of the
     board."""
+    rolling_share: float = 0.6
+    """Where the car is stopped by neutral, this share of the way that it rolls on counts. With 1 it touches nothing,
+    and machines that drive around obstacles are stopped for nothing; with less it may touch, at a lower speed. Source:
+    measured, as above."""
     echoes: int = 2
     """So many echoes one after the other have to be too near: a single one may be an outlier. Source: choice."""
     retries: int | None = 10

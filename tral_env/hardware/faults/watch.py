@@ -11,19 +11,20 @@ from tral_env.hardware.faults.names import FAULTS, Decision, Finding
 class FaultWatch:
     """Watches one car. The first fault that stops it stays until `reset`."""
 
-    def __init__(self, provided: frozenset[str], limits: FaultLimits | None = None) -> None:
+    def __init__(self, provided: frozenset[str], limits: FaultLimits | None = None, brake: float = 0.0) -> None:
         """Watch what a car measures.
 
         Args:
             provided: names of the readings that it has; a law without its readings is off.
             limits: when a fault counts.
+            brake: throttle by which the car is stopped, in [-1, 0]: `Limits.brake` of the actuator's process.
         """
-        self._provided, self._limits = provided, limits or FaultLimits()
+        self._provided, self._limits, self._brake = provided, limits or FaultLimits(), brake
         self.reset()
 
     def reset(self) -> None:
         """Begin anew, with a car that stands."""
-        self._laws = list(laws_for(self._provided, self._limits))
+        self._laws = list(laws_for(self._provided, self._limits, self._brake))
         self.stopped: Finding | None = None
         """The fault that stopped the car."""
         self.warnings: tuple[Finding, ...] = ()
