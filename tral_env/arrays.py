@@ -45,7 +45,7 @@ def pick(values: Any, rows: Rows) -> Any:
     kind = type(values)
     if rows is ALL or kind is float or kind is bool:
         return values
-    if type(rows) is int:
+    if rows is ALONE:
         return values.item(0) if isinstance(values, (np.ndarray, np.generic)) else values
     return values[rows] if kind is np.ndarray else values
 
@@ -54,7 +54,7 @@ def columns(values: Any, rows: Rows) -> Any:
     """The m columns (k,) of some cars out of (n, m), not to be written to; m numbers of a car alone."""
     if rows is ALL:
         return values.T
-    return values[rows].tolist() if type(rows) is int else values[rows].T
+    return values[rows].tolist() if rows is ALONE else values[rows].T
 
 
 def plain(values: Any) -> Any:
@@ -90,15 +90,15 @@ def where(condition: Any, yes: Any, no: Any) -> Any:
 
 
 def minimum(a: Any, b: Any) -> Any:
-    """`numpy.minimum`, also for two numbers."""
-    if type(a) is float:
+    """`numpy.minimum`, also for two numbers, neither of them NaN."""
+    if type(a) is type(b) is float:
         return a if a < b else b
     return np.minimum(a, b)
 
 
 def maximum(a: Any, b: Any) -> Any:
-    """`numpy.maximum`, also for two numbers."""
-    if type(a) is float:
+    """`numpy.maximum`, also for two numbers, neither of them NaN."""
+    if type(a) is type(b) is float:
         return a if a > b else b
     return np.maximum(a, b)
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 
 def is_device(path: Path) -> bool:
@@ -24,6 +27,23 @@ def write_bytes(path: Path, content: bytes) -> None:
     part = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
     try:
         part.write_bytes(content)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[IO[bytes]]:
+    """A file that is written piece by piece, and replaces an older one at the end of the block if nothing failed.
+
+    Raises:
+        OSError: the file cannot be written; the old one is still there.
+    """
+    path = path.resolve()
+    part = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
+    try:
+        with part.open("wb") as stream:
+            yield stream
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)

@@ -102,6 +102,18 @@ def _write(folder: Path, text: bytes, weights: bytes) -> Path:
     return folder / JSON_NAME
 
 
+def digest(path: Path) -> str:
+    """Digest of a policy's JSON file, which holds that of its weights.
+
+    Args:
+        path: folder of the policy, or its JSON file.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    return hashlib.sha256((path / JSON_NAME if path.is_dir() else path).read_bytes()).hexdigest()
+
+
 def _fits(weights: Path, path: Path) -> bool:
     """Whether weights are those of a policy.json."""
     try:

@@ -371,8 +371,7 @@ class World:
 
     def info(self) -> dict[str, Array | Flags | Index]:
         """The ground truth of all cars after a reset, which no policy sees; name -> (n, ...)."""
-        no = np.zeros(self.n, bool)
-        told = self._truth(no, no)
+        told = self._truth(np.zeros(self.n, bool), np.zeros(self.n, bool))
         if self._everyone is ALONE:
             told["pose"] = told["pose"][None]
         return {name: as_rows(values) for name, values in told.items()}

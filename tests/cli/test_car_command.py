@@ -34,6 +34,31 @@ def test_init_replaces_no_file_unless_told(tmp_path: Path) -> None:
     assert [sensor.driver for sensor in load_car(path).sensors] == ["srf02"]
 
 
+@pytest.mark.parametrize(
+    ("place", "told"),
+    [("nodir/car.toml", "there is no folder"), ("x\ny.toml", "expected a line of text"), ("folder", "cannot write")],
+)
+def test_init_tells_a_file_that_cannot_be(tmp_path: Path, place: str, told: str) -> None:
+    (tmp_path / "folder").mkdir()
+    done = RUN.invoke(app, ["car", "init", str(tmp_path / place), "--force"])
+    assert done.exit_code == 2
+    assert told in " ".join(done.output.split())
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["folder"]
+
+
+@pytest.mark.parametrize("option", [["--name", "x\ny"], ["--name", ""], ["--sensor", "hall", "--sensor", "hall"]])
+def test_init_writes_nothing_that_is_no_car(tmp_path: Path, option: list[str]) -> None:
+    path = tmp_path / "car.toml"
+    assert RUN.invoke(app, ["car", "init", str(path), *option]).exit_code == 2
+    assert not path.exists()
+
+
+def test_init_writes_a_car_without_sensors(tmp_path: Path) -> None:
+    path = tmp_path / "car.toml"
+    assert RUN.invoke(app, ["car", "init", str(path), "--sensor", "none"]).exit_code == 0
+    assert load_car(path).sensors == ()
+
+
 def test_init_names_the_nearest_board(tmp_path: Path) -> None:
     done = RUN.invoke(app, ["car", "init", str(tmp_path / "car.toml"), "--board", "pca9658"])
     assert done.exit_code == 2

@@ -96,6 +96,17 @@ def test_a_key_arms_and_another_ends(folder: Path, keys: str, why: str, status: 
 
 
 @pytest.mark.slow
+def test_a_key_that_was_typed_before_the_prompt_does_not_arm(folder: Path) -> None:
+    run = deploy(folder)
+    run.type("r")
+    run.wait_for("To arm, press r")
+    time.sleep(0.5)
+    run.type("q")
+    assert run.status() == 0
+    assert json.loads((folder / "out" / "summary.json").read_text())["figures"]["ticks"] == 0
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_a_drive_with_its_summary(folder: Path, number: signal.Signals) -> None:
     run = deploy(folder)
@@ -124,6 +135,7 @@ def test_a_person_drives_a_simulated_car(folder: Path) -> None:
     run = Typing(folder, "teleop", "--scenario", "straight", "--seed", "3", "--out", "hand")
     run.wait_for("To arm, press r")
     run.type("r")
+    run.wait_for("Hz")
     for _ in range(20):
         run.type("w")
         time.sleep(0.05)
@@ -131,6 +143,7 @@ def test_a_person_drives_a_simulated_car(folder: Path) -> None:
     assert run.status() == 0
     summary = json.loads((folder / "hand" / "summary.json").read_text())
     assert summary["figures"]["states_s"]["by hand"] > 0.3
+    assert summary["figures"]["distance_m"] > 0.05
     assert (folder / "hand" / "drive.mcap").stat().st_size > 1000
 
 
@@ -158,3 +171,17 @@ def test_a_missing_car_file_is_told() -> None:
     done = CliRunner().invoke(app, ["deploy", "--policy", "wall", "--config", "none.toml", "--arm"])
     assert done.exit_code == 1
     assert "none.toml" in done.output
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--scenario", "straight", "--dry"], "--dry beside --scenario"),
+        (["--config", "car.toml", "--seed", "7"], "--seed is for a simulated car"),
+        (["--config", "car.toml", "--randomization", "default"], "--randomization is for a simulated car"),
+    ],
+)
+def test_an_option_of_another_car_is_refused(options: list[str], told: str) -> None:
+    done = CliRunner().invoke(app, ["teleop", *options])
+    assert done.exit_code == 2
+    assert told in " ".join(done.output.split())

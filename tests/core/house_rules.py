@@ -173,8 +173,8 @@ def course_needs_the_waist_and_config(imports: Imports) -> list[str]:
     )
 
 
-def recordings_need_the_waist_alone(imports: Imports) -> list[str]:
-    return _outside(imports, {"tral_env.recording"}, WAIST)
+def recordings_need_the_waist_and_atomic(imports: Imports) -> list[str]:
+    return _outside(imports, {"tral_env.recording"}, WAIST | {"tral_env.atomic"})
 
 
 def the_car_needs_little(imports: Imports) -> list[str]:
@@ -331,7 +331,7 @@ RULES: tuple[Rule, ...] = (
     options_know_what_they_set_and_nothing_that_steps,
     one_module_of_course_and_one_of_perception_meet_physics,
     course_needs_the_waist_and_config,
-    recordings_need_the_waist_alone,
+    recordings_need_the_waist_and_atomic,
     the_car_needs_little,
     the_car_reaches_nothing_heavy,
     randomization_needs_the_waist_and_config,

@@ -32,7 +32,7 @@ BROKEN: dict[Rule, Imports] = {
         "tral_env.course.markers": {"mujoco.batch"},
     },
     rules.course_needs_the_waist_and_config: {"tral_env.course.route": {"tral_env.actuation"}},
-    rules.recordings_need_the_waist_alone: {"tral_env.recording.read": {"tral_env.hardware"}},
+    rules.recordings_need_the_waist_and_atomic: {"tral_env.recording.read": {"tral_env.hardware"}},
     rules.the_car_needs_little: {"tral_env.hardware.env": {"tral_env.world"}},
     rules.the_car_reaches_nothing_heavy: {
         "tral_env.hardware.camera": {"tral_env.perception.gate"},

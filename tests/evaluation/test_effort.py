@@ -13,7 +13,7 @@ import pytest
 from tral_env.errors import ConfigError
 from tral_env.learned import Correction, Network
 from tral_env.learner import LearnerConfig, LearnerView
-from tral_env.policy_file import save
+from tral_env.policy_file import digest, save
 from tral_fsm.evaluation.effort import Effort, of_file, of_policy, verdict
 
 
@@ -60,10 +60,19 @@ def test_a_network_of_unknown_making_tells_nothing(tmp_path: Path) -> None:
 
 def test_a_training_that_went_on_has_the_effort_of_both(tmp_path: Path) -> None:
     save(network(steps=72_000, seconds=60.0), tmp_path / "student")
-    later = network(steps=144_000, seconds=30.0, request={"start": str(tmp_path / "student")})
+    start = {"request": {"start": str(tmp_path / "student")}, "start_sha256": digest(tmp_path / "student")}
+    later = network(steps=144_000, seconds=30.0, **start)
     assert of_policy(tmp_path / "ppo", later) == Effort(decisions=216_000, simulated_h=3.0, minutes=1.5)
     lost = network(steps=144_000, seconds=30.0, request={"start": str(tmp_path / "gone")})
     assert of_policy(tmp_path / "ppo", lost) == Effort()
+
+
+def test_another_policy_in_the_place_of_the_start_counts_nothing(tmp_path: Path) -> None:
+    save(network(steps=72_000, seconds=60.0), tmp_path / "student")
+    told = digest(tmp_path / "student")
+    save(network(steps=10, seconds=1.0), tmp_path / "student")
+    later = network(steps=144_000, request={"start": str(tmp_path / "student")}, start_sha256=told)
+    assert of_policy(tmp_path / "ppo", later) == Effort()
 
 
 def test_a_training_that_says_it_went_on_from_itself_is_unknown(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from tral_env.errors import BadFileError, ConfigError
 from tral_env.hardware.env import TralCarEnv
+from tral_env.interface import CORE_LAYOUT
 from tral_env.recording.read import Recording, read
 from tral_env.recording.recorder import Recorder
 from tral_fsm import load_policy
@@ -200,3 +201,13 @@ def test_images_of_a_rendered_camera_are_recorded_when_they_are_exposed(tmp_path
     # 40 ticks are 0.5 s; the camera exposes 15 images in a second.
     assert 7 <= len(pictures) <= 8
     assert pictures[0].pixels().shape == (480, 640, 3)
+
+
+def test_a_packaged_policy_is_kept_and_known_again(tmp_path: Path) -> None:
+    policy = find_policy("student")
+    files = files_of_policy("student", policy)
+    assert set(files) == {"policy.json", "policy.safetensors"}
+    with Recorder(tmp_path / "drive.mcap", files=files) as recorder:
+        recorder.tick(time_s=0.0, observation=np.zeros(CORE_LAYOUT.size, np.float32), action=(0.0, 0.0))
+    assert open_loop(read(tmp_path / "drive.mcap"), policy, "student").drove
+    assert not open_loop(read(tmp_path / "drive.mcap"), find_policy("ppo"), "ppo").drove

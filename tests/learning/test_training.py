@@ -17,7 +17,7 @@ import yaml
 from stable_baselines3 import PPO
 
 from tral_env.env import TralCorridorEnv
-from tral_env.errors import ConfigError
+from tral_env.errors import ConfigError, PolicyFileError
 from tral_env.learned import LearnedPolicy, Network
 from tral_env.learner import LearnerConfig, LearnerView
 from tral_env.policy_file import load_network, save
@@ -151,6 +151,14 @@ class TestGoingOnFromAPolicy:
         request = TrainRequest(algo="ppo", scenarios=("corners",), steps=1, start=str(tmp_path))
         with pytest.raises(ConfigError, match="expected a policy of --algo teacher or ppo"):
             settings_for(request)
+
+    def test_a_policy_that_is_not_there_is_told_with_its_option(self) -> None:
+        request = TrainRequest(algo="ppo", scenarios=("corners",), steps=1, start="nosuch")
+        with pytest.raises(PolicyFileError, match="--from nosuch: "):
+            settings_for(request)
+
+    def test_it_may_be_a_packaged_one(self) -> None:
+        settings_for(TrainRequest(algo="ppo", scenarios=("corners",), steps=1, start="student"))
 
 
 @pytest.mark.parametrize(

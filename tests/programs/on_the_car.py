@@ -78,14 +78,17 @@ class Words:
 
 
 class Person:
-    """A device: arms at the first poll, and does at a time what a test says."""
+    """A device: arms once the drive asks for that, and does at a time what a test says."""
 
     def __init__(
         self, then: Callable[[float], Hands | Exception] = lambda now: Hands(), name: str = "keyboard"
     ) -> None:
-        self.name, self._then, self._armed_s = name, then, -1.0
+        self.name, self._then, self._armed_s, self._was_asked = name, then, -1.0, False
 
     def poll(self, now_s: float) -> Hands:
+        if not self._was_asked:  # the poll before the prompt
+            self._was_asked = True
+            return Hands()
         if self._armed_s < 0.0:
             self._armed_s = now_s
             return Hands(arm=True, holds=True)

@@ -22,9 +22,10 @@ class Seat:
         self, clock: Clock, error: BaseException | None = None, readings: dict[str, float] | None = None
     ) -> None:
         self.clock, self.error, self.readings = clock, error, readings or {}
-        self.stops, self.words = 0, list[tuple[str, str]]()
+        self.stops, self.begun, self.words = 0, 0, list[tuple[str, str]]()
 
     def begin(self, policy: Any) -> np.ndarray:
+        self.begun += 1
         return np.zeros(2, np.float32)
 
     def step(self, action: Any) -> Moment:
@@ -58,6 +59,48 @@ def driven(seat: Seat, then: Any = lambda now: Hands(end=now > 1.0)) -> tuple[En
     overseer = Overseer([Person(then)], seat.clock)
     drive = CarDrive(seat, Still(), overseer, words, seat.clock, seat.clock.sleep)
     return drive.run("arm it"), drive, words
+
+
+class Typist:
+    """A device in which something waits since before anyone was asked; later its person ends the drive."""
+
+    def __init__(self, name: str, waits: Hands) -> None:
+        self.name, self._waits, self._polls = name, waits, 0
+
+    def poll(self, now_s: float) -> Hands:
+        self._polls += 1
+        return self._waits if self._polls == 1 else Hands(holds=True, end=self._polls > 51)
+
+    def close(self) -> None:
+        pass
+
+
+def typed_ahead(name: str, before: Hands) -> tuple[End, Seat, Words]:
+    seat, words = Seat(Clock()), Words()
+    overseer = Overseer([Typist(name, before)], seat.clock, must_hold=name == "gamepad")
+    drive = CarDrive(seat, Still(), overseer, words, seat.clock, seat.clock.sleep)
+    return drive.run("arm it"), seat, words
+
+
+@pytest.mark.parametrize("name", ["keyboard", "gamepad"])
+def test_a_wish_to_arm_before_the_prompt_arms_nothing(name: str) -> None:
+    end, seat, words = typed_ahead(name, Hands(arm=True, holds=True))
+    assert end == End(f"ended by the {name}")
+    assert words.said == ["arm it"]
+    assert (seat.begun, seat.clock.now) == (0, pytest.approx(101.0, abs=0.03))
+
+
+@pytest.mark.parametrize(
+    ("before", "why"),
+    [
+        (Hands(end=True), End("ended by the keyboard")),
+        (Hands(stop=True, arm=True), End("emergency stop by the keyboard", failed=True)),
+    ],
+)
+def test_a_wish_to_end_before_the_prompt_is_obeyed_at_once(before: Hands, why: End) -> None:
+    end, seat, words = typed_ahead("keyboard", before)
+    assert end == why
+    assert (seat.begun, words.said) == (0, [])
 
 
 def test_a_car_that_fails_is_stopped_and_a_stop_that_fails_is_told() -> None:

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from on_the_car import Clock, Person, Words, car_file, parts
+from on_the_car import CAR, Clock, Person, Words, car_file, parts
 
-from tral_env.errors import ConfigError
+from tral_env.errors import ConfigError, HardwareError
+from tral_env.hardware.bringup.preflight import Finding
+from tral_env.hardware.car_file import CarFile
 from tral_env.recording.read import read
 from tral_fsm.evaluation.recording import episode_of
 from tral_fsm.programs.seat import Course
@@ -24,12 +26,16 @@ def drives(now: float) -> Hands:
     return Hands(0.3, 0.0 if now < 0.5 else 0.8, holds=True, end=now > 2.0)
 
 
+def fake(arguments: dict[str, Any]) -> dict[str, Any]:
+    """What stands in for the devices of a car, and for its time."""
+    if "config" in arguments:
+        return parts()
+    clock = Clock()
+    return {"clock": clock, "sleep": clock.sleep}
+
+
 def by_hand(folder: Path, person: Person, **arguments: Any) -> dict[str, Any]:
-    options = parts() if "config" in arguments else {}
-    if not options:
-        clock = Clock()
-        options = {"clock": clock, "sleep": clock.sleep}
-    return run(TeleopArguments(**arguments), folder / "out", [person], Words(), **options)
+    return run(TeleopArguments(**arguments), folder / "out", [person], Words(), **fake(arguments))
 
 
 def test_a_person_drives_the_car_and_the_drive_is_data(tmp_path: Path) -> None:
@@ -65,6 +71,59 @@ def test_a_simulated_drive_that_ends_says_how(tmp_path: Path) -> None:
     report = by_hand(tmp_path, wall, course=STRAIGHT, record=False)
     assert report["ended_by"] == "a touch"
     assert report["recording"] == ""
+
+
+def test_a_simulated_drive_ends_by_its_time(tmp_path: Path) -> None:
+    report = by_hand(tmp_path, Person(lambda now: Hands()), course=STRAIGHT, max_duration_s=1.0)
+    assert (report["ended_by"], report["failed"]) == ("time limit", False)
+    assert report["figures"]["ticks"] == 80
+
+
+def test_a_real_car_drives_after_the_preflight_of_a_deploy(tmp_path: Path) -> None:
+    words, config = Words(), car_file(tmp_path)
+    asked: list[str] = []
+
+    def check(car: CarFile) -> list[Finding]:
+        asked.append(car.name)
+        return [Finding(what="srf08", told="left 0.80 m"), Finding(what="calibration", problem="missing: neutral")]
+
+    arguments = TeleopArguments(config=config)
+    with pytest.raises(HardwareError, match=r"the pre-flight refuses this car:\n  calibration: missing: neutral"):
+        run(arguments, tmp_path / "out", [Person(drives)], words, check=check, **parts())
+    assert asked == ["bench"]
+    assert words.said == ["pre-flight, srf08: left 0.80 m", "pre-flight, calibration: missing: neutral"]
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_car_file_without_a_calibrated_step_is_refused_by_itself(tmp_path: Path) -> None:
+    log = CAR.replace('driver = "pca9685"\nclock_measured = true', f'driver = "log"\nbus = "{tmp_path}/log"')
+    (tmp_path / "car.toml").write_text(log)
+    arguments = TeleopArguments(config=str(tmp_path / "car.toml"))
+    with pytest.raises(HardwareError, match=r"calibration: missing: .*neutral"):
+        run(arguments, tmp_path / "out", [Person(drives)], Words())
+
+
+@pytest.mark.parametrize("arguments", [{"dry": True, "config": "car.toml"}, {"course": STRAIGHT}])
+def test_a_dry_run_and_a_simulated_car_have_no_preflight(tmp_path: Path, arguments: dict[str, Any]) -> None:
+    def never(car: CarFile) -> list[Finding]:
+        raise AssertionError("nothing moves")
+
+    if "config" in arguments:
+        arguments = arguments | {"config": car_file(tmp_path)}
+    person = Person(lambda now: Hands(end=now > 0.1))
+    run(TeleopArguments(**arguments), tmp_path / "out", [person], Words(), check=never, **fake(arguments))
+    assert (tmp_path / "out" / "summary.json").exists()
+
+
+def test_a_dry_run_of_a_simulated_car_is_refused() -> None:
+    with pytest.raises(ConfigError, match="--dry beside --scenario"):
+        TeleopArguments(course=STRAIGHT, dry=True)
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, np.nan])
+def test_a_time_is_above_0(seconds: float) -> None:
+    with pytest.raises(ConfigError, match="max_duration_s"):
+        TeleopArguments(course=STRAIGHT, max_duration_s=seconds)
 
 
 @pytest.mark.parametrize("which", [{}, {"config": "car.toml", "course": STRAIGHT}])

@@ -15,6 +15,7 @@ from tral_env.errors import BadFileError, ConfigError
 from tral_env.interface import CORE_LAYOUT
 from tral_env.recording import topics
 from tral_env.recording.file import RecordingFile
+from tral_env.recording.mend import mend
 from tral_env.recording.messages import Encoder, RecordedTick
 from tral_env.recording.read import read
 from tral_env.recording.recorder import ABOUT
@@ -89,3 +90,12 @@ def test_the_schemas_name_what_foxglove_knows():
     assert known == ["foxglove.CompressedImage", "foxglove.PoseInFrame", "foxglove.Log"]
     assert topics.IMAGE.schema["required"] == ["timestamp", "frame_id", "data", "format"]
     assert topics.IMAGE.schema["properties"]["data"]["contentEncoding"] == "base64"
+
+
+def test_what_is_no_recording_leaves_the_file_that_it_should_become(tmp_path: Path):
+    (tmp_path / "junk.mcap").write_bytes(b"junk" * 100)
+    (tmp_path / "older.mcap").write_bytes(b"older")
+    with pytest.raises(BadFileError):
+        mend(tmp_path / "junk.mcap", tmp_path / "older.mcap")
+    assert (tmp_path / "older.mcap").read_bytes() == b"older"
+    assert len(list(tmp_path.iterdir())) == 2

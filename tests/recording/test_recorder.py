@@ -224,3 +224,47 @@ class _FullFromTheStart(RecordingFile):
 def test_a_disk_that_is_full_from_the_start_is_told_before_the_drive(tmp_path: Path):
     with pytest.raises(ConfigError, match="No space left on device"):
         Recorder(tmp_path / "drive.mcap", open_file=_FullFromTheStart)
+
+
+def test_readings_and_answers_that_are_no_numbers_are_recorded_as_such(tmp_path: Path):
+    rows = observations(3)
+    rows[1, 0], rows[2, 1] = np.nan, np.inf
+    with Recorder(tmp_path / "drive.mcap") as recorder:
+        for k, row in enumerate(rows):
+            recorder.tick(time_s=k / 80, observation=row, action=(float("nan") if k == 1 else 0.1, 0.2))
+    found = read(tmp_path / "drive.mcap")
+    rows[2, 1] = np.nan  # JSON has neither of them
+    np.testing.assert_array_equal(found.observation, rows)
+    np.testing.assert_array_equal(found.action, [[0.1, 0.2], [np.nan, 0.2], [0.1, 0.2]])
+
+
+def test_a_time_that_no_clock_can_tell_is_refused_and_the_rest_recorded(tmp_path: Path):
+    row = observations(1)[0]
+    with Recorder(tmp_path / "drive.mcap") as recorder:
+        recorder.tick(time_s=1e300, observation=row, action=(0.0, 0.0))
+        recorder.tick(time_s=0.1, observation=row, action=(0.0, 0.0))
+    assert recorder.refused == 1
+    assert read(tmp_path / "drive.mcap").tick.tolist() == [1]
+
+
+class _Broken(RecordingFile):
+    """A writer that fails as no disk does."""
+
+    def message(self, *_: Any) -> None:
+        raise RuntimeError("the writer is broken")
+
+
+def test_a_writer_that_fails_in_its_own_way_is_told_and_does_not_stop_the_drive(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+):
+    recorder = Recorder(tmp_path / "drive.mcap", open_file=_Broken)
+    recorder.tick(time_s=0.0, observation=observations(1)[0], action=(0.0, 0.0))
+    recorder.close()
+    assert "the writer is broken" in recorder.failure
+    assert "the recording ended after" in recorder.failure
+    assert recorder.failure in caplog.text
+
+
+def test_a_configuration_that_json_does_not_have_is_refused(tmp_path: Path):
+    with pytest.raises(ConfigError, match="the configuration is nothing that JSON has"):
+        Recorder(tmp_path / "drive.mcap", configuration={"car": object()})

@@ -30,6 +30,8 @@ class Script:
         self.closed = True
 
 
+AT_ONCE = 64
+"""evdev gives no more events at once."""
 LOST = SourceLostError("the pad is gone")
 
 
@@ -38,6 +40,17 @@ class Event:
     type: int
     code: int
     value: int
+
+
+class Typed:
+    """A terminal at which a test types."""
+
+    def __init__(self) -> None:
+        self.waiting = ""
+
+    def keys(self) -> str:
+        keys, self.waiting = self.waiting, ""
+        return keys
 
 
 class Pad:
@@ -60,7 +73,7 @@ class Pad:
             raise self.error
         if not self.waiting:
             raise BlockingIOError
-        events, self.waiting = self.waiting, []
+        events, self.waiting = self.waiting[:AT_ONCE], self.waiting[AT_ONCE:]
         yield from events
 
     def close(self) -> None:

@@ -66,23 +66,45 @@ def test_a_pad_that_is_unplugged_is_lost() -> None:
         gamepad.poll(0.0)
 
 
-def test_a_trigger_that_says_nothing_for_seconds_is_a_pad_out_of_reach() -> None:
+@pytest.mark.parametrize("trigger", [Event(ABS, 5, 512), Event(ABS, 2, 200)])
+def test_a_half_held_trigger_that_says_nothing_for_seconds_is_a_pad_out_of_reach(trigger: Event) -> None:
     pad = Pad()
     gamepad = Gamepad(pad)
-    pad.waiting = [HELD, RIGHT]
-    gamepad.poll(10.0)
-    assert gamepad.poll(10.0 + MAX_QUIET_S).throttle == 1.0
+    pad.waiting = [HELD, trigger]
+    wanted = gamepad.poll(10.0)
+    assert abs(wanted.throttle) > 0.4
+    assert gamepad.poll(10.0 + MAX_QUIET_S) == wanted
     with pytest.raises(SourceLostError, match="nothing for 3 s"):
         gamepad.poll(10.01 + MAX_QUIET_S)
 
 
-@pytest.mark.parametrize("events", [[HELD], [RIGHT], []])
+@pytest.mark.parametrize("events", [[HELD], [RIGHT], [Event(ABS, 5, 512)], []])
 def test_a_pad_at_rest_may_be_quiet(events: list[Event]) -> None:
     pad = Pad()
     gamepad = Gamepad(pad)
-    pad.waiting = events
-    gamepad.poll(0.0)
-    gamepad.poll(100.0)
+    pad.waiting = list(events)
+    wanted = gamepad.poll(0.0)
+    assert gamepad.poll(100.0) == wanted
+
+
+@pytest.mark.parametrize("triggers", [[RIGHT], [LEFT], [RIGHT, LEFT], [Event(ABS, 5, 1000)], [Event(ABS, 5, 20)]])
+def test_a_trigger_at_its_end_stop_may_be_quiet(triggers: list[Event]) -> None:
+    pad = Pad()
+    gamepad = Gamepad(pad)
+    pad.waiting = [HELD, *triggers]
+    wanted = gamepad.poll(0.0)
+    assert wanted.holds
+    assert gamepad.poll(100.0) == wanted
+
+
+def test_a_poll_takes_all_events_that_wait_and_no_endless_stream() -> None:
+    shakes = [Event(ABS, 0, number) for number in range(200)]
+    assert after(*shakes, HELD, Event(KEY, B, 1)).stop
+    pad = Pad()
+    gamepad = Gamepad(pad)
+    pad.waiting = [HELD] * 100_000
+    assert gamepad.poll(0.0).holds
+    assert pad.waiting
 
 
 def test_a_second_close_does_nothing() -> None:

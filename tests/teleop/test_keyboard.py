@@ -6,22 +6,11 @@ import os
 import termios
 
 import pytest
-from hands_of import pseudo_terminal
+from hands_of import Typed, pseudo_terminal
 
 from tral_env.errors import ConfigError, SourceLostError
 from tral_fsm.teleop.hands import Hands
 from tral_fsm.teleop.keyboard import Keyboard, StopKeys, Terminal
-
-
-class Typed:
-    """A terminal at which a test types."""
-
-    def __init__(self) -> None:
-        self.waiting = ""
-
-    def keys(self) -> str:
-        keys, self.waiting = self.waiting, ""
-        return keys
 
 
 def poll(device: Keyboard | StopKeys, terminal: Typed, keys: str, now_s: float = 0.0) -> Hands:
@@ -137,8 +126,12 @@ def test_beside_a_policy_any_other_key_stops() -> None:
 
 def test_a_terminal_that_nobody_entered_or_that_is_gone_needs_no_setting_back() -> None:
     with pseudo_terminal() as (_, program):
+        before = termios.tcgetattr(program)
         terminal = Terminal(program)
         terminal.__exit__()
+        assert termios.tcgetattr(program) == before
         terminal.__enter__()
         os.close(program)
         terminal.__exit__()
+        with pytest.raises(OSError, match="Bad file descriptor"):
+            os.fstat(program)

@@ -64,8 +64,15 @@ def test_a_trigger_that_is_held_when_the_button_is_pressed_makes_no_car_jump() -
     dead_man, shaping = DeadMan(), Shaping()
     pressed = [command(Hands(0.0, throttle, holds=True), shaping, dead_man)[1] for throttle in (1.0, 0.5, 0.0, 0.55)]
     assert pressed == pytest.approx([0.0, 0.0, 0.0, 0.175])
-    command(Hands(), shaping, dead_man)
+    command(Hands(0.0, 0.55), shaping, dead_man)
     assert command(Hands(0.0, 0.55, holds=True), shaping, dead_man)[1] == 0.0
+
+
+def test_a_trigger_at_rest_before_the_button_is_pressed_is_enough() -> None:
+    dead_man, shaping = DeadMan(), Shaping()
+    assert command(Hands(0.0, 0.55, holds=True), shaping, dead_man)[1] == 0.0
+    command(Hands(), shaping, dead_man)
+    assert command(Hands(0.0, 0.55, holds=True), shaping, dead_man)[1] == pytest.approx(0.175)
 
 
 @pytest.mark.parametrize(

@@ -200,3 +200,20 @@ def test_each_fault_is_told_in_words() -> None:
     assert len(FAULTS) == 16
     assert all(fault.told and not fault.told.endswith(".") for fault in FAULTS.values())
     assert CONTROL_PERIOD_S == 0.0125
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"rate": 0.0}, "rate = 0.0: expected a share above 0"),
+        ({"rate": float("nan")}, "rate = nan: expected a finite number"),
+        ({"seconds": float("nan")}, "seconds = nan: expected a finite number of s"),
+        ({"seconds": -1.0}, "seconds = -1.0: expected a time above 0"),
+    ],
+)
+def test_a_fault_of_no_share_or_no_time_is_refused(options: dict[str, float], told: str) -> None:
+    twin, _ = twin_awake()
+    with pytest.raises(ConfigError, match=told):
+        twin.faults.begin("i2c-errors", **options)
+    with pytest.raises(ConfigError, match=told):
+        twin.faults.at(1.0, "i2c-errors", **options)

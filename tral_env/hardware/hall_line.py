@@ -110,8 +110,8 @@ class HallLine(Physical):
             )
         except (OSError, ValueError) as error:
             raise HardwareError(
-                f"cannot use line {options.line} of {options.chip} ({error}). `gpioinfo` lists the lines and who has "
-                "them; add the user to the group gpio"
+                f"cannot use line {options.line} of {options.chip} ({error}). `gpioinfo` lists the lines and their "
+                "users; add the user to the group gpio"
             ) from error
 
     def _drain(self) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap.writer import Writer
 
+from tral_env.atomic import whole_file
 from tral_env.errors import ConfigError
 from tral_env.recording.file import PROFILE
 from tral_env.recording.read import Scan, opened
@@ -24,11 +25,11 @@ def mend(path: Path, out: Path) -> str:
 
     Raises:
         ConfigError: the two are the same file, or the recording cannot be opened.
-        BadFileError: it is no recording.
+        BadFileError: it is no recording; a file that was there stays.
     """
     if out.exists() and out.samefile(path):
         raise ConfigError(f"{out} is the recording itself: choose another folder")
-    with opened(path) as stream, out.open("wb") as copy:
+    with opened(path) as stream, whole_file(out) as copy:
         writer, scan = Writer(copy), Scan(stream, path)
         writer.start(profile=PROFILE, library="tral-env")
         schemas: dict[int, int] = {}

@@ -18,6 +18,8 @@ from tral_env.recording.topics import Topic
 
 Message = tuple[Topic, bytes]
 NS = 1_000_000_000
+MAX_STAMP_NS = 2**63
+"""Stamps of a recording are below this, ns since 1970; so are the times of NumPy and of Foxglove."""
 JPEG_QUALITY = 85
 """Quality of images that come as pixels. Source: choice; the edges of markers stay clean."""
 
@@ -80,15 +82,22 @@ class Encoder:
     def __init__(self, layout: Layout, start_ns: int) -> None:
         """Fix the layout of the observations and the calendar time of the start, ns since 1970."""
         self._start_ns = start_ns
-        self._observation = topics.observation_topic(layout)
+        self._observation, self._names = topics.observation_topic(layout), layout.names
         # Nine digits tell each float32 from all others; repr() of the same number in float64 takes twice as many.
         names = "".join(f', "{name}": %.9g' for name in layout.names)
         self._row = f'{{"tick": %d, "time_s": %r, "clock_s": %r{names}}}'
         self._truth: Topic | None = None
 
     def log_ns(self, time_s: float) -> int:
-        """Stamp of a time since the start: it never goes back, although the calendar clock may."""
-        return self._start_ns + round(time_s * NS)
+        """Stamp of a time since the start: it never goes back, although the calendar clock may.
+
+        Raises:
+            ValueError: no stamp can tell this time.
+        """
+        stamp_ns = self._start_ns + round(time_s * NS)
+        if not 0 <= stamp_ns < MAX_STAMP_NS:
+            raise ValueError(f"{time_s:g} s is no time of a drive")
+        return stamp_ns
 
     def messages(self, item: Item) -> Iterator[Message]:
         """The messages of what was recorded."""
@@ -105,7 +114,11 @@ class Encoder:
     def _tick(self, tick: RecordedTick) -> Iterator[Message]:
         head = {"tick": tick.number, "time_s": tick.time_s}
         row = np.frombuffer(tick.observation, tick.observation_type).astype(np.float32).tolist()
-        yield self._observation, (self._row % (tick.number, tick.time_s, tick.clock_s, *row)).encode()
+        if all(map(math.isfinite, row)):
+            yield self._observation, (self._row % (tick.number, tick.time_s, tick.clock_s, *row)).encode()
+        else:
+            seen = _numbers(dict(zip(self._names, row, strict=True)))
+            yield self._observation, _json({**head, "clock_s": tick.clock_s, **seen})
         yield topics.ACTION, _json({**head, **_named(np.frombuffer(tick.action, tick.action_type))})
         if tick.applied is not None:
             steering_us, throttle_us = tick.pulses_us or (None, None)
@@ -181,7 +194,12 @@ def flat_truth(info: Mapping[str, Any]) -> dict[str, Any]:
 
 def _named(command: Iterable[float]) -> dict[str, float]:
     steering, throttle = command
-    return {"steering": float(steering), "throttle": float(throttle)}
+    return _numbers({"steering": float(steering), "throttle": float(throttle)})
+
+
+def _numbers(values: Mapping[str, float]) -> dict[str, float]:
+    """Those of the values that are numbers: JSON has no NaN."""
+    return {name: value for name, value in values.items() if math.isfinite(value)}
 
 
 def _transition(fired: Any) -> dict[str, Any]:

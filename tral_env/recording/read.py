@@ -196,7 +196,7 @@ class Recording:
 
     def _numbers(self, topic: str, name: str) -> Array:
         told, nothing = self._by_tick(topic), {name: math.nan}
-        values = [told.get(tick, nothing)[name] for tick in self.tick.tolist()]
+        values = [told.get(tick, nothing).get(name) for tick in self.tick.tolist()]
         return np.array([math.nan if value is None else value for value in values], float)
 
     def _pairs(self, topic: str, first: str, second: str) -> Array:

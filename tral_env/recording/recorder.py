@@ -246,6 +246,9 @@ class Recorder:
         except OSError as error:
             self._file.abandon()
             raise ConfigError(f"recording {self.path}: {error.strerror}: choose another disk") from error
+        except (TypeError, ValueError) as error:
+            self._file.abandon()
+            raise ConfigError(f"recording {self.path}: the configuration is nothing that JSON has: {error}") from error
 
     def _put(self, queue: _Queue, kind: type[Item], fields: tuple[Any, ...]) -> None:
         if not (self.failure or self._closed):
@@ -263,7 +266,7 @@ class Recorder:
                     synced_s = time.monotonic()
             self._tell_end()
             self._file.finish()
-        except OSError as error:
+        except Exception as error:  # a thread that dies without a word would lose the drive in silence
             self._give_up(error)
 
     def _write_waiting(self) -> None:
@@ -271,12 +274,12 @@ class Recorder:
             for wall_ns, kind, fields in queue.take():
                 item = kind._make(fields)
                 try:
-                    messages = list(self._encoder.messages(item))
+                    messages, log_ns = list(self._encoder.messages(item)), self._encoder.log_ns(item.time_s)
                 except Exception as error:  # whatever is wrong with one item, the others are recorded
                     self._refuse(item, error)
                     continue
                 for topic, data in messages:
-                    self._file.message(topic, data, self._encoder.log_ns(item.time_s), wall_ns)
+                    self._file.message(topic, data, log_ns, wall_ns)
 
     def _refuse(self, item: Item, error: Exception) -> None:
         """Count an item that no message can be made of, and tell the first."""
@@ -290,8 +293,9 @@ class Recorder:
         if self.dropped:
             _log.warning("%s: the disk was too slow: %d messages were dropped", self.path, self.dropped)
 
-    def _give_up(self, error: OSError) -> None:
-        self._fail(f"{error.strerror or error}: the recording ended after {self._ticks} ticks, the drive goes on")
+    def _give_up(self, error: Exception) -> None:
+        why = error.strerror if isinstance(error, OSError) and error.strerror else reason(error)
+        self._fail(f"{why}: the recording ended after {self._ticks} ticks, the drive goes on")
         try:
             self._file.abandon()
         except OSError as second:

@@ -66,10 +66,10 @@ _TICK: Mapping[str, Schema] = {
 
 
 def observation_topic(layout: Layout) -> Topic:
-    """Readings and their ages, in the columns of a layout."""
+    """Readings and their ages, in the columns of a layout; one that is no number is left out."""
     readings = {field.name: _number(field.meaning, field.unit) for field in layout.fields}
     clock = {"clock_s": _number("time of the same instant on the clock of the drive", "s")}
-    schema = _object("What the policy was told", {**_TICK, **clock, **readings})
+    schema = _object("What the policy was told", {**_TICK, **clock, **readings}, required=(*_TICK, *clock))
     return Topic(name="/observation", schema_name="tral.Observation", schema=schema)
 
 
@@ -79,7 +79,9 @@ _COMMAND = {
 }
 
 ACTION = Topic(
-    name="/action", schema_name="tral.Command", schema=_object("What the policy answered", {**_TICK, **_COMMAND})
+    name="/action",
+    schema_name="tral.Command",
+    schema=_object("What the policy answered", {**_TICK, **_COMMAND}, required=tuple(_TICK)),
 )
 APPLIED = Topic(
     name="/applied",

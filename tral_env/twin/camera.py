@@ -30,6 +30,8 @@ from tral_env.simulation.vision import Webcam
 CAMERA = "camera"
 """The argument of ``python -m tral_env.twin`` that makes it the camera's process."""
 RATE_HZ = 15.0
+_END_S = 2.0
+"""The camera's process ends within this time, or it is killed."""
 QUALITY = 80
 """Quality of the JPEG, in percent. Source: choice, that of common webcams."""
 STREAM, PICTURE = "/stream.mjpg", "/image.jpg"
@@ -201,7 +203,7 @@ class _Newest:
         while True:
             try:
                 came = pickle.load(self._pipe)  # from the twin's own process alone
-            except EOFError:
+            except (EOFError, OSError, pickle.UnpicklingError):  # the twin ended, perhaps in the middle of a write
                 came = None
             with self._changed:
                 if isinstance(came, Scene):
@@ -300,7 +302,11 @@ class Camera:
             if pipe is not None:
                 with suppress(OSError):
                     pipe.close()
-        self._process.wait()
+        try:
+            self._process.wait(_END_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
 
     def _send(self, what: Scene | Exposure) -> None:
         assert self._process.stdin is not None

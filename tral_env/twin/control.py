@@ -75,6 +75,8 @@ class ControlServer:
             if name not in self._commands:
                 raise ConfigError(f"unknown request '{name}': {nearest(name, self._commands)}")
             return self._commands[name](request)
+        except KeyError as error:
+            return {"error": f"the request lacks {error}"}
         except (TralError, ValueError, TypeError, AttributeError) as error:
             return {"error": str(error)}
 

@@ -6,8 +6,10 @@ A fault begins and ends; `Faults.at` lets it begin at a time on the twin's clock
 from __future__ import annotations
 
 import errno
+import math
 import os
 import random
+import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -232,8 +234,9 @@ class Faults:
         self.active: dict[str, float] = {}
         """Name -> end, s on the twin's clock; infinite: until `end`."""
         self._coming: list[tuple[float, str, float, float]] = []
+        self._lock = threading.Lock()
 
-    def begin(self, name: str, *, rate: float = 0.1, seconds: float = float("inf")) -> None:
+    def begin(self, name: str, *, rate: float = 0.1, seconds: float = math.inf) -> None:
         """Begin a fault now.
 
         Args:
@@ -242,9 +245,9 @@ class Faults:
             seconds: it ends by itself after so long.
 
         Raises:
-            ConfigError: no fault has this name, or the rate is none.
+            ConfigError: no fault has this name, or the rate or the time is none.
         """
-        _fault(name, rate).check(self._twin)
+        _fault(name, rate, seconds).check(self._twin)
         self._begin(name, rate, self._twin.clock() + seconds)
 
     def end(self, name: str) -> None:
@@ -256,15 +259,17 @@ class Faults:
         _fault(name, 1.0).end(self._twin)
         self.active.pop(name, None)
 
-    def at(self, time_s: float, name: str, *, rate: float = 0.1, seconds: float = float("inf")) -> None:
+    def at(self, time_s: float, name: str, *, rate: float = 0.1, seconds: float = math.inf) -> None:
         """Begin a fault at a time on the twin's clock, s; see `begin`."""
-        _fault(name, rate).check(self._twin)
-        self._coming.append((time_s, name, rate, seconds))
+        _fault(name, rate, seconds).check(self._twin)
+        with self._lock:
+            self._coming.append((time_s, name, rate, seconds))
 
     def turn(self, now_s: float) -> None:
         """Begin and end what is due."""
-        due = [each for each in self._coming if each[0] <= now_s]
-        self._coming = [each for each in self._coming if each[0] > now_s]
+        with self._lock:
+            due = [each for each in self._coming if each[0] <= now_s]
+            self._coming = [each for each in self._coming if each[0] > now_s]
         for _, name, rate, seconds in due:
             self._begin(name, rate, now_s + seconds)
         for name, end_s in tuple(self.active.items()):
@@ -276,10 +281,14 @@ class Faults:
         self.active[name] = end_s
 
 
-def _fault(name: str, rate: float) -> Fault:
+def _fault(name: str, rate: float, seconds: float = math.inf) -> Fault:
     if name not in FAULTS:
         raise ConfigError(f"unknown fault '{name}': {nearest(name, FAULTS)}")
     check_number("rate", rate)
     if not 0 < rate <= 1:
         raise ConfigError(f"rate = {rate!r}: expected a share above 0, at most 1")
+    if seconds != math.inf:
+        check_number("seconds", seconds, "s")
+    if not seconds > 0:
+        raise ConfigError(f"seconds = {seconds!r}: expected a time above 0")
     return FAULTS[name]

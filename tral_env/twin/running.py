@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -13,6 +14,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any, Self
 
+from tral_env.checks import check_number
 from tral_env.errors import HardwareError, TralError
 from tral_env.hardware.physical import Physical
 from tral_env.twin.control import SOCKET, Answer, ControlServer, Request, ask
@@ -76,8 +78,9 @@ def _commands(twin: Twin, ended: threading.Event) -> dict[str, Answer]:
             twin.faults.end(name)
         else:
             seconds = request.get("seconds")
-            rate, after = float(request.get("rate") or 0.1), float(request.get("after") or 0.0)
-            lasts = float("inf") if seconds is None else float(seconds)
+            rate, after = request.get("rate", 0.1), request.get("after", 0.0)
+            check_number("after", after, "s")
+            lasts = math.inf if seconds is None else seconds
             if after > 0.0:
                 twin.faults.at(twin.clock() + after, name, rate=rate, seconds=lasts)
             else:

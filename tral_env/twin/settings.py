@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import tempfile
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -55,8 +56,7 @@ class TwinSettings:
 
     def __post_init__(self) -> None:
         """Check the values."""
-        if not self.name or "/" in self.name:
-            raise ConfigError(f"name = {self.name!r}: expected a name without /")
+        check_name(self.name)
         if not is_seed(self.seed) or self.seed is None:
             raise ConfigError(f"seed = {self.seed!r}: expected a whole number, 0 or more")
         if self.board not in BOARDS:
@@ -108,8 +108,23 @@ class TwinSettings:
         return cls(**content)
 
 
+def check_name(name: str) -> None:
+    """Check the name of a twin, which is that of a folder with a socket in it.
+
+    Raises:
+        ConfigError: it is no such name.
+    """
+    if not re.fullmatch(r"[\w-][\w.-]{0,39}", name):
+        raise ConfigError(f"name = {name!r}: expected up to 40 letters, digits, - or _")
+
+
 def runtime_folder(name: str) -> Path:
-    """Where the files of a twin lie: /run for root, else the user's own folder of the moment."""
+    """Where the files of a twin lie: /run for root, else the user's own folder of the moment.
+
+    Raises:
+        ConfigError: no twin can have this name.
+    """
+    check_name(name)
     if os.geteuid() == 0:
         return Path("/run/tral-twin") / name
     return Path(os.environ.get("XDG_RUNTIME_DIR", tempfile.gettempdir())) / f"tral-twin-{os.getuid()}" / name

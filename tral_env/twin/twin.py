@@ -82,7 +82,13 @@ class Twin(Physical):
         self.reset(settings.seed)
 
     def reset(self, seed: int) -> None:
-        """Put the car at the start of the course of a seed; boards and files stay as they are."""
+        """Put the car at the start of the course of a seed; boards and files stay as they are.
+
+        Raises:
+            SimulationError: the twin has failed: it drives no more.
+        """
+        if self.failure:
+            raise SimulationError(f"the twin has failed ({self.failure}): end it (`tral twin down`) and start it anew")
         with self._lock:
             self.seed = seed
             self.car.reset(seed, self.clock())
@@ -220,8 +226,8 @@ class Twin(Physical):
             self._late(self.clock() - self._next_s)
             try:
                 edges_s = self.tick(self._next_s)
-            except SimulationError as error:  # told by `status`: there is nobody else to tell
-                self.failure = str(error)
+            except Exception as error:  # told by `status`: there is nobody else to tell
+                self.failure = str(error) or type(error).__name__
                 return
             if edges_s and self.hall is not None:
                 self.hall.send(edges_s)

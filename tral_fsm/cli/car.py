@@ -19,25 +19,21 @@ def init(
     file: File = Path("car.toml"),
     name: Annotated[str, typer.Option(help="Which car this is.")] = "car",
     board: Annotated[
-        str, typer.Option(help="Who makes the pulses: pca9685, sysfs-pwm, board2016, ucboard, log.")
+        str, typer.Option(help="Board that makes the pulses: pca9685, sysfs-pwm, board2016, ucboard, log.")
     ] = "pca9685",
     sensor: Annotated[
         list[str] | None,
         typer.Option(
-            help="Sensors, each with an option: srf08, srf02, hall, board2016, ucboard. Default: by the board."
+            help="Sensors, each with an option: srf08, srf02, hall, board2016, ucboard; or none. Default: by the board."
         ),
     ] = None,
     camera: Annotated[bool, typer.Option(help="Whether the car has a camera.")] = True,
     force: Annotated[bool, typer.Option("--force", help="Replace a file that is there.")] = False,
 ) -> None:
     """Write a car file to begin with: every option stands in it, with its meaning."""
-    from tral_env.atomic import write_bytes
-    from tral_env.errors import ConfigError
-    from tral_env.hardware.bringup.template import car_text
+    from tral_env.hardware.bringup.template import write_car
 
-    if file.exists() and not force:
-        raise ConfigError(f"{file} is there already: choose another name, or --force")
-    write_bytes(file, car_text(name, board=board, sensors=sensor, camera=camera, path=str(file)).encode())
+    write_car(file, name, force=force, board=board, sensors=sensor, camera=camera)
     typer.echo(f"{file} is written. Look at it, then: tral car calibrate {file}")
 
 

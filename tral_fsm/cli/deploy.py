@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from tral_fsm.cli import hands
-from tral_fsm.cli.console import FAILED
 from tral_fsm.cli.drive_options import Policy
 from tral_fsm.programs.deploy import DeployArguments, run
 
@@ -39,9 +37,7 @@ def command(
     The pre-flight asks each sensor; a key or a button arms; then any other key, the gamepad's B, and letting go of its
     LB stop the car, as SIGINT, SIGTERM and SIGHUP do. The exit code is 0 if the drive ended as somebody wished, else 1.
     """
-    from tral_fsm.cli.show_car import table_of_car_drive
     from tral_fsm.teleop.keyboard import StopKeys
-    from tral_fsm.terminal import print_figures
 
     arguments = DeployArguments(
         policy=policy, config=config, dry=dry, arm=arm, max_duration_s=seconds, record=record
@@ -49,10 +45,4 @@ def command(
     has_pad = gamepad or gamepad_file is not None
     with hands.devices(gamepad, gamepad_file, StopKeys) as devices:
         report = run(arguments, out, devices, hands.TerminalConsole(), must_hold=has_pad)
-    if as_json:
-        typer.echo(json.dumps(report, indent=2))
-    else:
-        print_figures(table_of_car_drive(report))
-        typer.echo(f"Files: {out}")
-    if report["failed"]:
-        raise typer.Exit(FAILED)
+    hands.tell(report, out, as_json)

@@ -1,15 +1,18 @@
-"""What a person has in hand at the terminal: devices of the command line, and the terminal as the console."""
+"""What a person has in hand at the terminal: devices of the command line, the terminal as the console, the report."""
 
 from __future__ import annotations
 
 import contextlib
+import json
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from tral_fsm.cli.console import FAILED
 from tral_fsm.teleop.hands import Device
 
 Gamepad = Annotated[
@@ -61,3 +64,23 @@ def devices(gamepad: bool, gamepad_file: str | None, keyboard: Any) -> Iterator[
         if sys.stdin is not None and sys.stdin.isatty():
             found.append(keyboard(stack.enter_context(Terminal())))
         yield found
+
+
+def tell(report: Mapping[str, Any], out: Path, as_json: bool) -> None:
+    """Tell how a drive ended; the exit code is 1 if nobody wished for that end.
+
+    Args:
+        report: content of summary.json.
+        out: folder of the files.
+        as_json: whether the report alone goes to stdout.
+    """
+    from tral_fsm.cli.show_car import table_of_car_drive
+    from tral_fsm.terminal import print_figures
+
+    if as_json:
+        typer.echo(json.dumps(report, indent=2))
+    else:
+        print_figures(table_of_car_drive(report))
+        typer.echo(f"Files: {out}")
+    if report["failed"]:
+        raise typer.Exit(FAILED)

@@ -14,7 +14,7 @@ from typing import Any
 
 from tral_env.errors import ConfigError, nearest
 from tral_env.learned import Network
-from tral_env.policy_file import is_policy_file, load_network
+from tral_env.policy_file import digest, is_policy_file, load_network
 from tral_fsm.policies import trained
 
 MACHINE, NUMBERS = "machine.json", "tune.json"
@@ -123,7 +123,8 @@ def _before(network: Network, depth: int) -> Effort | None:
     if not isinstance(start, str):
         return None
     path = Path(trained.path_of(start))
-    if depth >= MAX_DEPTH or not is_policy_file(path):
+    told = network.provenance.get("start_sha256")
+    if depth >= MAX_DEPTH or not is_policy_file(path) or digest(path) != told:
         return Effort()
     return of_policy(path, load_network(path), depth + 1)
 

@@ -8,6 +8,7 @@ from typing import Any
 from tral_env import policy_file
 from tral_fsm.evaluation.own_policy import files_of
 from tral_fsm.formats import write
+from tral_fsm.policies import trained
 from tral_fsm.runtime.policy import MachinePolicy
 
 MACHINE = "machine.json"
@@ -18,7 +19,7 @@ def files_of_policy(source: str, policy: Any) -> dict[str, bytes]:
     """The files of a policy, for a recording to keep.
 
     Args:
-        source: as on the command line: the name of a machine, a path, or FILE.py:NAME.
+        source: as on the command line: the name of a machine or of a packaged policy, a path, or FILE.py:NAME.
         policy: the policy.
     """
     if isinstance(policy, MachinePolicy):
@@ -26,7 +27,7 @@ def files_of_policy(source: str, policy: Any) -> dict[str, bytes]:
     code, python, _ = source.partition(".py:")
     if python:
         return {path.name: path.read_bytes() for path in files_of(Path(f"{code}.py"))}
-    path = Path(source)
+    path = Path(trained.path_of(source))
     folder = path if path.is_dir() else path.parent
     names = (policy_file.JSON_NAME, policy_file.WEIGHTS_NAME)
     return {name: (folder / name).read_bytes() for name in names if (folder / name).is_file()}

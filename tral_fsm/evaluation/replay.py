@@ -15,7 +15,7 @@ from tral_env.errors import BadFileError, ConfigError
 from tral_env.interface import CONTROL_PERIOD_S, NO_ECHO_M, Policy
 from tral_env.recording.read import Recording
 from tral_env.se2 import wrap
-from tral_fsm.evaluation.policy_files import MACHINE, files_of_policy
+from tral_fsm.evaluation.policy_files import files_of_policy
 from tral_fsm.evaluation.recording import COURSE
 from tral_fsm.evaluation.replayed import QUANTITIES, Comparison, OpenLoop
 from tral_fsm.runtime.policy import MachinePolicy
@@ -161,7 +161,8 @@ def open_loop(recording: Recording, policy: Policy, source: str = "") -> OpenLoo
     """
     if not len(recording.tick):
         raise BadFileError(f"{recording.path}: the recording has no tick")
-    drove = recording.files.get(MACHINE) == files_of_policy(source, policy).get(MACHINE, b"")
+    files = files_of_policy(source, policy)
+    drove = bool(files) and all(recording.files.get(name) == data for name, data in files.items())
     policy.reset(1)
     if isinstance(policy, MachinePolicy) and not drove:
         policy.shadow(np.array([True]))

@@ -23,6 +23,7 @@ from tral_fsm.evaluation.seeds import stretches
 from tral_fsm.formats import library, tral_json
 from tral_fsm.learning.choices import TRAINING_SEEDS, VALIDATION_SEEDS, TrainRequest
 from tral_fsm.learning.networks import torch
+from tral_fsm.learning.start import digest_of_start
 from tral_fsm.learning.validation import Score, Validation
 from tral_fsm.policies.corrected import policy_of
 
@@ -105,6 +106,7 @@ class TrainingRun:
         self._on_progress, self._resumed = on_progress, resume
         prepare_folder(folder)
         self._asked = {"request": request.record(), "settings": _plain(asdict(settings)), "machine": _machine(request)}
+        self._start = {} if request.start is None else {"start_sha256": digest_of_start(request.start)}
         points: list[dict[str, Any]] = []
         self._state: dict[str, Any] | None = None
         if resume:
@@ -215,6 +217,7 @@ class TrainingRun:
         provenance = {
             **network.provenance,
             "request": self.request.record(),
+            **self._start,
             "settings": _plain(asdict(self.settings)),
             "training_seeds": f"{TRAINING_SEEDS.start} and up",
             "validation": score.record(),

@@ -3,31 +3,41 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 from tral_env import policy_file
-from tral_env.errors import ConfigError
+from tral_env.errors import ConfigError, PolicyFileError
 from tral_env.learned import Network
 from tral_fsm.learning.networks import torch
+from tral_fsm.policies import trained
 
 _ACTOR = ("mlp_extractor.policy_net.", "action_net.", "log_std")
 """Begin of the names of what acts and explores."""
 
 
 def network_to_begin_with(path: str) -> Network:
-    """The network of a policy file.
+    """The network of a policy file, or of a packaged policy.
 
     Raises:
         PolicyFileError: it cannot be read.
         ConfigError: PPO cannot go on from it.
     """
-    network = policy_file.load_network(path)
+    try:
+        network = policy_file.load_network(trained.path_of(path))
+    except PolicyFileError as error:
+        raise PolicyFileError(f"--from {path}: {error}") from error
     if network.correction is not None or network.normalization is not None or network.output != "clip":
         raise ConfigError(
             f"--from {path}: it corrects a machine, normalizes its inputs, or comes from SAC: expected a policy of "
             "--algo teacher or ppo"
         )
     return network
+
+
+def digest_of_start(path: str) -> str:
+    """Digest of the policy from which a training goes on, so that another one in its place is noticed."""
+    return policy_file.digest(Path(trained.path_of(path)))
 
 
 def begin_with(model: Any, network: Network, noise: float) -> None:

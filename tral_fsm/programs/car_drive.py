@@ -137,6 +137,9 @@ class CarDrive:
         return end
 
     def _wait(self, how_to_arm: str) -> End | None:
+        """Wait until somebody arms; what was pressed before this was asked may end the drive, and never arms."""
+        if end := self._overseer.before_asking():
+            return end
         self._console.say(how_to_arm)
         while True:
             asked = self._overseer.asks_to_arm()

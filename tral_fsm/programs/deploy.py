@@ -16,7 +16,7 @@ from tral_env.hardware.car_file import CarFile, load_car
 from tral_env.interface import check_readings
 from tral_fsm.programs.car_drive import CarDrive, Console, report_of
 from tral_fsm.programs.drive import RECORDING, SUMMARY
-from tral_fsm.programs.seat import CarSeat
+from tral_fsm.programs.seat import AskedOfCar, CarSeat, open_car
 from tral_fsm.teleop.hands import Device
 from tral_fsm.teleop.overseer import Overseer, Signals
 
@@ -38,9 +38,18 @@ class DeployArguments:
 
     def __post_init__(self) -> None:
         """Check the values."""
-        check_number("max_duration_s", self.max_duration_s, "s")
-        if not self.max_duration_s > 0:
-            raise ConfigError(f"max_duration_s = {self.max_duration_s!r}: expected a number above 0")
+        check_duration(self.max_duration_s)
+
+
+def check_duration(max_duration_s: float) -> None:
+    """Refuse a time limit that is none.
+
+    Raises:
+        ConfigError: it is no number above 0.
+    """
+    check_number("max_duration_s", max_duration_s, "s")
+    if not max_duration_s > 0:
+        raise ConfigError(f"max_duration_s = {max_duration_s!r}: expected a number above 0")
 
 
 def require_hands(devices: list[Device], arm: bool) -> None:
@@ -69,7 +78,7 @@ def run(
     sleep: Callable[[float], None] = time.sleep,
     **options: Any,
 ) -> dict[str, Any]:
-    """Drive once, and write summary.json and drive.mcap.
+    """Drive once, and write summary.json, whose content this gives, and drive.mcap.
 
     Args:
         arguments: what drives.
@@ -82,52 +91,40 @@ def run(
         sleep: waits some seconds.
         options: more options of the car's environment, for a car without devices.
 
-    Returns:
-        The content of summary.json.
-
     Raises:
         ConfigError: a file cannot be used, the car lacks a reading, or nobody could stop it.
         HardwareError: a device does not answer, or the pre-flight found a fault.
         PolicyError: the policy failed; the car was stopped.
     """
-    from tral_env.hardware.env import TralCarEnv
-    from tral_fsm.evaluation.own_policy import find_policy
-    from tral_fsm.evaluation.policy_files import files_of_policy
-
     require_hands(devices, arguments.arm)
-    car = load_car(arguments.config)
-    policy = find_policy(arguments.policy)
-    if not arguments.dry:
-        preflight(check(car), console)
-    prepare(out)
-    record = out / RECORDING if arguments.record else None
-    with (
-        Signals() as signals,
-        contextlib.closing(
-            TralCarEnv(
-                config=car,
-                output="recorder" if arguments.dry else None,
-                max_duration_s=arguments.max_duration_s,
-                record=record,
-                clock=clock,
-                sleep=sleep,
-                **options,
-            )
-        ) as env,
-    ):
+    car, (policy, files) = load_car(arguments.config), _policy(arguments.policy)
+    preflight(car, arguments, check, console)
+    record = prepare(out, arguments.record)
+    with Signals() as signals, contextlib.closing(open_car(car, arguments, record, clock, sleep, options)) as env:
         check_readings(policy, env)
         overseer = Overseer(devices, clock, signals, must_hold=must_hold)
-        seat = CarSeat(env, files_of_policy(arguments.policy, policy))
-        drive = CarDrive(seat, policy, overseer, console, clock, sleep)
+        drive = CarDrive(CarSeat(env, files), policy, overseer, console, clock, sleep)
         return finish(asdict(arguments), out, drive, "" if arguments.arm else how_to_arm(devices, must_hold), record)
 
 
-def preflight(findings: Sequence[Finding], console: Console) -> None:
-    """Tell what a check of the car found.
+def _policy(name: str) -> tuple[Any, dict[str, bytes]]:
+    """A policy by its name, and its files for the recording."""
+    from tral_fsm.evaluation.own_policy import find_policy
+    from tral_fsm.evaluation.policy_files import files_of_policy
+
+    policy = find_policy(name)
+    return policy, files_of_policy(name, policy)
+
+
+def preflight(car: CarFile, asked: AskedOfCar, check: Callable[[CarFile], Sequence[Finding]], console: Console) -> None:
+    """Look at a car before a drive, unless that is a dry run, and tell what was found.
 
     Raises:
         HardwareError: something is wrong.
     """
+    if asked.dry:
+        return
+    findings = check(car)
     for each in findings:
         console.say(f"pre-flight, {each.what}: {each.problem or each.told or 'ok'}")
     if problems := [f"{each.what}: {each.problem}" for each in findings if each.problem]:
@@ -142,13 +139,14 @@ def how_to_arm(devices: list[Device], must_hold: bool) -> str:
     return f"To arm, {first} {' or '.join(ways)}; q or back ends.{stop}"
 
 
-def prepare(out: Path) -> None:
-    """Make the folder, and remove the files of an earlier drive."""
+def prepare(out: Path, has_recording: bool) -> Path | None:
+    """Make the folder, and remove the files of an earlier drive; gives the path of the recording, if there is one."""
     from tral_fsm.evaluation.files import prepare_folder
 
     prepare_folder(out)
     for name in (SUMMARY, RECORDING):
         (out / name).unlink(missing_ok=True)
+    return out / RECORDING if has_recording else None
 
 
 def finish(

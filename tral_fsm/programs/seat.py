@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -11,9 +12,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT
+from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ, CORE_LAYOUT
 
 if TYPE_CHECKING:
+    from tral_env.hardware.car_file import CarFile
     from tral_env.hardware.env import TralCarEnv
     from tral_fsm.evaluation.recording import DriveRecorder
 
@@ -52,6 +54,53 @@ class Seat(Protocol):
 
     def close(self) -> None:
         """Let go of the car and of the recording."""
+
+
+class AskedOfCar(Protocol):
+    """What a drive asks of the real car."""
+
+    @property
+    def dry(self) -> bool:
+        """Whether the pulses are only recorded."""
+
+    @property
+    def max_duration_s(self) -> float:
+        """The drive ends after this time, s."""
+
+
+def open_car(
+    car: CarFile,
+    asked: AskedOfCar,
+    record: Path | None,
+    clock: Callable[[], float],
+    sleep: Callable[[float], None],
+    options: Mapping[str, Any],
+) -> TralCarEnv:
+    """Open the real car.
+
+    Args:
+        car: its car file.
+        asked: what the drive asks of it.
+        record: file of the recording; None: none is written.
+        clock: gives a time that never goes back, s.
+        sleep: waits some seconds.
+        options: more options of the environment.
+
+    Raises:
+        ConfigError: an option or the car file cannot be used.
+        HardwareError: a device does not answer.
+    """
+    from tral_env.hardware.env import TralCarEnv
+
+    return TralCarEnv(
+        config=car,
+        output="recorder" if asked.dry else None,
+        max_duration_s=asked.max_duration_s,
+        record=record,
+        clock=clock,
+        sleep=sleep,
+        **options,
+    )
 
 
 class CarSeat:
@@ -112,8 +161,16 @@ class SimulatedSeat:
         record: Path | None,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
+        max_duration_s: float = math.inf,
     ) -> None:
         """Build the car; it stands.
+
+        Args:
+            course: which car drives where.
+            record: file of the recording; None: none is written.
+            clock: gives a time that never goes back, s.
+            sleep: waits some seconds.
+            max_duration_s: simulated time after which the drive is over, s.
 
         Raises:
             ConfigError: there is no such family or level.
@@ -128,6 +185,7 @@ class SimulatedSeat:
             disable_env_checker=True,
         )
         self._course, self._record, self._clock, self._sleep = course, record, clock, sleep
+        self._max_ticks = max_duration_s * CONTROL_RATE_HZ
         self._policy: Any = None
         self._recorder: DriveRecorder | None = None
         self._ticks, self._late, self._deadline_s = 0, 0, clock()
@@ -159,6 +217,8 @@ class SimulatedSeat:
         over = ""
         if terminated or truncated:
             over = "the goal" if info["success"] else "a touch" if info["collision"] else "a missed gate or the time"
+        elif self._ticks >= self._max_ticks:
+            over = "time limit"
         readings = {name: float(value) for name, value in CORE_LAYOUT.unpack(self._observation).items()}
         return Moment(self._observation, readings, self._late, 0, (), over)
 

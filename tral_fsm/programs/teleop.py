@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from tral_env.errors import ConfigError
+from tral_env.hardware.bringup.preflight import Finding, check_car
+from tral_env.hardware.car_file import CarFile, load_car
 from tral_fsm.programs.car_drive import CarDrive, Console
-from tral_fsm.programs.deploy import finish, how_to_arm, prepare, require_hands
-from tral_fsm.programs.drive import RECORDING
-from tral_fsm.programs.seat import CarSeat, Course, Seat, SimulatedSeat
+from tral_fsm.programs.deploy import check_duration, finish, how_to_arm, preflight, prepare, require_hands
+from tral_fsm.programs.seat import CarSeat, Course, Seat, SimulatedSeat, open_car
 from tral_fsm.teleop.hands import Device
 from tral_fsm.teleop.overseer import Overseer, Signals
 from tral_fsm.teleop.pilot import Pilot
@@ -38,6 +39,20 @@ class TeleopArguments:
         """Check the values."""
         if (self.config is None) == (self.course is None):
             raise ConfigError("expected either a car file (--config) or courses (--scenario), not both or none")
+        if self.dry and self.course is not None:
+            raise ConfigError("--dry beside --scenario or --course: a simulated car moves no motor, so leave --dry out")
+        check_duration(self.max_duration_s)
+
+    def car(self) -> CarFile | Course:
+        """The content of the car file, or the course.
+
+        Raises:
+            ConfigError: the car file cannot be used.
+        """
+        if self.course is not None:
+            return self.course
+        assert self.config is not None, "one of both is given"
+        return load_car(self.config)
 
 
 def run(
@@ -46,32 +61,33 @@ def run(
     devices: list[Device],
     console: Console,
     *,
+    check: Callable[[CarFile], Sequence[Finding]] = check_car,
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
     **options: Any,
 ) -> dict[str, Any]:
-    """Drive once, and write summary.json and drive.mcap.
+    """Drive once, and write summary.json, whose content this gives, and drive.mcap.
 
     Args:
         arguments: which car.
         out: folder of the files; those of an earlier drive are removed.
         devices: the first of them drives; each may arm, stop and end.
         console: where the drive tells what happens.
+        check: looks at the real car before a drive that is no dry run.
         clock: clock of the drive, s.
         sleep: waits some seconds.
         options: more options of the car's environment, for a car without devices.
 
-    Returns:
-        The content of summary.json.
-
     Raises:
         ConfigError: a file cannot be used, or nobody has anything in hand.
-        HardwareError: a device does not answer.
+        HardwareError: a device does not answer, or the pre-flight found a fault.
     """
     require_hands(devices, arm=False)
-    prepare(out)
-    record = out / RECORDING if arguments.record else None
-    with Signals() as signals, contextlib.closing(_seat(arguments, record, clock, sleep, options)) as seat:
+    car = arguments.car()
+    if isinstance(car, CarFile):
+        preflight(car, arguments, check, console)
+    record = prepare(out, arguments.record)
+    with Signals() as signals, contextlib.closing(_seat(arguments, car, record, clock, sleep, options)) as seat:
         overseer = Overseer(devices, clock, signals)
         drive = CarDrive(seat, Pilot(overseer, arguments.shaping), overseer, console, clock, sleep)
         return finish(asdict(arguments), out, drive, how_to_arm(devices, must_hold=False), record)
@@ -79,22 +95,12 @@ def run(
 
 def _seat(
     arguments: TeleopArguments,
+    car: CarFile | Course,
     record: Path | None,
     clock: Callable[[], float],
     sleep: Callable[[float], None],
     options: dict[str, Any],
 ) -> Seat:
-    if arguments.course is not None:
-        return SimulatedSeat(arguments.course, record, clock, sleep)
-    from tral_env.hardware.env import TralCarEnv
-
-    car = TralCarEnv(
-        config=arguments.config,
-        output="recorder" if arguments.dry else None,
-        max_duration_s=arguments.max_duration_s,
-        record=record,
-        clock=clock,
-        sleep=sleep,
-        **options,
-    )
-    return CarSeat(car, {})
+    if isinstance(car, Course):
+        return SimulatedSeat(car, record, clock, sleep, arguments.max_duration_s)
+    return CarSeat(open_car(car, arguments, record, clock, sleep, options), {})

@@ -18,7 +18,13 @@ _STEERING, _BACKWARD, _FORWARD = 0x00, 0x02, 0x05
 _HOLD, _STOP, _ARM, _END = 0x136, 0x131, 0x13B, 0x13A
 """Buttons: LB, B, start, back."""
 MAX_QUIET_S = 3.0
-"""A trigger under a finger is never this quiet, s: the pad is out of reach, or its program hangs. Source: choice."""
+"""A trigger that a finger holds between its ends is never this quiet, s: the pad is out of reach, or its program hangs.
+Source: choice."""
+_AT_END = 0.9
+"""A trigger beyond this, in [-1, 1], is at rest or at its end stop, where a healthy pad says nothing for long. Source:
+choice; the axes of triggers go from -1 to 1."""
+_MAX_READS = 64
+"""A poll reads so often, at most; evdev gives 64 events at once, and the kernel keeps some hundreds."""
 
 
 class Event(Protocol):
@@ -86,9 +92,10 @@ class Gamepad:
             elif event.type == _SYN and event.code == _DROPPED:
                 self._holds = False  # whatever it was: it has to be pressed anew
         throttle = (self._axes[_FORWARD] - self._axes[_BACKWARD]) / 2.0
-        if self._holds and throttle != 0.0 and now_s - self._heard_s > self._max_quiet_s:
+        pulled = any(abs(self._axes[axis]) < _AT_END for axis in (_BACKWARD, _FORWARD))
+        if self._holds and pulled and now_s - self._heard_s > self._max_quiet_s:
             raise SourceLostError(
-                f"{self.name} has said nothing for {self._max_quiet_s:g} s while its trigger is held: out of reach?"
+                f"{self.name} has said nothing for {self._max_quiet_s:g} s while a trigger is half held: out of reach?"
             )
         return Hands(-self._axes[_STEERING], throttle, self._holds, _ARM in pressed, _STOP in pressed, _END in pressed)
 
@@ -99,12 +106,16 @@ class Gamepad:
             self._device.close()
 
     def _events(self) -> Iterable[Event]:
+        """All events that wait: one left over would be done a tick late, or arm a drive that began later."""
+        events: list[Event] = []
         try:
-            return list(self._device.read())
+            for _ in range(_MAX_READS):
+                events += self._device.read()
         except BlockingIOError:
-            return []
+            return events
         except OSError as error:
             raise SourceLostError(f"{self.name} is gone ({error})") from error
+        return events
 
 
 def open_gamepad(path: str | None = None) -> Gamepad:

@@ -79,6 +79,10 @@ class Overseer:
             return End(f"the dead man's button of the {self._devices[0].name} was let go")
         return None
 
+    def before_asking(self) -> End | None:
+        """Take what waits in the devices: a key that was typed before anyone was asked is no permission to arm."""
+        return self._poll()
+
     def asks_to_arm(self) -> bool | End:
         """Poll all devices before a drive: whether somebody asks to arm; or the end, if somebody wants that.
 

@@ -28,11 +28,11 @@ class Shaping:
         for each in fields(self):
             value = getattr(self, each.name)
             check_number(f"shaping: {each.name}", value)
-            if not 0.0 <= value <= _MOST[each.name]:
-                raise ConfigError(f"shaping: {each.name} = {value!r}, expected 0 to {_MOST[each.name]:g}")
+            if not 0.0 <= value <= _UPPER_ENDS[each.name]:
+                raise ConfigError(f"shaping: {each.name} = {value!r}, expected 0 to {_UPPER_ENDS[each.name]:g}")
 
 
-_MOST = {"dead_zone": 0.9, "expo": 1.0, "max_throttle": 1.0}
+_UPPER_ENDS = {"dead_zone": 0.9, "expo": 1.0, "max_throttle": 1.0}
 
 
 def without_dead_zone(value: float, zone: float) -> float:
@@ -46,9 +46,10 @@ def with_expo(value: float, share: float) -> float:
 
 
 class DeadMan:
-    """Lets a throttle through while the button is held, and only after it was at rest once since it was pressed.
+    """Lets a throttle through while the button is held, if it was at rest since the button was last not held.
 
-    So a trigger that is held down when the button is pressed makes no car jump.
+    So a trigger that is held down when the button is pressed makes no car jump. It may be at rest before the button is
+    pressed: a key that is held is trigger and button in one.
     """
 
     def __init__(self) -> None:
@@ -56,7 +57,7 @@ class DeadMan:
 
     def throttle(self, hands: Hands, wanted: float) -> float:
         """The throttle that passes."""
-        self._rested = hands.holds and (self._rested or wanted == 0.0)
+        self._rested = wanted == 0.0 or (hands.holds and self._rested)
         return wanted if self._rested else 0.0
 
 

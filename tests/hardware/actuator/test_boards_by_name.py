@@ -15,7 +15,15 @@ from rig import SETTINGS, THROTTLE
 
 from tral_env.errors import ConfigError
 from tral_env.hardware.actuator.client import library_folders
-from tral_env.hardware.actuator.drivers import BOARDS, GROUP, Pca9685Options, board_class, board_names, open_driver
+from tral_env.hardware.actuator.drivers import (
+    BOARDS,
+    GROUP,
+    Pca9685Options,
+    board_class,
+    board_names,
+    open_driver,
+    takes_commands,
+)
 from tral_env.hardware.actuator.laws import command_of, pulse_us
 from tral_env.hardware.actuator.options import check_quantities
 from tral_env.hardware.actuator.settings import Limits, Settings
@@ -113,3 +121,11 @@ def test_a_pulse_turns_back_into_its_command(command: float, channel: Any) -> No
 @pytest.mark.parametrize(("us", "command"), [(9e9, -1.0), (-9e9, 1.0), (1520.0, 0.0), (1500.0, 0.0)])
 def test_a_pulse_beyond_an_end_or_in_the_skipped_zone_counts_as_that(us: float, command: float) -> None:
     assert command_of(us, THROTTLE._replace(skip_us=40.0)) == command
+
+
+@pytest.mark.usefixtures("plugins")
+def test_only_boards_that_say_so_take_commands() -> None:
+    """A board of another distribution that says nothing takes pulses."""
+    own: Any = board_class("own")
+    assert not takes_commands(own(port="/dev/x"))
+    assert [name for name, kind in BOARDS.items() if takes_commands(kind)] == ["board2016", "ucboard"]  # type: ignore[arg-type]

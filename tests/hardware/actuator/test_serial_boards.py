@@ -29,6 +29,7 @@ class Line:
 
     def __init__(self) -> None:
         self.opened = 0
+        self.refuses = False
         self._ends = [os.pipe2(os.O_NONBLOCK)]
 
     def open(self, port: str, baud: int) -> Line:
@@ -38,6 +39,12 @@ class Line:
         if self.opened > 1:
             self._ends.append(os.pipe2(os.O_NONBLOCK))
         return self
+
+    def write(self, port: Line, data: bytes) -> None:
+        """Write as a driver does, unless the line takes nothing now."""
+        if self.refuses:
+            raise BlockingIOError
+        write_at_once(port, data)
 
     def fileno(self) -> int:
         return self._ends[-1][1]
@@ -70,12 +77,13 @@ class Line:
 def line(monkeypatch: pytest.MonkeyPatch) -> Iterator[Line]:
     made = Line()
     monkeypatch.setattr("tral_env.hardware.actuator.serial_boards.open_port", made.open)
+    monkeypatch.setattr("tral_env.hardware.actuator.serial_boards.write_at_once", made.write)
     yield made
     made.end()
 
 
-def driver(name: str, port: str = "/dev/ttyUSB0") -> Any:
-    settings = replace(SETTINGS, driver=name, bus=port, options={"port": port})
+def driver(name: str, port: str = "/dev/ttyUSB0", **options: bool) -> Any:
+    settings = replace(SETTINGS, driver=name, bus=port, options={"port": port, **options})
     return open_driver(Settings.from_json(settings.to_json()))
 
 
@@ -89,7 +97,7 @@ def command(board: Any, steering: float, throttle: float) -> None:
         (0.0, 0.0, [0x80 + 10, 50]),
         (1.0, 1.0, [0x80 + 20, 0]),
         (-1.0, -1.0, [0x80, 100]),
-        (0.5, 0.26, [0x80 + 13, 25]),
+        (0.5, 0.26, [0x80 + 12, 25]),
     ],
 )
 def test_the_board_of_2016_gets_a_byte_for_the_motor_and_one_for_the_steering(
@@ -186,16 +194,105 @@ def test_no_pulse_makes_a_number_beyond_those_of_the_ucboard(line: Line) -> None
             assert low <= int(words[-1]) == int(words[-2]) <= high
 
 
+@pytest.mark.parametrize("share", [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
+@pytest.mark.parametrize(("beside", "lost"), [(0.0, 0), (0.05, 0), (0.0999, 0), (-0.001, 1)])
+def test_no_throttle_is_rounded_up_beyond_the_limit_of_the_throttle(
+    line: Line, share: float, beside: float, lost: int
+) -> None:
+    """A limit of 0.35 lies between two levels of the board: the lower one is sent, in both directions."""
+    board, told = driver("board2016"), min(share + beside, 1.0)
+    command(board, 0.0, told)
+    command(board, 0.0, -told)
+    level = round(share * 10) - lost
+    assert list(line.heard()[::2]) == [0x8A + level, 0x8A - level]
+
+
+def test_the_ucboard_rounds_a_throttle_toward_rest(line: Line) -> None:
+    board = driver("ucboard")
+    for throttle in (0.3009, -0.3039):
+        board.off()
+        command(board, 0.0, throttle)
+    assert [each for each in line.lines() if each[5:6] in "FB"] == ["!DRV F 300 300", "!DRV B 151 151"]
+
+
+@pytest.mark.parametrize(
+    ("option", "sent"), [("steering_reversed", [0x8A + 5, 100]), ("throttle_reversed", [0x8A - 5, 0])]
+)
+def test_a_reversed_board_of_2016_gets_the_other_sign(line: Line, option: str, sent: list[int]) -> None:
+    command(driver("board2016", **{option: True}), 1.0, 0.5)
+    assert list(line.heard()) == sent
+
+
+def test_a_reversed_ucboard_drives_by_its_other_direction_and_coasts_for_a_brake(line: Line) -> None:
+    board = driver("ucboard", steering_reversed=True, throttle_reversed=True)
+    command(board, 0.25, 0.0)
+    for throttle in (0.5, -0.5, 0.0, -0.5):
+        command(board, 0.0, throttle)
+    sent = line.lines()
+    assert sent[:2] == ["!STEER 250 250", "!DRV F 0 0"]
+    assert [each for each in sent[2:] if "DRV" in each] == [
+        "!DRV B 250 250",
+        "!DRV F 0 0",
+        "!DRV F 0 0",
+        "!DRV F 250 250",
+    ]
+
+
 @pytest.mark.parametrize("name", ["board2016", "ucboard"])
-def test_a_port_that_was_lost_is_opened_anew(line: Line, name: str) -> None:
+def test_a_port_that_was_lost_is_opened_anew_and_gets_neutral_before_any_command(line: Line, name: str) -> None:
     board = driver(name)
     board.start()
+    neutral = line.heard()
+    line.unplug()
+    with pytest.raises(BrokenPipeError):
+        command(board, 0.0, 0.5)
+    with pytest.raises(OSError, match="/dev/ttyUSB0 was opened anew, and the board was set up in neutral"):
+        command(board, 0.0, 0.5)
+    assert line.opened == 2
+    assert line.heard() == neutral, "neutral alone, and the dead man's switch with it"
+    command(board, 0.0, 0.5)
+    assert line.heard() in (bytes([0x8F, 50]), b"!STEER 0 0\n!DRV F 500 500\n")
+
+
+def test_a_port_that_was_opened_anew_and_takes_no_neutral_gets_nothing_else(line: Line) -> None:
+    board = driver("board2016")
     line.unplug()
     with pytest.raises(BrokenPipeError):
         board.start()
-    board.start()
-    assert line.opened == 2
-    assert line.heard()
+    line.refuses = True
+    with pytest.raises(BlockingIOError):
+        command(board, 0.0, 0.5)
+    line.refuses = False
+    with pytest.raises(OSError, match="was opened anew"):
+        command(board, 0.0, 0.5)
+    assert line.opened == 3
+    assert list(line.heard()) == [0x8A, 50]
+
+
+def test_the_ucboard_never_reverses_before_it_got_neutral_after_the_brake(line: Line) -> None:
+    board = driver("ucboard")
+    command(board, 0.0, 0.5)
+    command(board, 0.0, -0.5)
+    line.heard()
+    line.refuses = True
+    for _ in range(3):
+        with pytest.raises(BlockingIOError):
+            command(board, 0.0, 0.0)
+    with pytest.raises(BlockingIOError):
+        board.off()
+    line.refuses = False
+    command(board, 0.0, -0.5)
+    assert line.lines()[1] == "!DRV F -250 -250"
+
+
+def test_a_forward_that_may_have_reached_the_ucboard_is_braked(line: Line) -> None:
+    board = driver("ucboard")
+    line.refuses = True
+    with pytest.raises(BlockingIOError):
+        command(board, 0.0, 0.5)
+    line.refuses = False
+    command(board, 0.0, -0.5)
+    assert line.lines()[1] == "!DRV F -250 -250"
 
 
 def test_a_port_that_takes_nothing_now_fails_and_stays_open(line: Line) -> None:

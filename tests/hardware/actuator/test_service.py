@@ -3,17 +3,37 @@
 from configparser import ConfigParser
 from pathlib import Path
 
+from typer.main import get_command
+
 import tral_env.hardware
 from tral_env.hardware.actuator import client, rights
+from tral_fsm.cli import app
 
 UNIT = Path(tral_env.hardware.__path__[0]) / "systemd" / "tral-car.service"
 
 
-def service() -> dict[str, str]:
+def unit_file() -> ConfigParser:
     parser = ConfigParser(interpolation=None)
     parser.optionxform = str  # type: ignore[assignment,method-assign]
     parser.read(UNIT, "utf-8")
-    return dict(parser["Service"])
+    return parser
+
+
+def service() -> dict[str, str]:
+    return dict(unit_file()["Service"])
+
+
+def test_it_starts_a_drive_that_only_a_person_with_the_gamepad_arms() -> None:
+    program, name, *options = service()["ExecStart"].split()
+    assert (Path(program).name, name) == ("tral", "deploy")
+    deploy = get_command(app).commands[name]  # type: ignore[attr-defined]
+    asked = deploy.make_context(name, options).params
+    assert (asked["gamepad"], asked["arm"], asked["dry"]) == (True, False, False)
+    assert set(service()["SupplementaryGroups"].split()) == {"i2c", "input"}
+
+
+def test_no_boot_starts_it() -> None:
+    assert unit_file().sections() == ["Unit", "Service"]
 
 
 def test_the_keeper_may_feed_the_watchdog_and_nothing_restarts_the_car() -> None:

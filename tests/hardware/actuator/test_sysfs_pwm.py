@@ -33,10 +33,14 @@ class Kernel:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.writes: list[tuple[str, str, str]] = []
+        self.dead = "none"
+        """Outputs whose names begin so refuse every write."""
 
         def write(file: int, data: bytes, offset: int) -> int:
             path, text = Path(f"/proc/self/fd/{file}").readlink(), data.decode().strip()
             assert offset == 0
+            if path.parent.name.startswith(self.dead):
+                raise OSError(19, f"No such device {path.parent.name}")
             state = {name: (path.parent / name).read_text().strip() for name in FILES} | {path.name: text}
             period, duty = int(state["period"]), int(state["duty_cycle"])
             if not period or duty > period or (path.name == "polarity" and state["enable"] == "1"):
@@ -66,12 +70,12 @@ def state(chip: Path, output: int) -> tuple[str, ...]:
 def test_a_new_output_gets_its_period_before_a_pulse(chip: Path, kernel: Kernel) -> None:
     opened(chip).start()
     assert kernel.writes == [
-        ("pwm0", "period", "17430000"),
         ("pwm1", "period", "17430000"),
-        ("pwm0", "duty_cycle", "1530000"),
-        ("pwm0", "enable", "1"),
         ("pwm1", "duty_cycle", "1500000"),
         ("pwm1", "enable", "1"),
+        ("pwm0", "period", "17430000"),
+        ("pwm0", "duty_cycle", "1530000"),
+        ("pwm0", "enable", "1"),
     ]
 
 
@@ -80,7 +84,7 @@ def test_a_pulse_of_an_output_that_is_on_is_one_write(chip: Path, kernel: Kernel
     board.start()
     kernel.writes.clear()
     board.set_pulses(1400.0, 1450.0)
-    assert kernel.writes == [("pwm0", "duty_cycle", "1400000"), ("pwm1", "duty_cycle", "1450000")]
+    assert kernel.writes == [("pwm1", "duty_cycle", "1450000"), ("pwm0", "duty_cycle", "1400000")]
 
 
 def test_pulses_after_the_end_switch_the_outputs_on_again(chip: Path, kernel: Kernel) -> None:
@@ -98,9 +102,39 @@ def test_an_output_that_ran_with_another_period_stops_before_it_takes_ours(chip:
         (chip / "pwm0" / name).write_bytes(text.encode())
     (chip / "pwm1" / "polarity").write_bytes(b"inversed\n")
     opened(chip).start()
-    assert kernel.writes[:3] == [("pwm0", "duty_cycle", "0"), ("pwm0", "enable", "0"), ("pwm0", "period", "17430000")]
+    assert kernel.writes[-5:-2] == [
+        ("pwm0", "duty_cycle", "0"),
+        ("pwm0", "enable", "0"),
+        ("pwm0", "period", "17430000"),
+    ]
     assert state(chip, 0) == ("17430000", "1530000", "1", "normal")
     assert state(chip, 1) == ("17430000", "1500000", "1", "normal")
+
+
+@pytest.mark.parametrize(("dead", "lives"), [("pwm0", 1), ("pwm1", 0)])
+def test_an_output_that_fails_keeps_the_other_one_from_nothing(
+    chip: Path, kernel: Kernel, dead: str, lives: int
+) -> None:
+    """A servo's output that is dead must not leave the throttle standing."""
+    board = opened(chip)
+    board.start()
+    board.set_pulses(1400.0, 1400.0)
+    kernel.dead = dead
+    duties = []
+    for method, pulses in ((board.set_pulses, (1530.0, 1500.0)), (board.off, ()), (board.start, ())):
+        with pytest.raises(OSError, match="No such device"):
+            method(*pulses)
+        duties.append(state(chip, lives)[1:3])
+    neutral = ("1530000", "1500000")[lives]
+    assert duties == [(neutral, "1"), ("0", "0"), (neutral, "1")]
+
+
+def test_of_two_outputs_that_fail_the_throttle_is_told(chip: Path, kernel: Kernel) -> None:
+    board = opened(chip)
+    board.start()
+    kernel.dead = "pwm"
+    with pytest.raises(OSError, match="pwm1"):
+        board.set_pulses(1530.0, 1500.0)
 
 
 @pytest.mark.usefixtures("kernel")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from workbench import FILE, Script, Workbench, car_file
 
-from tral_env.errors import ConfigError
+from tral_env.errors import ConfigError, HardwareError
 from tral_env.hardware.bringup.guide import calibrate
 from tral_env.hardware.car_file import CarFile, load_car
 
@@ -27,6 +27,12 @@ def done(folder: Path, bench: Workbench, step: str, *answers: str, text: str = F
     calibrate(path, script.person, bench.bench, [step])
     assert bench.rests, "no pulses stand after a step"
     return load_car(path), script
+
+
+def assert_untouched(folder: Path, bench: Workbench) -> None:
+    """Nothing was written, and nothing moves."""
+    assert (folder / "car.toml").read_text() == FILE
+    assert bench.rests
 
 
 def test_the_clock_is_measured_in_neutral_with_the_motors_plug_off(tmp_path: Path, bench: Workbench) -> None:
@@ -95,6 +101,40 @@ def test_ends_that_cannot_be_are_not_written_and_asked_again(tmp_path: Path, ben
     assert car.calibration.steering.left_us == 1240
 
 
+LIMITED = FILE + "[pulses.steering]\nmin_us = 1200\nmax_us = 1850\n[pulses.throttle]\nmax_us = 1900\n"
+
+
+@pytest.mark.parametrize(
+    ("answer", "ends", "limits"), [("y", (1180, 1880), (1180, 1880)), ("n", (1200, 1850), (1200, 1850))]
+)
+def test_a_hard_limit_of_the_person_is_moved_only_when_they_agree(
+    tmp_path: Path, bench: Workbench, answer: str, ends: tuple[int, int], limits: tuple[int, int]
+) -> None:
+    car, script = done(tmp_path, bench, "ends", "1180", "", "1880", "", "", "", answer, answer, text=LIMITED)
+    steering, throttle = car.calibration.steering, car.calibration.throttle
+    assert (steering.left_us, steering.right_us) == ends
+    assert (steering.min_us, steering.max_us) == limits
+    assert (throttle.min_us, throttle.max_us) == (1140, 1900)
+    assert script.asked[-2:] == [
+        f"An end at {us} us lies beyond the hard limit steering.{name} = {limit} us of the car file. "
+        "Move the limit? [y/n/q] "
+        for us, name, limit in ((1180, "min_us", 1200), (1880, "max_us", 1850))
+    ]
+
+
+def test_a_hard_limit_of_the_person_that_no_end_passes_stays(tmp_path: Path, bench: Workbench) -> None:
+    car, script = done(tmp_path, bench, "ends", *[""] * 4, text=LIMITED)
+    assert len(script.asked) == 4
+    assert (car.calibration.steering.min_us, car.calibration.steering.max_us) == (1200, 1850)
+
+
+def test_neutral_moves_no_hard_limit_of_the_person_in_silence(tmp_path: Path, bench: Workbench) -> None:
+    text = FILE + "[pulses.throttle]\nmin_us = 1130\n"
+    car, _ = done(tmp_path, bench, "neutral", "1512", "", "", "n", text=text)
+    throttle = car.calibration.throttle
+    assert (throttle.min_us, throttle.forward_us, throttle.reverse_us, throttle.max_us) == (1130, 1130, 1842, 1842)
+
+
 @pytest.mark.parametrize("left", ["y", "n"])
 @pytest.mark.parametrize("forward", ["y", "n"])
 def test_a_direction_that_is_wrong_is_turned_round(tmp_path: Path, bench: Workbench, left: str, forward: str) -> None:
@@ -119,10 +159,10 @@ def test_the_dead_zone_ends_before_the_pulse_that_turns_the_wheels(tmp_path: Pat
     assert tried == [1525.0, 1520.0, 1515.0, 1510.0]
 
 
-def test_a_motor_that_never_turns_has_the_widest_dead_zone(tmp_path: Path, bench: Workbench) -> None:
-    car, script = done(tmp_path, bench, "dead_zone", *["n"] * 30)
-    assert car.calibration.throttle.dead_zone_us == 150
-    assert "is the motor on?" in script.told
+def test_a_motor_that_never_turns_leaves_the_step_undone(tmp_path: Path, bench: Workbench) -> None:
+    with pytest.raises(HardwareError, match=r"nothing turned up to 150 us .* is the motor on\?"):
+        done(tmp_path, bench, "dead_zone", *["n"] * 30)
+    assert_untouched(tmp_path, bench)
 
 
 def test_arming_takes_the_shortest_neutral_after_which_the_wheels_turn(tmp_path: Path, bench: Workbench) -> None:
@@ -134,10 +174,10 @@ def test_arming_takes_the_shortest_neutral_after_which_the_wheels_turn(tmp_path:
         assert (first - each.works.board.done[0][0]) / 1e9 >= each.settings.limits.arming_s
 
 
-def test_a_motor_controller_that_never_arms_gets_the_longest_time(tmp_path: Path, bench: Workbench) -> None:
-    car, script = done(tmp_path, bench, "arming", *["", "n"] * 4)
-    assert car.limits.arming_s == 3.0
-    assert "is its neutral right?" in script.told
+def test_a_motor_controller_that_never_arms_leaves_the_step_undone(tmp_path: Path, bench: Workbench) -> None:
+    with pytest.raises(HardwareError, match="did not arm within 3 s, and nothing was written"):
+        done(tmp_path, bench, "arming", *["", "n"] * 4)
+    assert_untouched(tmp_path, bench)
 
 
 def test_on_the_bench_no_pulse_leaves_the_reach_around_neutral(tmp_path: Path, bench: Workbench) -> None:

@@ -50,6 +50,24 @@ def test_a_name_may_have_quotes_in_it() -> None:
     assert parse_car(car_text('the "red" one\\')).name == 'the "red" one\\'
 
 
+@pytest.mark.parametrize("name", ["", "  ", "x\ny", "tab\t", "\x7f", "\udcff"])
+def test_a_name_that_is_no_line_of_text_is_refused(name: str) -> None:
+    with pytest.raises(ConfigError, match=r"name = .*: expected a line of text that can be read"):
+        car_text(name)
+
+
+@pytest.mark.parametrize(
+    ("sensors", "told"), [(("hall", "hall"), "one is named twice"), (("none", "hall"), "'none' stands alone")]
+)
+def test_sensors_that_cannot_be_together_are_refused(sensors: tuple[str, ...], told: str) -> None:
+    with pytest.raises(ConfigError, match=told):
+        car_text(sensors=sensors)
+
+
+def test_none_is_a_car_without_sensors() -> None:
+    assert car_text(sensors=["none"]) == car_text(sensors=())
+
+
 def test_a_car_may_have_neither_sensors_nor_a_camera() -> None:
     car = parse_car(car_text(sensors=(), camera=False))
     assert (car.sensors, car.camera) == ((), None)

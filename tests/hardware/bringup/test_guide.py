@@ -27,7 +27,7 @@ ALL = "".join(f"{step} = 2026-05-01\n" for step in ("clock", *MOVES))
     [
         (FILE, ("clock", *MOVES)),
         (FILE + '[[sensors]]\ndriver = "hall"\n[camera]\n', ("clock", *MOVES, "hall", "camera")),
-        (car_text(board="ucboard"), (*MOVES, "hall", "sonars", "camera")),
+        (car_text(board="ucboard"), ("direction", "arming", "hall", "sonars", "camera")),
         (car_text(board="sysfs-pwm", sensors=("srf02",), camera=False), (*MOVES, "sonars")),
         (car_text(board="log", camera=False), MOVES),
     ],
@@ -108,12 +108,47 @@ def test_a_value_that_makes_no_car_is_not_written(tmp_path: Path) -> None:
     assert text.path.read_text() == before
 
 
-def test_a_file_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_written_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = CarText(car_file(tmp_path))
-    text.path.unlink()
-    text.path.mkdir()
-    with pytest.raises(ConfigError, match="cannot write"):
+
+    def full(path: Path, content: bytes) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("tral_env.hardware.bringup.car_text.write_bytes", full)
+    with pytest.raises(ConfigError, match=r"cannot write .* No space left"):
         text.put({("limits", "brake"): 0.0})
+
+
+def test_what_somebody_wrote_into_the_file_meanwhile_stays(tmp_path: Path) -> None:
+    path, bench = car_file(tmp_path), Workbench()
+
+    def edits() -> str:
+        path.write_text(path.read_text().replace('"mine"', '"renamed"') + "[limits]\nmax_throttle = 0.2  # mine\n")
+        return "y"
+
+    calibrate(path, Script(["", edits]).person, bench.bench, ["arming"])
+    car = load_car(path)
+    assert (car.name, car.limits.max_throttle, car.limits.arming_s) == ("renamed", 0.2, 1.0)
+    assert "# mine" in path.read_text()
+
+
+def test_the_next_step_knows_what_somebody_wrote_into_the_file_meanwhile(tmp_path: Path) -> None:
+    path, bench = car_file(tmp_path), Workbench()
+
+    def edits() -> str:
+        path.write_text(path.read_text() + "[pulses.steering]\nleft_us = 1300\n")
+        return "y"
+
+    calibrate(path, Script(["", edits, "y", "y"]).person, bench.bench, ["arming", "direction"])
+    assert {steering for steering, _ in bench.pulses} == {0.0, 1530.0, 1300.0}
+
+
+def test_a_file_that_was_spoilt_meanwhile_is_told_and_not_replaced(tmp_path: Path) -> None:
+    text = CarText(car_file(tmp_path))
+    text.path.write_text("name = ")
+    with pytest.raises(BadFileError, match="not TOML"):
+        text.put({("limits", "brake"): 0.0})
+    assert text.path.read_text() == "name = "
 
 
 def test_a_file_that_is_not_there_is_told_with_what_writes_one(tmp_path: Path) -> None:

@@ -184,14 +184,20 @@ def webcam(bench: Workbench, monkeypatch: pytest.MonkeyPatch) -> Webcam:
     return made
 
 
-def test_the_camera_is_seen_to_work_and_its_lens_is_taken(tmp_path: Path, bench: Workbench, webcam: Webcam) -> None:
-    (tmp_path / "Lens").mkdir()
-    write_camera_info(tmp_path / "Lens" / "camera_info.yaml", CameraConfig(), "webcam")
-    write_camera_info(tmp_path / "big.yaml", CameraConfig().scaled(1280, 960), "webcam")
+def test_the_camera_is_seen_to_work_and_its_lens_is_taken(
+    tmp_path: Path, bench: Workbench, webcam: Webcam, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The lens is typed as it is seen from the folder of the terminal, and stands in the file as seen from there."""
+    here = tmp_path / "here"
+    (here / "Lens").mkdir(parents=True)
+    monkeypatch.chdir(here)
+    write_camera_info(here / "Lens" / "camera_info.yaml", CameraConfig(), "webcam")
+    write_camera_info(here / "big.yaml", CameraConfig().scaled(1280, 960), "webcam")
     answers = ("none.yaml", "big.yaml", "Lens/camera_info.yaml")
     car, script = done(tmp_path, bench, "camera", *answers, text=FILE + "[camera]\ndevice = 2\n")
     assert car.camera is not None
-    assert car.camera.lens == str(tmp_path / "Lens" / "camera_info.yaml")
+    assert car.camera.lens == str(here / "Lens" / "camera_info.yaml")
+    assert 'lens = "here/Lens/camera_info.yaml"' in (tmp_path / "car.toml").read_text()
     assert "20 images a second of 640 x 480 px" in script.told
     assert "tral calibrate /dev/video2 --out runs/lens" in script.told
     assert "cannot read the lens" in script.told

@@ -114,6 +114,14 @@ class LogOptions:
         return LogDriver(self.bus, settings)
 
 
+def takes_commands(options: BoardOptions) -> bool:
+    """Whether a board makes the pulses by itself, from commands: no calibration of pulses changes what it does.
+
+    Such a board says ``takes_commands = True``, and has the options `steering_reversed` and `throttle_reversed`.
+    """
+    return bool(getattr(options, "takes_commands", False))
+
+
 class LogDriver:
     """Writes each pulse with its time into a file: ``<CLOCK_MONOTONIC in ns> <steering us> <throttle us>``; 0 0 is off.
 

@@ -1,11 +1,13 @@
 """The two serial boards of the original cars, as drivers of the worker: what the computer tells them.
 
-Both boards make the pulses by themselves, so a command in pulses is turned back into shares of full lock and throttle.
+Both boards make the pulses by themselves, so a command in pulses is turned back into shares of full lock and throttle:
+the calibration cancels, and only the options of the board can turn a direction round.
 Sources: the computer's side of the cars of 2016 (Apollo 13) and the manual of the later board (ucboard).
 """
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -35,8 +37,13 @@ class _SerialOptions:
     """What both boards have in common."""
 
     has_own_clock: ClassVar[bool] = False
+    takes_commands: ClassVar[bool] = True
     port: str
     """Path of the serial port, such as /dev/ttyUSB0; one in /dev/serial/by-id stays the same."""
+    steering_reversed: bool = False
+    """Whether the servo turns the wheels the other way round, so that each steering is sent with the other sign."""
+    throttle_reversed: bool = False
+    """Whether the motor turns the other way round, so that each throttle is sent with the other sign."""
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -57,7 +64,7 @@ class Board2016Options(_SerialOptions):
 
     def open(self, settings: Settings) -> Board2016:
         """Open the port; see `tral_env.hardware.actuator.drivers.BoardOptions.open`."""
-        return Board2016(self.port, self.baud, settings)
+        return Board2016(self, settings)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,17 +76,17 @@ class UcboardOptions(_SerialOptions):
 
     def open(self, settings: Settings) -> Ucboard:
         """Open the port; see `tral_env.hardware.actuator.drivers.BoardOptions.open`."""
-        return Ucboard(self.port, self.baud, settings)
+        return Ucboard(self, settings)
 
 
 class _SerialDriver:
     """A port that is opened anew after it was lost."""
 
-    def __init__(self, port: str, baud: int, settings: Settings) -> None:
+    def __init__(self, options: Board2016Options | UcboardOptions, settings: Settings) -> None:
         """Open the port; nothing is sent yet."""
-        self._name, self._baud = port, baud
+        self._options = options
         self._steering, self._throttle = settings.steering, settings.throttle
-        self._port: Any = open_port(port, baud)
+        self._port: Any = open_port(options.port, options.baud)
 
     def start(self) -> None:
         """Send neutral."""
@@ -89,26 +96,38 @@ class _SerialDriver:
         """Send the commands that the pulses carry out; each board has its own way."""
 
     def _commands(self, steering_us: float, throttle_us: float) -> tuple[float, float]:
-        """Shares of full lock to the left and of full throttle, each in [-1, 1]."""
-        return command_of(steering_us, self._steering), command_of(throttle_us, self._throttle)
+        """Shares of full lock, + as the board steers left, and of full throttle, + forward; each in [-1, 1]."""
+        left = command_of(steering_us, self._steering)
+        return -left if self._options.steering_reversed else left, command_of(throttle_us, self._throttle)
 
     def _write(self, data: bytes) -> None:
         """Send bytes.
 
         Raises:
-            OSError: the port takes nothing now, or is lost; a lost one is opened anew at the next write.
+            OSError: the port takes nothing now, or is lost. A lost one is opened anew at the next write, and then the
+                board is set up in neutral before it takes anything else.
         """
         if self._port is None:
-            self._port = open_port(self._name, self._baud)
+            self._port = open_port(self._options.port, self._options.baud)
+            try:
+                self.start()
+            except BlockingIOError:
+                self._drop()  # a board that did not get neutral gets nothing else
+                raise
+            raise OSError(f"{self._options.port} was opened anew, and the board was set up in neutral")
         try:
             write_at_once(self._port, data)
         except BlockingIOError:
             raise
         except OSError:
-            port, self._port = self._port, None
-            with suppress(OSError):
-                port.close()
+            self._drop()
             raise
+
+    def _drop(self) -> None:
+        """Close the port; the next write opens it anew."""
+        port, self._port = self._port, None
+        with suppress(OSError):
+            port.close()
 
 
 class Board2016(_SerialDriver):
@@ -117,7 +136,9 @@ class Board2016(_SerialDriver):
     def set_pulses(self, steering_us: float, throttle_us: float) -> None:
         """Send a motor level of -10 to 10 and a steering level of -50 to 50, + is right, a byte each."""
         left, forward = self._commands(steering_us, throttle_us)
-        level, right = round(forward * _MOTOR_LEVELS), -round(left * _STEERING_LEVELS)
+        level, right = _level(forward, _MOTOR_LEVELS), -round(left * _STEERING_LEVELS)
+        if self._options.throttle_reversed:
+            level = -level
         self._write(bytes([0x80 + level + _MOTOR_LEVELS, right + _STEERING_LEVELS]))
 
     def off(self) -> None:
@@ -132,12 +153,14 @@ class Board2016(_SerialDriver):
 class Ucboard(_SerialDriver):
     """The ucboard. It brakes at the first throttle below 0 after forward, and reverses only after neutral.
 
-    So it behaves as a motor controller that is driven by pulses; the board itself would change over at once.
+    So it behaves as a motor controller that is driven by pulses; the board itself would change over at once. It has
+    half the throttle backward, and brakes only after its own forward. So a motor that is reversed has half the throttle
+    both ways, and coasts where it would brake.
     """
 
-    def __init__(self, port: str, baud: int, settings: Settings) -> None:
+    def __init__(self, options: UcboardOptions, settings: Settings) -> None:
         """Open the port; nothing is sent yet."""
-        super().__init__(port, baud, settings)
+        super().__init__(options, settings)
         self._went_forward = self._brakes = False
 
     def start(self) -> None:
@@ -152,12 +175,18 @@ class Ucboard(_SerialDriver):
         """Send both commands, each number twice, so that the board refuses one that was garbled on the way."""
         left, forward = self._commands(steering_us, throttle_us)
         right = -round(left * _FORWARD)
+        if forward > 0.0:  # noted before it is sent: a write that fails may have reached the board
+            self._went_forward, self._brakes = True, False
         self._send(f"!STEER {right} {right}", self._drive(forward))
+        if forward < 0.0:  # noted after it was sent: what the board never got must not allow reverse
+            self._brakes = self._went_forward
+        elif forward == 0.0 and self._brakes:
+            self._went_forward = self._brakes = False
 
     def off(self) -> None:
         """Switch the motor controller off."""
-        self._went_forward = self._brakes = False
         self._send("!DRV OFF")
+        self._went_forward = self._brakes = False
 
     def check(self) -> str:
         """Set the dead man's switch again, which a board that was reset has forgotten."""
@@ -166,19 +195,21 @@ class Ucboard(_SerialDriver):
 
     def _drive(self, forward: float) -> str:
         """The command for a share of full throttle."""
-        if forward > 0.0:
-            self._went_forward, self._brakes = True, False
-            level = round(forward * _FORWARD)
-            return f"!DRV F {level} {level}"
-        level = round(-forward * _BACKWARD)
+        is_reversed = self._options.throttle_reversed
+        level = _level(abs(forward), _FORWARD if forward > 0.0 and not is_reversed else _BACKWARD)
         if forward < 0.0 and self._went_forward:
-            self._brakes = True
-            return f"!DRV F {-level} {-level}"
-        if forward < 0.0:
-            return f"!DRV B {level} {level}"
-        if self._brakes:
-            self._went_forward = self._brakes = False
-        return "!DRV F 0 0"
+            brake = 0 if is_reversed else -level
+            return f"!DRV F {brake} {brake}"
+        way = "B" if (-forward if is_reversed else forward) < 0.0 else "F"
+        return f"!DRV {way} {level} {level}"
 
     def _send(self, *lines: str) -> None:
         self._write("".join(f"{line}\n" for line in lines).encode("ascii"))
+
+
+def _level(share: float, levels: int) -> int:
+    """Level of a share of full throttle, rounded toward 0, so that none is above the limit of the throttle.
+
+    A share comes back from its pulse with an error in its last digits, which must not cost a level.
+    """
+    return math.trunc(round(share * levels, 6))

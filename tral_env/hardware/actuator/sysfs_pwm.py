@@ -14,6 +14,7 @@ from tral_env.hardware.actuator.laws import Channel, clamped
 from tral_env.hardware.actuator.options import check_quantities, quantity
 from tral_env.hardware.actuator.settings import Settings
 
+_STEERING, _THROTTLE = 0, 1
 _NS = 1000
 """Nanoseconds in a microsecond."""
 _FILES = ("period", "duty_cycle", "enable", "polarity")
@@ -76,30 +77,57 @@ class SysfsPwm:
     def start(self) -> None:
         """Set period and neutral of both outputs, and switch them on."""
         self._on = False
-        for output in self._outputs:
-            # No pulse may be longer than its period, also not for a moment; a new output has none and takes no pulse.
-            if int(output.get("period")):
-                output.put("duty_cycle", 0)
-                output.put("enable", 0)
-            output.put("period", self._period_ns)
-            if output.get("polarity") != _NORMAL:
-                output.put("polarity", _NORMAL)
-        self.set_pulses(*(channel.centre_us for channel in self._channels))
+        self._throttle_first(self._set_up)
+        self._on = True
+
+    def _set_up(self, number: int) -> None:
+        output, channel = self._outputs[number], self._channels[number]
+        # No pulse may be longer than its period, also not for a moment; a new output has none and takes no pulse.
+        if int(output.get("period")):
+            output.put("duty_cycle", 0)
+            output.put("enable", 0)
+        output.put("period", self._period_ns)
+        if output.get("polarity") != _NORMAL:
+            output.put("polarity", _NORMAL)
+        output.put("duty_cycle", _pulse_ns(channel.centre_us, channel))
+        output.put("enable", 1)
 
     def set_pulses(self, steering_us: float, throttle_us: float) -> None:
         """Send both pulses, rounded to nanoseconds, within the limits of the channels."""
-        for us, channel, output in zip((steering_us, throttle_us), self._channels, self._outputs, strict=True):
-            output.put("duty_cycle", _pulse_ns(us, channel))
+
+        def send(number: int) -> None:
+            pulse_ns = _pulse_ns((steering_us, throttle_us)[number], self._channels[number])
+            self._outputs[number].put("duty_cycle", pulse_ns)
             if not self._on:
-                output.put("enable", 1)
+                self._outputs[number].put("enable", 1)
+
+        self._throttle_first(send)
         self._on = True
 
     def off(self) -> None:
-        """End the pulses, the throttle first. A pulse of no length: some outputs keep their level when disabled."""
+        """End the pulses. A pulse of no length: some outputs keep their level when disabled."""
         self._on = False
-        for output in reversed(self._outputs):
-            output.put("duty_cycle", 0)
-            output.put("enable", 0)
+
+        def end(number: int) -> None:
+            self._outputs[number].put("duty_cycle", 0)
+            self._outputs[number].put("enable", 0)
+
+        self._throttle_first(end)
+
+    def _throttle_first(self, act: Callable[[int], None]) -> None:
+        """Do something to each output by its number: an output that fails keeps the other one from nothing.
+
+        Raises:
+            OSError: the first output that failed.
+        """
+        errors = []
+        for number in (_THROTTLE, _STEERING):
+            try:
+                act(number)
+            except OSError as error:
+                errors.append(error)
+        if errors:
+            raise errors[0]
 
     def check(self) -> str:
         """Read the settings of both outputs back: what is wrong, or nothing."""

@@ -104,7 +104,7 @@ class Command(NamedTuple):
     """Number of observations until now that differed from the one before."""
     flags: Flag = Flag.NONE
     source: int = 0
-    """Who steers: another source never takes over from the one that armed."""
+    """What steers: another source never takes over from the one that armed."""
 
 
 class Reply(NamedTuple):

@@ -1,4 +1,8 @@
-"""The car on the bench: the actuator's process holds pulses for a moment. Nothing moves while a person thinks."""
+"""The car on the bench: the actuator's process holds a command for a moment. Nothing moves while a person thinks.
+
+Most boards take pulses, and a calibration has to find them: there the bench goes beyond those that the car file knows.
+A board that takes commands gets those of a drive, so that the bench never shows anything that the drive does not do.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from tral_env.hardware.actuator.client import ActuatorProcess
-from tral_env.hardware.actuator.laws import Channel, command_of
+from tral_env.hardware.actuator.drivers import takes_commands
+from tral_env.hardware.actuator.laws import Channel, command_of, pulse_us
 from tral_env.hardware.actuator.settings import Limits, Settings
 from tral_env.hardware.car_file import CarFile
 from tral_env.hardware.commands import Commands
@@ -16,6 +21,8 @@ from tral_env.interface import CONTROL_PERIOD_S
 
 STEERING_REACH_US, THROTTLE_REACH_US = 700, 250
 """On the bench, pulses come no farther from neutral than this, us."""
+MAX_THROTTLE = 0.3
+"""On the bench, the throttle of a drive comes no farther than this."""
 _MIN_US, _MAX_US = 500.0, 2500.0
 
 
@@ -49,15 +56,19 @@ class Bench:
             HardwareError: the board does not answer.
         """
         limits = Limits(evidence_s=None, arming_s=car.limits.arming_s if arming_s is None else arming_s)
-        settings = replace(
-            car.settings,
-            limits=limits,
-            steering=_wide(car.settings.steering, STEERING_REACH_US),
-            throttle=_wide(car.settings.throttle, THROTTLE_REACH_US),
-        )
+        if takes_commands(car.board.options):
+            limits = replace(limits, max_throttle=MAX_THROTTLE, max_reverse=MAX_THROTTLE)
+            settings = replace(car.settings, limits=limits)
+        else:
+            settings = replace(
+                car.settings,
+                limits=limits,
+                steering=_wide(car.settings.steering, STEERING_REACH_US),
+                throttle=_wide(car.settings.throttle, THROTTLE_REACH_US),
+            )
         actuator = self._start(settings)
         try:
-            yield Holder(actuator, settings, self)
+            yield Holder(actuator, settings, car.settings, self)
         finally:
             actuator.close()
 
@@ -65,9 +76,16 @@ class Bench:
 class Holder:
     """An open board."""
 
-    def __init__(self, actuator: Commands, settings: Settings, bench: Bench) -> None:
-        """Take over a board that has sent neutral; `Bench.open` makes one."""
-        self._actuator, self._settings, self._bench = actuator, settings, bench
+    def __init__(self, actuator: Commands, settings: Settings, drive: Settings, bench: Bench) -> None:
+        """Take over a board that has sent neutral; `Bench.open` makes one.
+
+        Args:
+            actuator: holds the commands.
+            settings: those of the board on the bench.
+            drive: those of the board in a drive.
+            bench: gives the time.
+        """
+        self._actuator, self._settings, self._drive, self._bench = actuator, settings, drive, bench
 
     @property
     def neutral_us(self) -> tuple[float, float]:
@@ -80,6 +98,19 @@ class Holder:
         while self._bench.clock() < until_s:
             self._actuator.neutral()
             self._bench.sleep(CONTROL_PERIOD_S)
+
+    def drive(self, seconds: float, steering: float = 0.0, throttle: float = 0.0) -> None:
+        """Arm, hold for some seconds what a drive sends for a command, then go to neutral.
+
+        Args:
+            seconds: for so long.
+            steering: in [-1, 1], + is left.
+            throttle: within `MAX_THROTTLE`, + is forward.
+
+        Raises:
+            HardwareError: the board failed; the process stops the car.
+        """
+        self.hold(seconds, pulse_us(steering, self._drive.steering), pulse_us(throttle, self._drive.throttle))
 
     def hold(self, seconds: float, steering_us: float | None = None, throttle_us: float | None = None) -> None:
         """Arm, hold pulses for some seconds, then go to neutral.

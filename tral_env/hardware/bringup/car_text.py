@@ -26,38 +26,50 @@ class CarText:
             import tomlkit
         except ImportError as error:
             raise MissingExtraError("tomlkit", "car", "a car file that keeps its comments") from error
-        self.path = path
+        self.path, self._tomlkit = path, tomlkit
+        self.car: CarFile
+        self.read()
+
+    def read(self) -> Any:
+        """Read the file, also again: somebody may have changed it in an editor meanwhile.
+
+        Returns:
+            The document, whose comments stay.
+
+        Raises:
+            BadFileError: it cannot be read, or is no car.
+        """
         try:
-            text = json_text.read(path)
+            text = json_text.read(self.path)
         except (OSError, UnicodeDecodeError) as error:
             raise BadFileError(
-                f"cannot read '{path}': {error}. `tral car init` writes a car file to begin with"
+                f"cannot read '{self.path}': {error}. `tral car init` writes a car file to begin with"
             ) from error
-        self.car: CarFile = parse_car(text, str(path), path.parent)
-        self._document: Any = tomlkit.parse(text)
-        self._new_table = tomlkit.table
+        self.car = parse_car(text, str(self.path), self.path.parent)
+        return self._tomlkit.parse(text)
 
     def put(self, values: dict[tuple[str | int, ...], Any]) -> None:
-        """Put values into the file, and write it; a value of None takes its key away.
+        """Put values into the file as it is now, and write it; a value of None takes its key away.
 
         Args:
             values: path of names (and numbers of sensors) -> value.
 
         Raises:
-            BadFileError: the car would not be one any more; nothing was written.
+            BadFileError: the file is no car, or would not be one any more; nothing was written.
             ConfigError: the file cannot be written.
         """
+        document = self.read()
         for (*tables, name), value in values.items():
-            place = self._document
+            place = document
             for table in tables:
                 if isinstance(table, str) and table not in place:
-                    place[table] = self._new_table()
+                    place[table] = self._tomlkit.table()
                 place = place[table]
             if value is not None:
                 place[name] = value
             elif name in place:
                 del place[name]
-        text = self._document.as_string()
+        text = document.as_string()
         self.car = parse_car(text, str(self.path), self.path.parent)
         try:
             write_bytes(self.path, text.encode())

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tral_env.errors import BadFileError
+from tral_env.hardware.actuator.drivers import takes_commands
 from tral_env.hardware.bringup.bench import Bench
 from tral_env.hardware.bringup.car_text import CarText
 from tral_env.hardware.bringup.person import Person
@@ -45,9 +46,12 @@ class Step:
 
 
 def needed_steps(car: CarFile) -> tuple[str, ...]:
-    """Names of the steps that a car needs, in their order."""
+    """Names of the steps that a car needs, in their order.
+
+    A board that takes commands makes its pulses by itself, so that there are none to find.
+    """
     drivers = {sensor.driver for sensor in car.sensors}
-    needed = {
+    needed = dict.fromkeys(("neutral", "ends", "dead_zone"), not takes_commands(car.board.options)) | {
         "clock": car.board.options.has_own_clock,
         "hall": bool(drivers & {"hall", "board2016", "ucboard"}),
         "sonars": bool(drivers & {"srf08", "srf02", "board2016", "ucboard"}),
@@ -67,8 +71,10 @@ def do(step: Step, guided: Guided) -> None:
 
     Raises:
         ConfigError: it would drive a motor from a board whose clock was never measured.
+        HardwareError: it found nothing, or a device does not answer; nothing of this step was written.
         BrokenOff: the person ended it; nothing of this step was written.
     """
+    guided.file.read()
     if step.moves:
         require_clock(guided.car)
     guided.person.say(f"\n== {step.title}")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from tral_env.errors import HardwareError
+from tral_env.hardware.actuator.drivers import takes_commands
 from tral_env.hardware.actuator.laws import STEPS as DIVISIONS
 from tral_env.hardware.actuator.laws import prescale
 from tral_env.hardware.bringup.adjust import adjusted, asked_number, period_us
-from tral_env.hardware.bringup.bench import STEERING_REACH_US, Holder
+from tral_env.hardware.bringup.bench import MAX_THROTTLE, STEERING_REACH_US, Holder
 from tral_env.hardware.bringup.person import NO, YES, Person
 from tral_env.hardware.bringup.steps import Found, Guided, Step
 
@@ -14,8 +16,9 @@ _MEASURE_S, _SHOW_S, _TRY_S = 30.0, 1.5, 0.8
 _CLOCK_HZ = (22e6, 29e6)
 """Least and greatest clock of a board. Source: its data sheet says 25 MHz; measured boards have 24 to 27."""
 _DEAD_ZONE_STEP_US, _MAX_DEAD_ZONE_US = 5, 150
-_THROTTLES = (0.1, 0.15, 0.2, 0.25, 0.3)
+_THROTTLES = (0.1, 0.15, 0.2, 0.25, MAX_THROTTLE)
 """Shares of full throttle that are tried until the wheels turn."""
+_CONFLICT = "An end at {} us lies beyond the hard limit {}.{} = {} us of the car file. Move the limit?"
 _ARMING_S = (1.0, 1.5, 2.0, 3.0)
 """Times for which neutral stands before the first throttle; the first one that the motor controller takes counts."""
 
@@ -67,7 +70,7 @@ def neutral(guided: Guided) -> Found:
     moved = motor - throttle.neutral_us
     return {
         ("pulses", "throttle", "neutral_us"): motor,
-        **_limits("throttle", throttle.forward_us + moved, throttle.reverse_us + moved, "forward_us", "reverse_us"),
+        **_ends(guided, "throttle", forward_us=throttle.forward_us + moved, reverse_us=throttle.reverse_us + moved),
         ("pulses", "steering", "trim_us"): wheels - steering.neutral_us,
     }
 
@@ -95,33 +98,39 @@ def ends(guided: Guided) -> Found:
         for way, us in (("forward", throttle.forward_us), ("reverse or brake", throttle.reverse_us))
     )
     return {
-        **_limits("steering", left, right, "left_us", "right_us"),
-        **_limits("throttle", forward, reverse, "forward_us", "reverse_us"),
+        **_ends(guided, "steering", left_us=left, right_us=right),
+        **_ends(guided, "throttle", forward_us=forward, reverse_us=reverse),
     }
 
 
 def direction(guided: Guided) -> Found:
     """Find out which way is left, and which way is forward."""
-    person, calibration = guided.person, guided.car.calibration
-    steering, throttle = calibration.steering, calibration.throttle
+    person = guided.person
     found: dict[tuple[str | int, ...], object] = {}
     with guided.bench.open(guided.car) as board:
-        _show(board, steering_us=steering.left_us)
+        board.drive(_SHOW_S, steering=1.0)
         if not person.agrees("Did the front wheels turn to the left, seen from behind the car?"):
-            found[("pulses", "steering", "left_us")] = steering.right_us
-            found[("pulses", "steering", "right_us")] = steering.left_us
-        answer = _first_turn(person, board, calibration.throttle.neutral_us, throttle.forward_us)
-        if answer == "n":
-            found[("pulses", "throttle", "forward_us")] = throttle.reverse_us
-            found[("pulses", "throttle", "reverse_us")] = throttle.forward_us
+            found.update(_turned_round(guided, "steering", "left_us", "right_us"))
+        if _first_turn(person, board) == "n":
+            found.update(_turned_round(guided, "throttle", "forward_us", "reverse_us"))
     return found
 
 
-def _first_turn(person: Person, board: Holder, neutral_us: int, forward_us: int) -> str:
+def _turned_round(guided: Guided, channel: str, one_name: str, other_name: str) -> Found:
+    """The other direction: of a board that takes pulses, its ends are exchanged; another board has an option for it."""
+    if takes_commands(options := guided.car.board.options):
+        name = f"{channel}_reversed"
+        guided.person.say(f"  the board gets each {channel} with the other sign from now on")
+        return {("board", name): not getattr(options, name)}
+    place, pulses = ("pulses", channel), getattr(guided.car.calibration, channel)
+    return {(*place, one_name): getattr(pulses, other_name), (*place, other_name): getattr(pulses, one_name)}
+
+
+def _first_turn(person: Person, board: Holder) -> str:
     """Raise the throttle until the wheels turn: y, they turned forward; n, backward."""
     while True:
         for share in _THROTTLES:
-            board.hold(_TRY_S, throttle_us=neutral_us + share * (forward_us - neutral_us))
+            board.drive(_TRY_S, throttle=share)
             answer = person.chooses(
                 f"Throttle {share:.0%}: did the wheels turn as if the car drove forward? 0: they did not turn",
                 {"y": YES, "n": NO, "0": ("0", "")},
@@ -141,22 +150,25 @@ def dead_zone(guided: Guided) -> Found:
             board.hold(_TRY_S, throttle_us=throttle.neutral_us + sign * beyond)
             if person.chooses(f"{beyond} us beside neutral: do the wheels turn?", {"y": YES, "n": (*NO, "")}) == "y":
                 return {("pulses", "throttle", "dead_zone_us"): beyond - _DEAD_ZONE_STEP_US}
-    person.say(f"  nothing turned up to {_MAX_DEAD_ZONE_US} us: that is written; is the motor on?")
-    return {("pulses", "throttle", "dead_zone_us"): _MAX_DEAD_ZONE_US}
+    raise HardwareError(
+        f"nothing turned up to {_MAX_DEAD_ZONE_US} us beside neutral, and nothing was written: is the motor on? Then "
+        "repeat the step dead_zone"
+    )
 
 
 def arming(guided: Guided) -> Found:
     """Find out how long the motor controller wants to see neutral before its first throttle."""
-    person, throttle = guided.person, guided.car.calibration.throttle
-    some_us = throttle.neutral_us + _THROTTLES[-1] * (throttle.forward_us - throttle.neutral_us)
+    person = guided.person
     for seconds in _ARMING_S:
         person.ask("Switch the motor controller off and on again, then press Enter [q]")
         with guided.bench.open(guided.car, arming_s=seconds) as board:
-            board.hold(_TRY_S, throttle_us=some_us)
+            board.drive(_TRY_S, throttle=MAX_THROTTLE)
         if person.agrees(f"After {seconds:g} s of neutral: did the wheels turn?"):
             return {("limits", "arming_s"): seconds}
-    person.say(f"  it did not arm within {_ARMING_S[-1]:g} s: is its neutral right? Repeat the step neutral")
-    return {("limits", "arming_s"): _ARMING_S[-1]}
+    raise HardwareError(
+        f"the motor controller did not arm within {_ARMING_S[-1]:g} s, and nothing was written: is its neutral right? "
+        "Then repeat the step arming"
+    )
 
 
 def _show(board: Holder, steering_us: float | None = None, throttle_us: float | None = None) -> None:
@@ -167,15 +179,24 @@ def _around(us: int, reach_us: int) -> tuple[int, int]:
     return us - reach_us, us + reach_us
 
 
-def _limits(channel: str, one: int, other: int, one_name: str, other_name: str) -> dict[tuple[str | int, ...], object]:
-    """Both ends of a channel, and hard limits at them."""
-    place = ("pulses", channel)
-    return {
-        (*place, one_name): one,
-        (*place, other_name): other,
-        (*place, "min_us"): min(one, other),
-        (*place, "max_us"): max(one, other),
-    }
+def _ends(guided: Guided, channel: str, **ends_us: int) -> dict[tuple[str | int, ...], object]:
+    """Both ends of a channel, and its hard limits.
+
+    A limit that stood at an end goes with it. One that somebody set elsewhere stays: where an end lies beyond it, the
+    person decides which of the two gives way.
+    """
+    pulses = getattr(guided.car.calibration, channel)
+    limits = {}
+    for name, outer in (("min_us", min), ("max_us", max)):
+        limit, end = getattr(pulses, name), outer(ends_us.values())
+        follows = limit == outer(getattr(pulses, each) for each in ends_us)
+        if follows or (
+            outer(limit, end) != limit and guided.person.agrees(_CONFLICT.format(end, channel, name, limit))
+        ):
+            limits[name] = limit = end
+        inner = max if outer is min else min
+        ends_us = {each: inner(us, limit) for each, us in ends_us.items()}
+    return {("pulses", channel, name): us for name, us in {**ends_us, **limits}.items()}
 
 
 BOARD_STEPS = (

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from pathlib import Path
 
+from tral_env.calibration.camera_info import LENSES
 from tral_env.errors import CalibrationError, ConfigError, HardwareError
 from tral_env.geometry import WHEEL_RADIUS_M
 from tral_env.hardware.bringup.adjust import asked_number
@@ -140,18 +143,27 @@ def camera(guided: Guided) -> Found:
     person.say(f"Calibrate its lens, in another terminal: tral calibrate {_source(options.device)} --out runs/lens")
     while True:
         path = person.ask("Path of the lens file, such as runs/lens/camera_info.yaml [q: later]", keep_case=True)
+        lens = _seen_from(guided.file.path, path)
         try:
-            _tried(guided, path)
+            _tried(guided, lens)
         except (CalibrationError, ConfigError) as error:
             person.say(f"  {error}")
             continue
-        return {("camera", "lens"): path}
+        return {("camera", "lens"): lens}
+
+
+def _seen_from(file: Path, typed: str) -> str:
+    """A path that a person typed, which begins at the folder of the terminal, as the car file has it: from its own."""
+    if typed in LENSES:
+        return typed
+    return os.path.relpath(Path(typed).expanduser().resolve(), file.resolve().parent)
 
 
 def _tried(guided: Guided, path: str) -> None:
     """Read a lens, as the car will; its path begins at the car file."""
     assert guided.car.camera is not None
-    replace(guided.car.camera, lens=str(guided.file.path.parent / path)).calibrated()
+    lens = path if path in LENSES else str(guided.file.path.parent / path)
+    replace(guided.car.camera, lens=lens).calibrated()
 
 
 def _source(device: int | str) -> str:

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
 
+from tral_env.atomic import write_bytes
 from tral_env.checks import one_of
+from tral_env.errors import ConfigError
+from tral_env.hardware.car_file import NO_SENSORS, parse_car
 
 _HEAD = """\
 # The car file of one car. `tral car calibrate {path}` fills in what has to be measured, and `tral car check {path}`
@@ -40,6 +45,8 @@ period_us = 17430           # time from pulse to pulse
 driver = "board2016"
 port = "/dev/ttyUSB0"       # a name in /dev/serial/by-id stays the same
 # baud = 115200
+# steering_reversed = false # true: each steering is sent with the other sign
+# throttle_reversed = false # true: each throttle is sent with the other sign
 """,
     "ucboard": """\
 [board]
@@ -47,6 +54,8 @@ port = "/dev/ttyUSB0"       # a name in /dev/serial/by-id stays the same
 driver = "ucboard"
 port = "/dev/ttyUSB0"       # a name in /dev/serial/by-id stays the same
 # baud = 921600             # 115200 at its RS-232 plug
+# steering_reversed = false # true: each steering is sent with the other sign
+# throttle_reversed = false # true: each throttle is sent with the other sign
 """,
     "log": """\
 [board]
@@ -185,18 +194,52 @@ def car_text(
     Args:
         name: which car this is.
         board: name of its board.
-        sensors: names of its sensors; None: those that usually go with the board.
+        sensors: names of its sensors, or "none"; None: those that usually go with the board.
         camera: whether it has one.
         path: where the file will stand, for its comments.
 
     Raises:
-        ConfigError: no board or sensor of this package has such a name, or the name has quotes in it.
+        ConfigError: no board or sensor of this package has such a name, a sensor is named twice, or the name of the car
+            or its file is empty or no single line.
     """
     one_of("board", board, _BOARDS)
     chosen = BOARD_SENSORS[board] if sensors is None else tuple(sensors)
     for sensor in chosen:
-        one_of("sensor", sensor, _SENSORS)
+        one_of("sensor", sensor, (*_SENSORS, NO_SENSORS))
+    if len(set(chosen)) < len(chosen):
+        raise ConfigError(f"sensors {', '.join(chosen)}: one is named twice, and two drivers cannot share a device")
+    if NO_SENSORS in chosen:
+        if len(chosen) > 1:
+            raise ConfigError(f"sensors {', '.join(chosen)}: '{NO_SENSORS}' stands alone")
+        chosen = ()
+    for what, line in (("name", name), ("path", path)):
+        if not line.strip() or not line.isprintable():
+            raise ConfigError(f"{what} = {line!r}: expected a line of text that can be read")
     quoted = name.replace("\\", "\\\\").replace('"', '\\"')
     listed = "".join(_SENSORS[sensor] for sensor in chosen) or '\n# No [[sensors]]: every reading is "nothing seen".\n'
     parts = (_HEAD.format(name=quoted, path=path), "\n", _BOARDS[board], _PULSES, listed, _CAMERA if camera else "")
     return "".join(parts) + _REST
+
+
+def write_car(path: Path, name: str = "car", *, force: bool = False, **options: Any) -> None:
+    """Write a car file to begin with.
+
+    Args:
+        path: of the file.
+        name: which car this is.
+        force: whether a file that is there may be replaced.
+        **options: see `car_text`.
+
+    Raises:
+        ConfigError: the file is there already, cannot be written, or would be no car.
+    """
+    if path.exists() and not force:
+        raise ConfigError(f"{path} is there already: choose another name, or --force")
+    text = car_text(name, path=str(path), **options)
+    parse_car(text, str(path), path.parent)
+    if not path.parent.is_dir():
+        raise ConfigError(f"cannot write '{path}': there is no folder '{path.parent}'")
+    try:
+        write_bytes(path, text.encode())
+    except OSError as error:
+        raise ConfigError(f"cannot write '{path}': {error}") from error
