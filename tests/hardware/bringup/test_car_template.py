@@ -13,6 +13,7 @@ from tral_env.hardware.actuator.settings import Limits
 from tral_env.hardware.bringup.template import BOARD_SENSORS, car_text
 from tral_env.hardware.camera_options import CameraOptions
 from tral_env.hardware.car_file import BatteryLimits, parse_car
+from tral_env.hardware.faults import FaultLimits
 from tral_env.hardware.sensor_drivers import SENSORS
 
 
@@ -44,6 +45,8 @@ def test_every_option_stands_in_it() -> None:
     named = set(re.findall(r"^(\w+) =", text, re.MULTILINE))
     for kind in (*BOARDS.values(), *SENSORS.values(), CameraOptions, Limits, BatteryLimits):
         assert {each.name for each in fields(kind)} <= named, kind  # type: ignore[arg-type]
+    in_battery = {"battery_empty_v", "battery_low_v"}
+    assert {each.name for each in fields(FaultLimits)} - in_battery <= named
 
 
 def test_a_name_may_have_quotes_in_it() -> None:

@@ -167,6 +167,25 @@ max_throttle = 0.4          # raise it when you trust the car; 1 is full throttl
 # warn_v = 6.6              # tell the driver
 # stop_v = 6.0              # stop the car
 
+[faults]
+# What else stops the car while it drives; docs/safety.md explains each. "off" switches a law off.
+# standstill_s = 2.0        # told to drive for so long without motion
+# moving_mps = 0.08         # a car that reads less does not move
+# driving_throttle = 0.11   # more throttle than this tells it to drive
+# blind_m = 0.6             # should have driven so far without a tick of the hall sensor
+# silent_s = 0.5            # an ultrasonic says nothing for this long
+# frozen_m = 2.0            # an ultrasonic says the same over this way ...
+# frozen_cm_m = 6.0         # ... or this one, if its ranges are whole centimetres ...
+# frozen_echoes = 10        # ... and in so many echoes
+# image_s = 0.5             # the newest image is so old
+# reaction_s = 0.1          # from an echo that is too near to the next pulse
+# rolling_share = 0.6       # share of the rolling-out way that counts where nothing brakes
+# echoes = 2                # so many echoes have to be too near
+# battery_s = 2.0           # the voltage is a mean over this time
+# retries = 10              # warn of so many transactions tried again ...
+# late_share = 0.2          # ... or of this share of late ticks ...
+# window_s = 10.0           # ... within this time
+
 [calibrated]
 # The days on which the steps of the calibration were done. `tral car calibrate` writes them; delete a line to repeat.
 """
