@@ -37,7 +37,7 @@ from tral_fsm.evaluation.host import host
 RESULTS = Path(__file__).parent / "results" / "recorder.json"
 IMAGE_EVERY = 5
 """An image comes every so many ticks: 16 in a second."""
-LONGEST_S = 3.0
+MAX_RUN_S = 3.0
 """A process lives so long at most before it is killed."""
 
 
@@ -130,7 +130,7 @@ def kills(drive: dict[str, NDArray[Any]], folder: Path, count: int, seed: int) -
     """Kill a recording process at random moments."""
     drive_file = folder / "drive.npz"
     np.savez(drive_file, **{**drive, "images": drive["images"][:4]})
-    moments = np.random.default_rng(seed).uniform(0.0, LONGEST_S, count)
+    moments = np.random.default_rng(seed).uniform(0.0, MAX_RUN_S, count)
     told = [kill(drive_file, folder, float(moment)) for moment in moments]
     lost = [one["lost_s"] for one in told if "lost_s" in one]
     return {

@@ -33,6 +33,7 @@ from tral_fsm.learning.start import begin_with
 from tral_fsm.learning.teacher import Samples, Student, TeacherSettings, teacher_settings
 from tral_fsm.learning.validation import Score, Validation
 from tral_fsm.policies.corrected import CorrectedPolicy
+from tral_fsm.policies.trained import path_of
 
 SMALL: dict[str, dict[str, Any]] = {
     "teacher": {"cars": 3, "layers": [8], "round_decisions": 8, "round_updates": 2, "batch": 16, "samples": 200},
@@ -158,7 +159,8 @@ class TestGoingOnFromAPolicy:
             settings_for(request)
 
     def test_it_may_be_a_packaged_one(self) -> None:
-        settings_for(TrainRequest(algo="ppo", scenarios=("corners",), steps=1, start="student"))
+        settings = settings_for(TrainRequest(algo="ppo", scenarios=("corners",), steps=1, start="student"))
+        assert settings.learner == load_network(path_of("student")).learner
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,7 @@ class I2cBus:
         """Wire chips together."""
         self._chips = tuple(chips)
         self.lock = threading.Lock()
-        """Held during a transaction; who changes a chip from outside holds it too."""
+        """Held during a transaction; a thread that changes a chip from outside holds it too."""
         self.faults: dict[str, Fault] = {}
         """Faults that are asked before each transaction, by name."""
         self.powered = True

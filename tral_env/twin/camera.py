@@ -84,7 +84,7 @@ def exposure_ns(jpeg: bytes) -> int | None:
 
 
 class Frames:
-    """The newest image, and who waits for it."""
+    """The newest image, and the threads that wait for it."""
 
     def __init__(self) -> None:
         """No image yet."""

@@ -29,7 +29,7 @@ BOARD_CADENCE_S = 0.07
 EMPTY_BATTERY_V = 4.5
 """A battery that sags ends here, V."""
 _CAR = {"sonar_cadence_s": CONTROL_PERIOD_S, "sonar_together": 1.0}
-"""The simulated sonars range in each tick: whoever fires gets the next ranging."""
+"""The simulated sonars range in each tick: a sonar that fires gets the next ranging."""
 
 
 class _EdgeLog(EdgeSpeed):
@@ -100,7 +100,7 @@ class TwinCar:
 
     @property
     def qpos(self) -> Array:
-        """State of the car, for who renders it."""
+        """State of the car, to be rendered."""
         state: Array = self._world.sim.physics.qpos[0].copy()
         return state
 

@@ -52,7 +52,7 @@ class EdgeEvent:
 
 
 class HallPin:
-    """The twin's end: who connects to the socket hears each edge from then on."""
+    """The twin's end: a program that connects to the socket hears each edge from then on."""
 
     def __init__(self, path: Path, offset: int = 17) -> None:
         """Listen.

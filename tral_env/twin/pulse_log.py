@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 
 class PulseLog:
-    """The pulses of a board since the last look: who sends them notes each change."""
+    """The pulses of a board since the last look: the board's model notes each change."""
 
     def __init__(self, read: Callable[[], tuple[float, float]], clock: Callable[[], float]) -> None:
         """Begin with what stands now.

@@ -64,7 +64,7 @@ _MOTOR_LEVELS, _STEERING_LEVELS = 10, 50
 class Board2016:
     """The board of 2016. Ranges are in centimetres, the battery in mV (both: choice).
 
-    A range stands in one frame after its ranging; in the others, and without an echo, it is 0, which who reads it takes
+    A range stands in one frame after its ranging; in the others, and without an echo, it is 0, which a reader takes
     for "as before". So a repeated range is not taken for a new one.
     """
 

@@ -72,7 +72,7 @@ class SerialPort:
             self._link.symlink_to(os.ttyname(self._slave))
 
     def unplug(self) -> None:
-        """Take the port away: who reads it gets an error."""
+        """Take the port away: a program that reads it gets an error."""
         with self._lock:
             if self._master is None:
                 return

@@ -19,7 +19,7 @@ from tral_env.options import CorridorConfig
 SLOWEST_HZ, FASTEST_HZ = 24.0e6, 28.7e6
 """Clocks of PCA9685 boards that owners measured."""
 BOARDS = ("pca9685", "sysfs-pwm", "board2016", "ucboard")
-"""Who sends the pulses to servo and motor controller: the PWM board, the kernel's PWM chip, or a serial board."""
+"""What sends the pulses to servo and motor controller: the PWM board, the kernel's PWM chip, or a serial board."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,7 @@ class TwinSettings:
     """Which pulses servo and motor controller take for left, straight, right, forward, neutral, reverse: the name of a
     packaged calibration or the path of a file. Of that file they know no clock."""
     board: str = "pca9685"
-    """Who is wired to servo and motor controller: one of `BOARDS`."""
+    """What is wired to servo and motor controller: one of `BOARDS`."""
     bus: int | None = 7
     """Number N of the bus: root gets a link /dev/i2c-N to its file. None: no link."""
     files: bool = True

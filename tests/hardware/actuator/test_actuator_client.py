@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
-from rig import NEUTRAL, Clock, FakeBoard, settings
+from rig import NEUTRAL, OFF, Clock, FakeBoard, settings
 
 from tral_env.errors import HardwareError, MissingExtraError
 from tral_env.hardware.actuator import client
@@ -191,6 +191,7 @@ def test_a_process_that_ended_the_pulses_and_lingers_is_no_alarm(process: type[T
     actuator = ActuatorProcess(settings())
     process.lingers = True
     actuator.close()
+    assert process.board.stands == OFF
 
 
 def test_a_copy_of_the_socket_in_a_fork_does_not_keep_the_process(process: type[Thread]) -> None:
@@ -244,6 +245,8 @@ def test_a_silence_is_resumed(process: type[Thread]) -> None:
         time.sleep(0.6)
         actuator.resume()
         drive(actuator, 0.1)
+        assert actuator.reply is not None
+        assert actuator.reply.state is State.ARMED
 
 
 @pytest.mark.parametrize("found", [None, "/user/lib/smbus2/__init__.py"])
