@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.arrays import ALONE, pick
+from tral_env.arrays import number
 from tral_env.config import CarConfig
 from tral_env.errors import ConfigError, HardwareError
 from tral_env.hardware.camera_options import CameraOptions
@@ -90,7 +90,7 @@ class Camera(Physical):
             raise HardwareError(f"the camera {self._options.device} failed: {failure}") from failure
         if waited_s > _PATIENCE_S + self._options.latency_s:
             raise HardwareError(f"the camera {self._options.device} has given no image for {waited_s:.1f} s")
-        return {name: float(pick(value, ALONE)) for name, value in readings.items()}
+        return {name: float(number(value)) for name, value in readings.items()}
 
     @property
     def image_times(self) -> ImageTimes:

@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.arrays import ALONE, pick
+from tral_env.arrays import number
 from tral_env.config import HallConfig
 from tral_env.hardware.physical import Physical
 from tral_env.sensors.hall import EdgeSpeed
@@ -189,7 +189,7 @@ class HallCounter(Physical):
         """Give the distance since the start, m, and the speed, m/s, at a time, s."""
         with self._lock:
             distance, speed = self._edges.distance, self._edges.speed(now)
-        return {"distance": float(pick(distance, ALONE)), "speed": float(pick(speed, ALONE))}
+        return {"distance": float(number(distance)), "speed": float(number(speed))}
 
     def stop(self) -> None:
         """Do nothing: the program that watches the pin owns it."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tral_env.arrays import ALONE, Array, is_any, pick
+from tral_env.arrays import Array, is_any, number
 from tral_env.config import HallConfig
 from tral_env.course.plan import Plan
 from tral_env.interface import CONTROL_PERIOD_S, NO_ECHO_M
@@ -41,7 +41,7 @@ class _EdgeLog(EdgeSpeed):
 
     def edge(self, counted: Any, when: Any) -> None:
         if is_any(counted):
-            self.new.append(float(pick(when, ALONE)))
+            self.new.append(float(number(when)))
         super().edge(counted, when)
 
 
