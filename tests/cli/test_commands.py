@@ -14,6 +14,7 @@ from typer.testing import CliRunner, Result
 
 import tral_env
 from tral_env.course.generate import SCENARIOS
+from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, example_names, example_path
 from tral_env.env import TralCorridorEnv
 from tral_env.errors import SimulationError
@@ -109,6 +110,7 @@ def test_a_course_file_is_driven_under_its_name(driven: tuple[Path, Result]) -> 
         (["courses", "--out", "a.json"], "a course file holds one course, so --scenario or --course is needed"),
         (["courses", "--course", "l_shap"], "did you mean 'l_shape'?"),
         (["courses", "--course", "ring", "--scenario", "loop"], "expected one of them"),
+        (["courses", "--course", "ring", "--seed", "7"], "--seed 7 and --course ring: expected one of them"),
         (["courses", "--course", "ring", "--out", "a.bmp"], "got suffix '.bmp': Allowed: .png, .json"),
         (["drive", "--course", "l_shap"], "did you mean 'l_shape'?"),
         (
@@ -212,6 +214,22 @@ def test_physics_that_become_unstable_are_a_failed_episode_and_not_bad_usage(
 def test_courses_lists_every_family_with_what_it_is() -> None:
     listed = " ".join(tral("courses").stdout.split())
     assert all(name in listed for name in SCENARIOS)
+
+
+def test_courses_of_a_seed_are_told_without_a_picture() -> None:
+    told = tral("courses", "--seed", 7, "--scenario", "gates")
+    assert told.exit_code == 0
+    course = seeded_course("gates", 7)
+    gates = sum(len(segment.gates) for segment in course.segments)
+    row = next(line for line in told.stdout.splitlines() if line.startswith("│ gates"))
+    assert [cell.strip() for cell in row.strip("│").split("│")] == [
+        "gates", f"{build_plan(course).length:.1f} m", "0", "0", "0", "0", str(gates),
+    ]  # fmt: skip
+    assert "tral courses --scenario gates --seed 7 --out gates.png" in told.stdout
+    every = tral("courses", "--seed", 7).stdout
+    assert all(f"│ {name} " in every for name in SCENARIOS)
+    assert tral("courses", "--seed", 8).stdout != every
+    assert tral("courses", "--seed", 7, "--randomization", "hard").stdout != every
 
 
 @pytest.mark.parametrize("randomization", ["default", "hard"])

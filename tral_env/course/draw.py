@@ -21,6 +21,9 @@ COLOURS = {"wall": "#8c959d", "door": "#b5651d", "frame": "#3f4750", "obstacle":
 SIGN_TEXTS = {marker: "straight on" if turn == "straight" else turn for turn, marker in TURN_MARKER_IDS.items()}
 """A sign tells this turn, by the id of its marker."""
 
+_OPEN_M = 3.0
+"""So far the goal line is drawn where no wall ends it, m."""
+
 
 def draw_figure(plan: Plan, title: str = "", width: float = 8.0) -> Figure:
     """Draw a plan into a figure of its own, as high as the course needs.
@@ -93,7 +96,22 @@ def _draw_markers(plan: Plan, ax: Axes) -> None:
 def _draw_ends(plan: Plan, ax: Axes) -> None:
     x, y, yaw = plan.start
     ax.plot(x, y, marker=(3, 0, np.degrees(yaw) - 90), markersize=9, color="#2e7d32", zorder=5)
+    ax.plot(*goal_line(plan).T, color="#d32f2f", linewidth=2.5, zorder=4, label="goal")
+
+
+def goal_line(plan: Plan) -> Array:
+    """Ends (2, 2) [m], right and left, of the line that counts as the goal: square to the route, from wall to wall."""
     along = plan.route[-1] - plan.route[-2]
-    across = 0.4 * np.array([-along[1], along[0]]) / np.linalg.norm(along)
-    ends = np.stack([plan.route[-1] - across, plan.route[-1] + across])
-    ax.plot(*ends.T, color="#d32f2f", linewidth=2.5, zorder=4, label="goal")
+    left = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+    return np.stack([plan.route[-1] + way * _room(plan, way) for way in (-left, left)])
+
+
+def _room(plan: Plan, way: Array) -> float:
+    """Distance from the end of the route to the first box that way, a unit vector (2,), m."""
+    off, half = plan.route[-1] - plan.box_position[:, :2], plan.box_size[:, :2]
+    start, step = rotate_n(-plan.box_yaw, off), rotate_n(-plan.box_yaw, np.broadcast_to(way, off.shape))
+    step = np.where(np.abs(step) < 1e-9, 1e-9, step)  # along a face: its two crossings lie far away
+    crossings = np.sort(np.stack([(-half - start) / step, (half - start) / step]), axis=0)
+    enters, leaves = crossings[0].max(axis=1), crossings[1].min(axis=1)
+    ahead = enters[(enters <= leaves) & (enters >= 0.0)]
+    return float(ahead.min(initial=_OPEN_M))

@@ -77,9 +77,14 @@ def refuse_both(context: typer.Context, one: str, other: str) -> None:
     Raises:
         ConfigError: both were given.
     """
-    given = [context.get_parameter_source(name) for name in (one, other)]
-    if all(source is not None and source.name == "COMMANDLINE" for source in given):
+    if was_given(context, one) and was_given(context, other):
         raise ConfigError(f"--{one} {context.params[one]} and --{other} {context.params[other]}: expected one of them")
+
+
+def was_given(context: typer.Context, option: str) -> bool:
+    """Whether an option, without its dashes, stands on the command line."""
+    source = context.get_parameter_source(option)
+    return source is not None and source.name == "COMMANDLINE"
 
 
 _BAD_FILES = (SimulationError, BadFileError, FormatError, CourseError, PolicyError, PolicyFileError, CalibrationError)

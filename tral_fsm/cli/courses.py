@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tral_env.errors import ConfigError
+from tral_fsm.cli.console import refuse_both, was_given
 from tral_fsm.cli.files import suffix_of
 from tral_fsm.evaluation.choices import check_families
 from tral_fsm.evaluation.files import prepare_folder, write_figure
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from rich.table import Column
 
     from tral_env.course.layout import Course
     from tral_env.course.plan import Plan
@@ -22,8 +25,9 @@ _SUFFIXES = (".png", ".json")
 
 
 def command(
+    context: typer.Context,
     scenario: Annotated[str | None, typer.Option(help="Family of courses; default: all.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the course of a family.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the course of a family; it is told, drawn or written.")] = 0,
     course: Annotated[
         str | None, typer.Option(help="One course instead: its name, or a course file. It is checked.")
     ] = None,
@@ -34,7 +38,7 @@ def command(
         Path | None, typer.Option(dir_okay=False, help="Draw the course into this .png, or write it into this .json.")
     ] = None,
 ) -> None:
-    """List families and courses, check a course file, draw courses, or write a course file.
+    """List families and courses, tell or draw the courses of a seed, check a course file, or write one.
 
     A seed gives the same course here as in `tral drive` with the same `--randomization`.
     """
@@ -43,23 +47,63 @@ def command(
     hard = level(randomization).hard_courses
     if scenario is not None:
         check_families([scenario])
+    for option in ("scenario", "seed", "randomization"):
+        refuse_both(context, option, "course")
     if course is not None:
-        if scenario is not None:
-            raise ConfigError(f"--course {course} and --scenario {scenario}: expected one of them")
         _one(course, out)
-    elif out is None:
+    elif out is None and not was_given(context, "seed") and not was_given(context, "randomization"):
         _list(scenario)
-    elif suffix_of(out, _SUFFIXES) == ".json":
+    elif out is not None and suffix_of(out, _SUFFIXES) == ".json":
         if scenario is None:
             raise ConfigError(f"--out {out}: a course file holds one course, so --scenario or --course is needed")
         _save(seeded_course(scenario, seed, hard=hard), out)
     else:
         from tral_env.course.generate import SCENARIOS
-        from tral_env.course.geometry import build_plan
 
         families = [scenario] if scenario else list(SCENARIOS)
         drawn = {family: seeded_course(family, seed, hard=hard) for family in families}
-        _draw({f"{family}, seed {seed}": build_plan(one) for family, one in drawn.items()}, out)
+        if out is None:
+            _tell(drawn, seed)
+        else:
+            _draw_families(drawn, seed, out)
+
+
+def _tell(courses: Mapping[str, Course], seed: int) -> None:
+    """A line for the course of each family: its route, and how many of each thing are in it."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from tral_env.course.geometry import build_plan
+
+    table = Table("family", *(_column(each) for each in ("route", *_COUNTED)), title_justify="left")
+    table.title = f"Courses of seed {seed}"
+    for family, course in courses.items():
+        table.add_row(family, f"{build_plan(course).length:.1f} m", *map(str, _counts(course)))
+    Console().print(table)
+    typer.echo(f"Draw one: tral courses --scenario {family} --seed {seed} --out {family}.png")
+    typer.echo(f"Drive one: tral drive --scenario {family} --seed {seed}")
+
+
+_COUNTED = ("turns", "doors", "cupboards", "boxes", "gates")
+
+
+def _counts(course: Course) -> list[int]:
+    """Number of each of `_COUNTED`."""
+    turns = sum(segment.then in ("left", "right") for segment in course.segments)
+    things = ("doors", "cupboards", "obstacles", "gates")
+    return [turns, *(sum(len(getattr(segment, name)) for segment in course.segments) for name in things)]
+
+
+def _column(name: str) -> Column:
+    from rich.table import Column
+
+    return Column(name, justify="right")
+
+
+def _draw_families(courses: Mapping[str, Course], seed: int, out: Path) -> None:
+    from tral_env.course.geometry import build_plan
+
+    _draw({f"{family}, seed {seed}": build_plan(one) for family, one in courses.items()}, out)
 
 
 def _list(scenario: str | None) -> None:
@@ -70,6 +114,7 @@ def _list(scenario: str | None) -> None:
     if scenario is None:
         examples = {name: Course.load(example_path(name)).description for name in example_names()}
         _table("name", "Courses with a name", examples)
+    typer.echo("Tell one: tral courses --scenario office --seed 7")
     typer.echo("Draw one: tral courses --scenario office --seed 7 --out office.png")
     if scenario is None:
         typer.echo("Drive one: tral drive --course l_shape")
