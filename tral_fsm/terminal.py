@@ -73,6 +73,11 @@ class StatusLine:
         """Write a line that stays."""
         self._write(f"\r\x1b[K{text}\n" if self._is_terminal else f"{text}\n")
 
+    def clear(self) -> None:
+        """Remove the line of the moment, so that another stream can write on the terminal."""
+        if self._is_terminal:
+            self._write("\r\x1b[K")
+
     def _columns(self) -> int:
         try:
             return os.get_terminal_size(self._file).columns or _COLUMNS

@@ -104,6 +104,47 @@ def test_a_video_is_told_when_its_markers_change(tmp_path: Path) -> None:
     assert [[marker["id"] for marker in record["markers"]] for record in records] == [[8, 9], [40]]
 
 
+def video_of(images: list[np.ndarray], path: Path) -> Path:
+    video = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 10, (640, 480))
+    for image in images:
+        video.write(image)
+    video.release()
+    return path
+
+
+def test_a_reason_is_sought_only_where_the_markers_change(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    looked: list[int] = []
+    monkeypatch.setattr(
+        "tral_env.perception.sight.look", lambda image, lens=None: looked.append(1) or look(image, lens)
+    )
+    empty, half = photograph([]), photograph(GATE[:1])
+    result = tral(video_of([empty] * 5 + [half] * 5 + [empty] * 2, tmp_path / "v.avi"), "--every", 1)
+    assert result.exit_code == 0
+    assert len(looked) == 3
+    assert "v.avi:5:\n  marker 8: gate 4, left" in result.stdout
+
+
+def test_at_the_end_of_a_video_it_is_told_how_far_it_was_looked_at(tmp_path: Path) -> None:
+    result = tral(video_of([photograph(GATE)] * 7, tmp_path / "v.avi"), "--every", 3, "--json")
+    assert len(result.stdout.splitlines()) == 1
+    assert f"{tmp_path / 'v.avi'}: frame 7 of 7; looked at 3, 3 with markers, " in result.stderr
+
+
+def test_ctrl_c_ends_a_video_and_keeps_what_was_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = video_of([photograph(GATE)] * 7, tmp_path / "v.avi")
+
+    def watched(*_: object) -> Iterator[tuple[str, np.ndarray]]:
+        yield f"{path}:0", photograph(GATE)
+        yield f"{path}:5", photograph(GATE)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tral_env.calibration.image_sources.read_images", watched)
+    result = tral(path)
+    assert result.exit_code == 0
+    assert "marker 8" in result.stdout
+    assert f"Stopped. {path}: frame 6 of 7; looked at 2, 2 with markers, " in result.stderr
+
+
 def test_images_with_a_colon_in_their_names_are_all_told(tmp_path: Path) -> None:
     for name in ("a:1.png", "a:2.png"):
         cv2.imwrite(str(tmp_path / name), photograph(GATE))

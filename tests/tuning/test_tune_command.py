@@ -216,6 +216,7 @@ def test_a_step_and_margins_are_shown_for_states_that_follow_a_wall(tmp_path: Pa
 HEARS_CTRL_C = """
 import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 from tral_fsm.cli import app
 app()
 """
@@ -223,7 +224,11 @@ app()
 
 
 @pytest.mark.slow
-def test_ctrl_c_ends_it_at_once_and_keeps_what_was_found(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("sent", "code"),
+    [(signal.SIGINT, 130), (signal.SIGTERM, 128 + signal.SIGTERM), (signal.SIGHUP, 128 + signal.SIGHUP)],
+)
+def test_a_signal_ends_it_at_once_and_keeps_what_was_found(tmp_path: Path, sent: signal.Signals, code: int) -> None:
     machine = file_of(blind(0.5, 1.0), tmp_path)
     arguments = ["--policy", machine, "--params", PARAMS, "--seeds", "0:2", "--population", 4, "--processes", 2]
     process = subprocess.Popen(
@@ -235,11 +240,12 @@ def test_ctrl_c_ends_it_at_once_and_keeps_what_was_found(tmp_path: Path) -> None
     while not study.exists() or len(study.read_text().splitlines()) < 3:
         with pytest.raises(subprocess.TimeoutExpired):
             process.wait(timeout=0.1)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(sent)
     _, said = process.communicate(timeout=20)
-    assert process.returncode == 130
+    assert process.returncode == 128 + sent
     assert f"{STUDY} keeps the study: the same command with --resume goes on." in said
     assert "Traceback" not in said
+    assert "leaked" not in said
     assert load(tmp_path / "machine.json").states
 
 

@@ -50,6 +50,17 @@ def _expand(source: str) -> list[str]:
     return found
 
 
+def frame_count(source: str) -> int:
+    """Number of frames that a video says it has; 0 for an image, a camera, or a video that does not say."""
+    if Path(source).suffix.lower() not in VIDEOS:
+        return 0
+    capture = cv2.VideoCapture(source)
+    try:
+        return max(int(capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0) if capture.isOpened() else 0
+    finally:
+        capture.release()
+
+
 def read_images(sources: Sequence[str], every: int = 1) -> Iterator[tuple[str, Image | None]]:
     """Read images one after the other: name and (h, w, 3) BGR; None for an image or video that cannot be read.
 

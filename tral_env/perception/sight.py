@@ -65,8 +65,19 @@ class Sight:
     """What is wrong and what to do about it, a sentence each."""
 
 
+def seen_ids(image: NDArray[np.uint8]) -> tuple[int, ...]:
+    """Ids of the markers in an image, ascending: what `look` finds, many times as fast where it would seek a reason.
+
+    Args:
+        image: (h, w) grey or (h, w, 3) RGB, uint8.
+    """
+    return tuple(sorted(Detector().detect(image).ids.tolist()))
+
+
 def look(image: NDArray[np.uint8], lens: CameraConfig | None = None) -> Sight:
     """Find markers and gates in an image, and tell what is wrong with them.
+
+    It takes long where no marker or half a gate is seen: it tries all dictionaries then.
 
     Args:
         image: (h, w) grey or (h, w, 3) RGB, uint8.

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from tral_fsm.cli.console import FAILED
+from tral_fsm.evaluation.ending import ToldToEnd
 from tral_fsm.programs.compare import PAGE, run, without_paths
 from tral_fsm.terminal import print_figures
 
@@ -43,8 +44,10 @@ def command(
     """
     try:
         shown = run(policies, suite, out, courses=courses, seed=seed, processes=processes, videos=videos)
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stopped:
         typer.echo(f"Stopped. The drives that have ended are in {out}; the same command goes on.", err=True)
+        if isinstance(stopped, ToldToEnd):
+            raise
         raise typer.Exit(FAILED) from None
     if as_json:
         typer.echo(json.dumps(without_paths(shown), indent=2, allow_nan=False))

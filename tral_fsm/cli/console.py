@@ -27,6 +27,7 @@ from tral_env.errors import (
     UnreadableCourseError,
 )
 from tral_fsm.definition.checks import FormatError
+from tral_fsm.evaluation.ending import ToldToEnd, ending_cleanly
 
 FAILED, BAD_USAGE, MACHINE_LACKS = 1, 2, 3
 """Exit codes: an episode failed or a file is bad, the usage is bad, the computer lacks something."""
@@ -44,9 +45,12 @@ class Guarded(TyperGroup):
         return super().main(*args, **kwargs)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command; at a `TralError` leave with its exit code."""
+        """Run the command; at a `TralError`, SIGTERM or SIGHUP leave with its exit code."""
         try:
-            return super().invoke(ctx)
+            with ending_cleanly():
+                return super().invoke(ctx)
+        except ToldToEnd as told:
+            raise typer.Exit(told.exit_code) from None
         except TralError as error:
             typer.secho("Error: ", err=True, fg="red", bold=True, nl=False)
             typer.echo(str(error), err=True)

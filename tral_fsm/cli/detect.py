@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,14 +15,21 @@ import typer
 from tral_env.errors import ConfigError
 from tral_fsm.cli.console import FAILED
 from tral_fsm.cli.files import suffix_of
+from tral_fsm.evaluation.ending import ToldToEnd
 from tral_fsm.evaluation.files import prepare_folder
+from tral_fsm.terminal import StatusLine
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import numpy as np
     from numpy.typing import NDArray
 
     from tral_env.config import CameraConfig
     from tral_env.perception.sight import Place, Sight
+
+    Named = tuple[str, NDArray[np.uint8] | None]
+    """Name of an image or frame, and its pixels (h, w, 3) BGR; None: it cannot be read."""
 
 _PICTURES = (".png", ".jpg", ".jpeg")
 
@@ -48,8 +56,8 @@ def command(
 ) -> None:
     """Tell which markers and gates an image shows, where, and what is wrong with them.
 
-    Of a video or a camera, a frame is told if its markers are other ones than those of the frame before. The exit code
-    is 0 if any marker was seen, else 1.
+    Of a video or a camera, a frame is told if its markers are other ones than those of the frame before. Ctrl-C ends
+    it and keeps what was told. The exit code is 0 if any marker was seen, else 1.
     """
     from tral_env.calibration.camera_info import load_lens
     from tral_env.calibration.image_sources import find_sources, read_images
@@ -62,24 +70,86 @@ def command(
     if out:
         for number in range(1, len(found) + 1):
             _require_new(_picture(out, number), originals)
-    drawn, seen_any = 0, False
-    before: tuple[str, tuple[int, ...]] = "", ()
-    with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C is the usual end of a camera
-        for name, image in read_images(found, every):
+    drawn, progress = 0, _Progress()
+    try:
+        for name, image in _changes(read_images(found, every), progress):
             sight = _looked_at(image, camera)
-            video, _, frame = name.rpartition(":")
-            now = video if frame.isdigit() else "", tuple(sorted(marker.id for marker in sight.markers))
-            if now == before and now[0]:
-                continue
-            before, seen_any = now, seen_any or bool(sight.markers)
+            progress.clear()
             typer.echo(json.dumps(_record(name, sight)) if as_json else _text(name, sight))
             if out and image is not None:
                 drawn += 1
                 picture = _picture(out, drawn)
                 _require_new(picture, originals)  # a video gives more pictures than there are sources
                 _draw(image, sight, picture, quiet=as_json)
-    if not seen_any:
+    except KeyboardInterrupt as stopped:  # Ctrl-C is the usual end of a camera
+        progress.end(is_stopped=True)
+        if isinstance(stopped, ToldToEnd):
+            raise
+    else:
+        progress.end()
+    if not progress.seen_any:
         raise typer.Exit(FAILED)
+
+
+def _changes(images: Iterator[Named], progress: _Progress) -> Iterator[Named]:
+    """All images, but of a video or a camera only the frames whose markers differ from those of the frame before."""
+    from tral_env.perception.sight import seen_ids
+
+    before: tuple[str, tuple[int, ...]] = "", ()
+    for name, image in images:
+        ids = () if image is None else seen_ids(image[..., ::-1].copy())
+        video = progress.count(name, bool(ids))
+        if (video, ids) != before or not video:
+            yield name, image
+        before = video, ids
+
+
+class _Progress:
+    """How far a video is, on the line of the moment of a terminal; and what to say at its end."""
+
+    def __init__(self) -> None:
+        self.seen_any = False
+        """Whether any marker was seen."""
+        self._line = StatusLine(sys.stderr.fileno(), time.monotonic, math.inf) if sys.stderr.isatty() else None
+        self._begin, self._looked, self._with_markers = time.monotonic(), 0, 0
+        self._video, self._frame, self._frames = "", 0, 0
+
+    def count(self, name: str, has_markers: bool) -> str:
+        """Count an image, and give the name of its video or camera; empty: it is no frame of one."""
+        from tral_env.calibration.image_sources import frame_count
+
+        self.seen_any = self.seen_any or has_markers
+        video, _, frame = name.rpartition(":")
+        if not frame.isdigit():
+            return ""
+        if video != self._video:
+            self._video, self._frames = video, frame_count(video)
+        self._frame = int(frame) + 1
+        self._looked += 1
+        self._with_markers += has_markers
+        if self._line:
+            self._line.show(self.text())
+        return video
+
+    def text(self) -> str:
+        """How far it is."""
+        of = f" of {self._frames}" if self._frames else ""
+        rate = self._looked / max(time.monotonic() - self._begin, 1e-3)
+        return (
+            f"{self._video}: frame {self._frame}{of}; looked at {self._looked}, {self._with_markers} with markers, "
+            f"{rate:.0f} a second"
+        )
+
+    def clear(self) -> None:
+        """Make room for a line on stdout."""
+        if self._line:
+            self._line.clear()
+
+    def end(self, *, is_stopped: bool = False) -> None:
+        """Say on stderr how far a video came."""
+        self.clear()
+        if self._looked:
+            typer.echo(f"{'Stopped. ' if is_stopped else ''}{self.text()}", err=True)
 
 
 def _picture(out: Path, number: int) -> Path:

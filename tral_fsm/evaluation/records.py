@@ -19,6 +19,7 @@ from typing import Any, BinaryIO
 
 from tral_env.errors import BadFileError, ConfigError
 from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.evaluation.ending import ending_cleanly
 from tral_fsm.evaluation.files import locked
 from tral_fsm.evaluation.host import host
 from tral_fsm.evaluation.pool import ProcessPool, worker_losses
@@ -212,5 +213,5 @@ def drive_missing(
             calls += [(family, missing[k : k + chunk], settings) for k in range(0, len(missing), chunk)]
         if calls:
             begin_run(out, settings, machines)
-            with bar(sum(len(jobs) for _, jobs, _ in calls)) as count:
+            with ending_cleanly(), bar(sum(len(jobs) for _, jobs, _ in calls)) as count:
                 collect(drive, calls, processes, out, count)
