@@ -12,7 +12,8 @@ import pytest
 from photo import photograph
 from typer.testing import CliRunner, Result
 
-from tral_env.perception.sight import look
+from tral_env.config import CameraConfig
+from tral_env.perception.sight import Sight, look
 from tral_fsm.cli import app
 from tral_fsm.report.sight import annotated
 
@@ -113,10 +114,13 @@ def video_of(images: list[np.ndarray], path: Path) -> Path:
 
 
 def test_a_reason_is_sought_only_where_the_markers_change(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    looked: list[int] = []
-    monkeypatch.setattr(
-        "tral_env.perception.sight.look", lambda image, lens=None: looked.append(1) or look(image, lens)
-    )
+    looked: list[np.ndarray] = []
+
+    def counted(image: np.ndarray, lens: CameraConfig | None = None) -> Sight:
+        looked.append(image)
+        return look(image, lens)
+
+    monkeypatch.setattr("tral_env.perception.sight.look", counted)
     empty, half = photograph([]), photograph(GATE[:1])
     result = tral(video_of([empty] * 5 + [half] * 5 + [empty] * 2, tmp_path / "v.avi"), "--every", 1)
     assert result.exit_code == 0
