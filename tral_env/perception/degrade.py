@@ -81,13 +81,14 @@ def degrade(image: Image, level: float, rng: np.random.Generator, corruption: Im
         out = _streaked(out, corruption.streak_px * level * rng.uniform(0, 1))
     light = max(1 + corruption.exposure * level * rng.uniform(-1, 1), 0.0)
     out = np.asarray(cv2.convertScaleAbs(out, alpha=light), np.uint8)
+    # From here on in place: the pages of new arrays cost as much as the arithmetic.
     fade = np.clip(1 - 2 * np.arange(height) / height, 0, 1) * corruption.glare * level * rng.uniform(0, 1)
     top, left = rng.integers(_SHIFTS, size=2)
     grain = _grain(height + _SHIFTS, width + _SHIFTS)[top : top + height, left : left + width]
     added = grain * np.float32(corruption.noise * level)
     added += fade.astype(np.float32)[:, None]
     levels = np.rint(added, out=added).astype(np.int16)
-    out = np.asarray(cv2.add(out, cv2.merge([levels] * 3), dtype=cv2.CV_8U), np.uint8)
+    cv2.add(out, cv2.merge([levels] * 3), dst=out, dtype=cv2.CV_8U)
     if corruption.patch > 0:
         _cover(out, round(min(corruption.patch * level, 1.0) * height), rng)
     return out
