@@ -216,6 +216,21 @@ class OnboardCamera:
             return image
         return np.asarray(cv2.remap(image, self._map[0], self._map[1], cv2.INTER_LINEAR), np.uint8)
 
+    def frustum(self, data: mujoco.MjData, mounting: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Frustum:
+        """What the camera sees: of a distorting lens all that its pinhole sees, which is more."""
+        camera, lens = camera_id(data.model, self._camera), self._pinhole
+        right, up, back = data.cam_xmat[camera].reshape(3, 3).T
+        forward, _, upward = (np.stack([-back, -right, up], axis=1) @ mounting_turn(np.array([mounting]))[0]).T
+        return Frustum(
+            position=data.cam_xpos[camera].copy(),
+            forward=forward,
+            up=upward,
+            left=(-0.5 - lens.cx) / lens.fx,
+            right=(lens.width - 0.5 - lens.cx) / lens.fx,
+            bottom=(lens.cy + 0.5 - lens.height) / lens.fy,
+            top=(lens.cy + 0.5) / lens.fy,
+        )
+
     def close(self) -> None:
         """Free the OpenGL context."""
         self.renderer.close()
