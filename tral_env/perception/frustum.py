@@ -38,7 +38,7 @@ class Frustum:
         """
         across = cross(self.forward, self.up)
         ahead, side, rise = np.stack([self.forward, across, self.up]) @ (centre - self.position).T
-        beyond = ahead < -radius
+        beyond: NDArray[np.bool_] = (ahead < -radius) & (radius > 0)
         for along, slope in ((side, self.right), (-side, -self.left), (rise, self.top), (-rise, -self.bottom)):
-            beyond |= along - slope * ahead > radius * np.hypot(1.0, slope)
-        return beyond & (radius > 0)
+            beyond |= (along - slope * ahead > radius * np.hypot(1.0, slope)) & (radius > 0)
+        return beyond
