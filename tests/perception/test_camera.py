@@ -7,9 +7,13 @@ import pytest
 from marker_world import build
 
 from tral_env.config import WIDE_LENS, CameraConfig, CarConfig
+from tral_env.course.generate import generate_plan
+from tral_env.course.scene import Pool
 from tral_env.errors import ConfigError, RenderError
 from tral_env.perception.camera import OnboardCamera, SceneRenderer
+from tral_env.perception.frustum import Frustum
 from tral_env.perception.lens import mounting_turn, project_points
+from tral_env.simulation.render_scene import RenderScene
 
 OFF_CENTRE = CameraConfig(fx=500.0, fy=520.0, cx=300.0, cy=250.0)
 PATCH = 0.05
@@ -23,6 +27,19 @@ def white_patch(y, z):
     world.model.geom_rgba[:] = 0.0, 0.0, 0.0, 1.0
     world.model.geom_rgba[world.model.geom("box/0").id] = 1.0
     return world
+
+
+POOL = Pool.for_scenario("office")
+
+
+def drawn_plan():
+    return generate_plan("office", np.random.default_rng(7))[1]
+
+
+def car_at(scene, x, y, yaw):
+    qpos = scene.model.qpos0.copy()
+    qpos[:2], qpos[3:7] = (x, y), (np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2))
+    return qpos
 
 
 def expected_middle(y, z, lens, mounting):
@@ -80,6 +97,39 @@ def test_one_renderer_shows_courses_with_other_textures():
     first, second, again = (camera.capture(world.model, world.data) for world in (*worlds, worlds[0]))
     assert (first == again).all()
     assert (first != second).any()
+
+
+@pytest.mark.usefixtures("opengl")
+def test_a_picture_does_not_depend_on_the_one_before():
+    camera, scene, plan = OnboardCamera(), RenderScene(POOL), drawn_plan()
+    there, elsewhere = car_at(scene, 0.0, 0.0, 0.0), car_at(scene, 7.0, 1.0, 2.0)
+    first = camera.capture(*scene.show(plan, there))
+    camera.capture(*scene.show(plan, elsewhere))
+    assert (camera.capture(*scene.show(plan, there)) == first).all()
+
+
+@pytest.mark.usefixtures("opengl")
+@pytest.mark.parametrize("view", ["car/chase", "car/front", "car/top"])
+@pytest.mark.parametrize("yaw", [-2.0, 0.3, 1.6])
+def test_what_is_left_out_of_a_scene_is_not_in_the_picture(monkeypatch, view, yaw):
+    scene, plan = RenderScene(POOL), drawn_plan()
+    lens = OFF_CENTRE if view == "car/front" else None
+    pictures = []
+    for whole in (False, True):
+        if whole:
+            monkeypatch.setattr(Frustum, "outside", lambda self, centre, radius: np.zeros(len(radius), bool))
+        with SceneRenderer(offsamples=0) as renderer:
+            model, data = scene.show(plan, car_at(scene, 3.0, 0.2, yaw))
+            pictures.append(renderer.render(model, data, view, 320, 240, intrinsics=lens, mounting=(0.03, -0.1, 0.2)))
+    assert (pictures[0] == pictures[1]).all()
+
+
+@pytest.mark.usefixtures("opengl")
+def test_a_model_is_as_it_was_after_a_picture():
+    scene = RenderScene(POOL)
+    before = scene.model.geom_group.copy()
+    OnboardCamera().capture(*scene.show(drawn_plan(), car_at(scene, 0.0, 0.0, 0.0)))
+    assert (scene.model.geom_group == before).all()
 
 
 @pytest.mark.usefixtures("opengl")

@@ -65,11 +65,11 @@ def test_everything_that_is_asked_is_written(driven: Path, tmp_path: Path):
     assert len(lines) == report["ticks"] + 1
 
 
-def test_a_video_of_a_simulated_drive_has_a_frame_every_fourth_tick(driven: Path, tmp_path: Path, opengl: None):
+def test_a_video_of_a_simulated_drive_has_a_frame_every_fifth_tick(driven: Path, tmp_path: Path, opengl: None):
     report = run(ReplayArguments(file=driven / "drive.mcap", video=True), tmp_path)
     video = cv2.VideoCapture(str(tmp_path / "replay.mp4"))
-    # The last picture is held for a second, of 20 frames.
-    assert video.get(cv2.CAP_PROP_FRAME_COUNT) == -(-report["ticks"] // 4) + 20
+    # The last picture is held for a second, of 16 frames.
+    assert video.get(cv2.CAP_PROP_FRAME_COUNT) == -(-report["ticks"] // 5) + 16
 
 
 def real(path: Path, images: bool) -> Path:

@@ -53,7 +53,7 @@ def picture(tick: Tick) -> np.ndarray:
     return compose(views.paint("chase", WIDTH, HEIGHT), views.paint("onboard", 288, 216), tick, RED)
 
 
-def test_a_video_has_twenty_frames_a_second_and_holds_its_end_for_one(tmp_path: Path) -> None:
+def test_a_video_has_sixteen_frames_a_second_and_holds_its_end_for_one(tmp_path: Path) -> None:
     with DriveVideo(tmp_path / "drive.mp4", Painted()) as video:
         drive(Lane(steps=160), Cruiser(), seed=1, on_step=video)
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(tmp_path / "drive.mp4")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from one_car import CORRIDOR, GATE_AHEAD
 
-from tral_env.config import CameraConfig, CarConfig
+from tral_env.config import WIDE_LENS, CameraConfig, CarConfig
 from tral_env.course.geometry import build_plan
 from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool
@@ -91,3 +91,43 @@ def test_the_last_image_is_the_same_to_the_bit_until_the_next(opengl: None) -> N
     assert webcam.last_image(0) is None
     assert np.array_equal(webcam.image(0, qpos[0], LEVEL[0]), taken)  # the noise is that of the seed
     webcam.close()
+
+
+@pytest.mark.parametrize("lens", [LENS.scaled(320, 240), WIDE_LENS.scaled(320, 240)], ids=["default", "wide"])
+def test_an_image_that_cannot_show_a_marker_is_not_searched_and_tells_the_same(
+    opengl: None, monkeypatch: pytest.MonkeyPatch, lens: CameraConfig
+) -> None:
+    rng = np.random.default_rng(3)
+    _, start = state(GATE)
+    mounting = np.array([[0.02, -0.05, 0.06]])
+    places = np.repeat(start, 40, axis=0)
+    places[:, 0] = rng.uniform(0.5, 5.0, 40)
+    yaw = rng.uniform(-np.pi, np.pi, 40)
+    places[:, 3], places[:, 6] = np.cos(yaw / 2), np.sin(yaw / 2)
+
+    def drive() -> tuple[list[list[float]], np.ndarray, int]:
+        searched = 0
+        vision = RenderedVision(1, POOL, lens, CAR)
+        vision.place(0, GATE, 1.0, 7)
+        look = vision._detector.detect
+
+        def detect(image: np.ndarray) -> object:
+            nonlocal searched
+            searched += 1
+            return look(image)
+
+        monkeypatch.setattr(vision._detector, "detect", detect)
+        seen = [vision.see(ROW, np.zeros((1, 3)), qpos[None], mounting) for qpos in places]
+        image = vision.last_image(0)
+        vision.close()
+        assert image is not None
+        told = [[float(getattr(one, name)[0]) for name in one.__annotations__] for one in seen]
+        return told, image, searched
+
+    some, last, searched = drive()
+    monkeypatch.setattr(Webcam, "may_show_a_marker", lambda self, row: True)
+    every, same, searched_all = drive()
+    assert some == every
+    assert np.array_equal(last, same)
+    assert 0 < searched < searched_all == 40
+    assert any(told[4] >= 0 for told in every)

@@ -18,11 +18,14 @@ from tral_env.arrays import Image
 from tral_env.config import CameraConfig
 from tral_env.errors import ConfigError, RenderError, nearest
 from tral_env.perception import opengl
+from tral_env.perception.frustum import Frustum
 from tral_env.perception.lens import mounting_turn
 from tral_env.perception.rays import cross, pixel_rays
 
 MAX_GEOMS = 5000
 """A picture can show so many geoms."""
+_NEVER_SHOWN = 5
+"""MuJoCo's last group of geoms; no model of this project uses it."""
 
 
 _opened_by: int | None = None
@@ -53,7 +56,8 @@ class SceneRenderer:
         self._option = mujoco.MjvOption()
         # MuJoCo paints the rays of rangefinders into the picture unless told not to.
         self._option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = False
-        self._view = mujoco.MjvCamera()
+        self._option.geomgroup[_NEVER_SHOWN] = False
+        self._view, self._perturb = mujoco.MjvCamera(), mujoco.MjvPerturb()
 
     def render(
         self,
@@ -92,17 +96,35 @@ class SceneRenderer:
         self._gl.make_current()
         self._view.type = mujoco.mjtCamera.mjCAMERA_FIXED
         self._view.fixedcamid = camera_id(model, camera)
-        mujoco.mjv_updateScene(model, data, self._option, None, self._view, mujoco.mjtCatBit.mjCAT_ALL, scene)
-        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
-            scene.flags[flag] = effects
+        # The camera comes first: MuJoCo lays the endless floor around it, which else would be that of the last picture.
+        mujoco.mjv_updateCamera(model, data, self._view, scene)
         for eye in (scene.camera[0], scene.camera[1]):
             _aim(eye, intrinsics, mounting)
+        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+            scene.flags[flag] = effects
+        # What lies outside the picture may still throw a shadow into it.
+        hidden = None if effects else _frustum(scene, width / height).outside(data.geom_xpos, model.geom_rbound)
+        self._add_geoms(model, data, scene, hidden)
         viewport = mujoco.MjrRect(0, 0, width, height)
         image = np.empty((height, width, 3), np.uint8)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
         mujoco.mjr_render(viewport, scene, context)
         mujoco.mjr_readPixels(image, None, viewport, context)
         return np.ascontiguousarray(image[::-1])
+
+    def _add_geoms(
+        self, model: mujoco.MjModel, data: mujoco.MjData, scene: mujoco.MjvScene, hidden: NDArray[np.bool_] | None
+    ) -> None:
+        """Put the geoms and lights of a model into a scene, but those geoms (ngeom,) that are hidden."""
+        groups = model.geom_group.copy()
+        if hidden is not None:
+            model.geom_group[hidden] = _NEVER_SHOWN
+        scene.ngeom = 0
+        try:
+            mujoco.mjv_addGeoms(model, data, self._option, self._perturb, mujoco.mjtCatBit.mjCAT_ALL, scene)
+        finally:
+            model.geom_group[:] = groups
+        mujoco.mjv_makeLights(model, data, scene)
 
     def _open(self, model: mujoco.MjModel, width: int, height: int) -> tuple[mujoco.MjrContext, mujoco.MjvScene]:
         """Make or grow, where needed, the contexts that can show this model at this size."""
@@ -193,6 +215,21 @@ class OnboardCamera:
         if self._map is None:
             return image
         return np.asarray(cv2.remap(image, self._map[0], self._map[1], cv2.INTER_LINEAR), np.uint8)
+
+    def frustum(self, data: mujoco.MjData, mounting: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Frustum:
+        """What the camera sees: of a distorting lens all that its pinhole sees, which is more."""
+        camera, lens = camera_id(data.model, self._camera), self._pinhole
+        right, up, back = data.cam_xmat[camera].reshape(3, 3).T
+        forward, _, upward = (np.stack([-back, -right, up], axis=1) @ mounting_turn(np.array([mounting]))[0]).T
+        return Frustum(
+            position=data.cam_xpos[camera].copy(),
+            forward=forward,
+            up=upward,
+            left=(-0.5 - lens.cx) / lens.fx,
+            right=(lens.width - 0.5 - lens.cx) / lens.fx,
+            bottom=(lens.cy + 0.5 - lens.height) / lens.fy,
+            top=(lens.cy + 0.5) / lens.fy,
+        )
 
     def close(self) -> None:
         """Free the OpenGL context."""
@@ -297,6 +334,22 @@ def _aim(eye: Any, intrinsics: CameraConfig | None, mounting: tuple[float, float
         axes = np.stack([forward, cross(up, forward), up], axis=1)
         turned = axes @ mounting_turn(np.array([mounting]))[0]
         eye.forward, eye.up = turned[:, 0], turned[:, 2]
+
+
+def _frustum(scene: mujoco.MjvScene, aspect: float) -> Frustum:
+    """What the two eyes of a scene see, which MuJoCo makes one."""
+    first, second = scene.camera[0], scene.camera[1]
+    near, high, low = first.frustum_near, first.frustum_top, first.frustum_bottom
+    width = first.frustum_width or aspect * (high - low) / 2
+    return Frustum(
+        position=(np.array(first.pos, float) + second.pos) / 2,
+        forward=np.array(first.forward, float),
+        up=np.array(first.up, float),
+        left=(first.frustum_center - width) / near,
+        right=(first.frustum_center + width) / near,
+        bottom=low / near,
+        top=high / near,
+    )
 
 
 def _pinhole_and_map(config: CameraConfig) -> tuple[CameraConfig, tuple[Any, Any]]:

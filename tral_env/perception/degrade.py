@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -58,6 +59,37 @@ class ImageCorruption:
         return replace(self, **{name: min(getattr(self, name) * share, _MAX_AT_LEVEL_1[name]) for name in names})
 
 
+class DrawnFaults(NamedTuple):
+    """What chance brings to one image."""
+
+    streak: float
+    """Share of the longest streak, 0 to 1."""
+    light: float
+    """Share of the largest error of the exposure, -1 to 1."""
+    glare: float
+    """Share of the most glare, 0 to 1."""
+    grain: tuple[int, int]
+    """Place of the image's window in the large grain, px down and right."""
+    patch: tuple[int, int, int]
+    """Middle of the patch, px down and right, and its grey level."""
+
+
+def draw_faults(
+    shape: tuple[int, int], level: float, rng: np.random.Generator, corruption: ImageCorruption | None = None
+) -> DrawnFaults | None:
+    """Draw the faults of an image of this height and width, px, for `with_faults`; None where the level is 0."""
+    if level <= 0:
+        return None
+    corruption = corruption or ImageCorruption()
+    streak = rng.uniform(0, 1) if corruption.streak_px > 0 else 0.0
+    light, glare = rng.uniform(-1, 1), rng.uniform(0, 1)
+    down, right = rng.integers(_SHIFTS, size=2).tolist()
+    patch = (0, 0, 0)
+    if corruption.patch > 0:
+        patch = (*rng.integers(shape).tolist(), int(rng.choice(PATCH_GREYS)))
+    return DrawnFaults(streak, light, glare, (down, right), patch)
+
+
 def degrade(image: Image, level: float, rng: np.random.Generator, corruption: ImageCorruption | None = None) -> Image:
     """Spoil an image as a webcam does: blur, streak, exposure, glare, noise, and something before the lens.
 
@@ -70,7 +102,12 @@ def degrade(image: Image, level: float, rng: np.random.Generator, corruption: Im
     Returns:
         (h, w, 3), a new array unless the level is 0.
     """
-    if level <= 0:
+    return with_faults(image, level, draw_faults(image.shape[:2], level, rng, corruption), corruption)
+
+
+def with_faults(image: Image, level: float, drawn: DrawnFaults | None, corruption: ImageCorruption | None) -> Image:
+    """As `degrade`, with chance that `draw_faults` has drawn for this level and corruption."""
+    if drawn is None:
         return image
     corruption = corruption or ImageCorruption()
     height, width = image.shape[:2]
@@ -78,18 +115,19 @@ def degrade(image: Image, level: float, rng: np.random.Generator, corruption: Im
     if (blur := corruption.blur_px * level) > 0:
         out = np.asarray(cv2.GaussianBlur(image, (0, 0), blur), np.uint8)
     if corruption.streak_px > 0:
-        out = _streaked(out, corruption.streak_px * level * rng.uniform(0, 1))
-    light = max(1 + corruption.exposure * level * rng.uniform(-1, 1), 0.0)
+        out = _streaked(out, corruption.streak_px * level * drawn.streak)
+    light = max(1 + corruption.exposure * level * drawn.light, 0.0)
     out = np.asarray(cv2.convertScaleAbs(out, alpha=light), np.uint8)
-    fade = np.clip(1 - 2 * np.arange(height) / height, 0, 1) * corruption.glare * level * rng.uniform(0, 1)
-    top, left = rng.integers(_SHIFTS, size=2)
-    grain = _grain(height + _SHIFTS, width + _SHIFTS)[top : top + height, left : left + width]
+    # From here on in place: the pages of new arrays cost as much as the arithmetic.
+    fade = np.clip(1 - 2 * np.arange(height) / height, 0, 1) * corruption.glare * level * drawn.glare
+    down, right = drawn.grain
+    grain = _grain(height + _SHIFTS, width + _SHIFTS)[down : down + height, right : right + width]
     added = grain * np.float32(corruption.noise * level)
     added += fade.astype(np.float32)[:, None]
     levels = np.rint(added, out=added).astype(np.int16)
-    out = np.asarray(cv2.add(out, cv2.merge([levels] * 3), dtype=cv2.CV_8U), np.uint8)
+    cv2.add(out, cv2.merge([levels] * 3), dst=out, dtype=cv2.CV_8U)
     if corruption.patch > 0:
-        _cover(out, round(min(corruption.patch * level, 1.0) * height), rng)
+        _cover(out, round(min(corruption.patch * level, 1.0) * height), *drawn.patch)
     return out
 
 
@@ -102,12 +140,11 @@ def _streaked(image: Image, length: float) -> Image:
     return np.asarray(cv2.filter2D(image, -1, weights[None] / length), np.uint8)
 
 
-def _cover(image: Image, side: int, rng: np.random.Generator) -> None:
-    """Cover a square of this side, px, in place; its middle lies anywhere in the image."""
-    middle = rng.integers(image.shape[:2])
-    top, left = np.maximum(middle - side // 2, 0)
-    bottom, right = np.maximum(middle - side // 2 + side, 0)
-    image[top:bottom, left:right] = rng.choice(PATCH_GREYS)
+def _cover(image: Image, side: int, down: int, right: int, grey: int) -> None:
+    """Cover a square of this side about this place, px, in place."""
+    first = np.maximum(np.array([down, right]) - side // 2, 0)
+    last = np.maximum(np.array([down, right]) - side // 2 + side, 0)
+    image[first[0] : last[0], first[1] : last[1]] = grey
 
 
 @lru_cache(maxsize=4)

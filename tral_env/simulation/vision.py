@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from tral_env.course.scene import Pool
 from tral_env.noise import NoiseTape
 from tral_env.perception.aruco import Detector, marker_poses
 from tral_env.perception.camera import OnboardCamera, SceneRenderer
-from tral_env.perception.degrade import ImageCorruption, degrade
+from tral_env.perception.degrade import DrawnFaults, ImageCorruption, draw_faults, with_faults
 from tral_env.perception.gate import Detection, nearest_gate_and_marker, nearest_in_image
 from tral_env.perception.projected import NOISE_PLACES, NORMALS, UNIFORMS, Scenery, project
 from tral_env.simulation.render_scene import RenderScene
@@ -102,13 +102,16 @@ class ProjectedVision:
         """Nothing to free."""
 
 
+_MARKER_REACH = 1.5
+"""A marker with its white edge lies within so many times its size around its middle."""
+
+
 class _Shot(NamedTuple):
-    """What an image depends on, so that it can be taken again instead of being kept."""
+    """What an image depends on, so that it can be taken later or again instead of being kept."""
 
     qpos: Array
     mounting: Array
-    generator: dict[str, Any]
-    """State of the generator of its noise."""
+    faults: DrawnFaults | None
 
 
 class Webcam:
@@ -163,12 +166,43 @@ class Webcam:
         Raises:
             RenderError: no OpenGL on this machine.
         """
-        state = self._rngs[row].bit_generator.state
-        self._shots[row] = _Shot(qpos.copy(), mounting.copy(), dict(state))
-        image = self._take(row, qpos, mounting, self._rngs[row])
+        self.expose(row, qpos, mounting)
+        return self.developed(row)
+
+    def expose(self, row: int, qpos: Array, mounting: Array) -> None:
+        """Keep all on which the image of one car now depends, see `image`; `developed` renders it."""
+        size = self._camera.config.height, self._camera.config.width
+        drawn = draw_faults(size, float(self._degradation[row]), self._rngs[row], self._corruption)
+        self._shots[row] = _Shot(qpos.copy(), mounting.copy(), drawn)
+        if row in self._watched:
+            self._watched[row] = None
+
+    def developed(self, row: int) -> Image:
+        """The image of the last exposure of one car.
+
+        Raises:
+            RenderError: no OpenGL on this machine.
+        """
+        plan, shot = self._plans[row], self._shots[row]
+        assert plan is not None, "a car looks around after its course was placed"
+        roll, pitch, yaw = shot.mounting.tolist()
+        image = self._camera.capture(*self._scene.show(plan, shot.qpos), (roll, pitch, yaw))
+        image = with_faults(image, float(self._degradation[row]), shot.faults, self._corruption)
         if row in self._watched:
             self._watched[row] = image
         return image
+
+    def may_show_a_marker(self, row: int) -> bool:
+        """Whether a marker of the course lies before the camera of one car, at its last exposure; walls may hide it."""
+        plan, shot = self._plans[row], self._shots[row]
+        assert plan is not None, "a car looks around after its course was placed"
+        if not len(plan.marker_id):
+            return False
+        _, data = self._scene.show(plan, shot.qpos)
+        roll, pitch, yaw = shot.mounting.tolist()
+        radius = np.full(len(plan.marker_id), _MARKER_REACH * plan.marker_size)
+        outside = self._camera.frustum(data, (roll, pitch, yaw)).outside(plan.marker_position, radius)
+        return not outside.all()
 
     def last_image(self, row: int) -> Image | None:
         """The last image of one car, bit for bit; None before the first.
@@ -176,20 +210,10 @@ class Webcam:
         The first call takes the image once more. From then on the car is watched, and its images are kept.
         """
         image = self._watched.get(row)
-        shot = self._shots.get(row)
-        if image is None and shot is not None:
-            rng = np.random.default_rng()
-            rng.bit_generator.state = shot.generator
-            image = self._take(row, shot.qpos, shot.mounting, rng)
+        if image is None and row in self._shots:
+            image = self.developed(row)
         self._watched[row] = image
         return image
-
-    def _take(self, row: int, qpos: Array, mounting: Array, rng: np.random.Generator) -> Image:
-        plan = self._plans[row]
-        assert plan is not None, "a car looks around after its course was placed"
-        roll, pitch, yaw = (float(angle) for angle in mounting)
-        image = self._camera.capture(*self._scene.show(plan, qpos), (roll, pitch, yaw))
-        return degrade(image, float(self._degradation[row]), rng, self._corruption)
 
     def close(self) -> None:
         """Free the OpenGL context."""
@@ -197,7 +221,10 @@ class Webcam:
 
 
 class RenderedVision:
-    """The image of the camera, rendered and searched by OpenCV's detector."""
+    """The image of the camera, rendered and searched by OpenCV's detector.
+
+    An image in which no marker can be is not searched, and rendered only if somebody looks at it.
+    """
 
     def __init__(
         self, n: int, pool: Pool, lens: CameraConfig, car: CarConfig, corruption: ImageCorruption | None = None
@@ -206,6 +233,9 @@ class RenderedVision:
         self._webcam = Webcam(n, pool, lens, corruption)
         self._detector = Detector()
         self._lens, self._car = lens, car
+        # A square before the lens may look like a marker. The first image opens OpenGL, or tells that there is none.
+        self._searches_all = corruption is not None and corruption.patch > 0
+        self._is_open = False
 
     def place(self, row: int, plan: Plan, degradation: float, seed: int) -> None:
         """See `Vision`."""
@@ -221,7 +251,11 @@ class RenderedVision:
         return Detection(*(np.concatenate([getattr(one, name) for one in found]) for name in Detection.__annotations__))
 
     def _look(self, row: int, qpos: Array, mounting: Array) -> Detection:
-        image = self._webcam.image(row, qpos, mounting)
+        self._webcam.expose(row, qpos, mounting)
+        if self._is_open and not self._searches_all and not self._webcam.may_show_a_marker(row):
+            return Detection.nothing(1)
+        image = self._webcam.developed(row)
+        self._is_open = True
         poses = marker_poses(self._detector.detect(image), self._lens, self._car)
         return nearest_in_image(poses)
 

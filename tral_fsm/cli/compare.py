@@ -8,13 +8,14 @@ from typing import Annotated
 
 import typer
 
-from tral_fsm.cli.console import FAILED
+from tral_fsm.cli.console import FAILED, refuse_both
 from tral_fsm.evaluation.ending import ToldToEnd
 from tral_fsm.programs.compare import PAGE, run, without_paths
 from tral_fsm.terminal import print_figures
 
 
 def command(
+    context: typer.Context,
     policies: Annotated[
         str,
         typer.Option(
@@ -29,6 +30,10 @@ def command(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the bootstrap; it changes no drive.")] = 0,
     processes: Annotated[int, typer.Option(min=1, help="Processes that drive.")] = 1,
+    cluster: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers drive; needs the extra `cluster`."),
+    ] = None,
     videos: Annotated[
         int, typer.Option(min=0, help="Short videos of so many failures on the page, which need OpenGL.")
     ] = 0,
@@ -42,8 +47,9 @@ def command(
     The command writes compare.html, compare.md and compare.json, and each drive into records.jsonl as it ends. Started
     again, it goes on where it stopped. Other policies or more courses can be added later.
     """
+    refuse_both(context, "processes", "cluster")
     try:
-        shown = run(policies, suite, out, courses=courses, seed=seed, processes=processes, videos=videos)
+        shown = run(policies, suite, out, courses=courses, seed=seed, processes=cluster or processes, videos=videos)
     except KeyboardInterrupt as stopped:
         typer.echo(f"Stopped. The drives that have ended are in {out}; the same command goes on.", err=True)
         if isinstance(stopped, ToldToEnd):

@@ -43,6 +43,7 @@ def command(
     population: options.Population = None,
     seed: options.SamplerSeed = 0,
     processes: options.Processes = None,
+    cluster: options.ClusterAddress = None,
     storage: options.Storage = None,
     out: options.Out = Path("runs/tune"),
     resume: options.Resume = False,
@@ -61,6 +62,7 @@ def command(
     from tral_fsm.tuning import Objective
 
     refuse_both(context, "scenario", "course")
+    refuse_both(context, "processes", "cluster")
     machine = load_machine(policy)
     if classical:
         show_classical(machine, as_json=as_json)
@@ -75,7 +77,7 @@ def command(
         task=options.task_of(scenario, course, seeds, randomization, camera),
         objective=Objective(pooling=objective),
         settings=options.settings_of(budget, sampler, objectives, population, report_seeds, seed),
-        processes=processes or os.cpu_count() or 1,
+        processes=cluster or processes or os.cpu_count() or 1,
         storage=storage,
         out=out,
         resume=resume,

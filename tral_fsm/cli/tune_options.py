@@ -51,6 +51,10 @@ Population = Annotated[
 ]
 SamplerSeed = Annotated[int, typer.Option(min=0, help="Seed of the sampler.")]
 Processes = Annotated[int | None, typer.Option(min=1, help="Number of processes; default: one for each core.")]
+ClusterAddress = Annotated[
+    str | None,
+    typer.Option("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers drive; needs the extra `cluster`."),
+]
 Storage = Annotated[
     str | None, typer.Option(help="Database URL or journal file through which several commands share one study.")
 ]

@@ -23,6 +23,7 @@ from tral_env.world import Step, World
 from tral_fsm.evaluation import rollout
 from tral_fsm.evaluation.analysis import LAST_POSES
 from tral_fsm.evaluation.batch import MAX_ROWS, BatchRunner
+from tral_fsm.evaluation.cluster import Cluster, Workers
 from tral_fsm.evaluation.contenders import Agent, Contender, require_different_names, row_policies
 from tral_fsm.evaluation.episode import Episode, EpisodeRequest, EpisodeResult
 from tral_fsm.evaluation.loop import Index, Observer
@@ -84,7 +85,7 @@ def drive_field(
     suite: Suite,
     field: Sequence[Contender],
     out: Path,
-    processes: int = 1,
+    processes: Workers = 1,
     progress: Bar | None = None,
 ) -> list[Record]:
     """Drive what the records do not hold yet.
@@ -93,7 +94,7 @@ def drive_field(
         suite: the courses.
         field: the contenders.
         out: folder of the records.
-        processes: number of processes that drive; 1: this one.
+        processes: number of processes that drive; 1: this one. Or the address of a Dask scheduler whose workers drive.
         progress: makes a bar of the drives; None: no bar.
 
     Returns:
@@ -107,15 +108,18 @@ def drive_field(
     _check(field, processes)
     path, settings = out / RECORDS, ComparisonSettings.of(suite)
     digests = {f"{one.name}: {agent.source}": agent.digest for one in field for agent in one.agents}
-    with held(path):
-        jobs = list(missing(suite, field, made_with(path, settings, digests), processes))
+    with held(path), contextlib.ExitStack() as stack:
+        workers = stack.enter_context(Cluster(processes)) if isinstance(processes, str) else processes
+        parts = workers.shares if isinstance(workers, Cluster) else workers
+        jobs = list(missing(suite, field, made_with(path, settings, digests), parts))
         if jobs:
             begin_run(path, settings, digests)
-            _drive(jobs, path, processes, progress or (lambda _: contextlib.nullcontext(lambda: None)))
+            bar = progress or (lambda _: contextlib.nullcontext(lambda: None))
+            _drive(jobs, path, workers, bar)
         return wanted(suite, field, made_with(path, settings, digests))
 
 
-def _check(field: Sequence[Contender], processes: int) -> None:
+def _check(field: Sequence[Contender], processes: Workers) -> None:
     """Refuse a field whose drives would be mixed up.
 
     Raises:
@@ -124,7 +128,7 @@ def _check(field: Sequence[Contender], processes: int) -> None:
     """
     require_different_names(field)
     objects = [agent for one in field for agent in one.agents if agent.kind == "object"]
-    if objects and processes > 1:
+    if objects and processes != 1:
         raise ConfigError(f"agent '{objects[0].source}' is an object of this program: expected processes=1")
     for k, agent in enumerate(objects):
         for other in objects[:k]:
@@ -135,18 +139,24 @@ def _check(field: Sequence[Contender], processes: int) -> None:
                 )
 
 
-def _drive(jobs: Sequence[Job], path: Path, processes: int, bar: Bar) -> None:
-    """Drive, here or in other processes; each drive is kept as it ends."""
+def _drive(jobs: Sequence[Job], path: Path, workers: int | Cluster, bar: Bar) -> None:
+    """Drive, here, in other processes or on a cluster; each drive is kept as it ends."""
     with bar(sum(len(job.entries) for job in jobs)) as count:
 
         def keep(line: Record) -> None:
             append(path, line)
             count()
 
-        if processes == 1:
+        def keep_all(_: int, lines: list[Record]) -> None:
+            for line in lines:
+                keep(line)
+
+        if isinstance(workers, Cluster):
+            workers.call_all(drive_there, jobs, keep_all)
+        elif workers == 1:
             _drive_here(jobs, keep)
         else:
-            call_all(drive, jobs, processes, keep)
+            call_all(drive, jobs, workers, keep)
 
 
 def key(line: Record) -> tuple[str, str, str, str, int]:
@@ -207,6 +217,14 @@ def drive(job: Job) -> None:
     """Drive a job in a process of its own, which tells the line of each drive as it ends."""
     with contextlib.closing(runner_of(job)) as runner:
         run(job, runner, tell)
+
+
+def drive_there(job: Job) -> list[Record]:
+    """Drive a job in a worker of a cluster; give the lines of its drives."""
+    lines: list[Record] = []
+    with contextlib.closing(runner_of(job)) as runner:
+        run(job, runner, lines.append)
+    return lines
 
 
 def run(job: Job, runner: BatchRunner, keep: Callable[[Record], None]) -> None:

@@ -21,6 +21,7 @@ from tral_fsm.terminal import drives_bar
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tral_fsm.evaluation.cluster import Workers
     from tral_fsm.evaluation.contenders import Contender
     from tral_fsm.evaluation.suites import Suite
 
@@ -30,7 +31,7 @@ UNWRITABLE = "backslashreplace"
 """What becomes of halves of characters in names of files and in what policies tell."""
 
 
-def run(policies: str, suite: str, out: Path, *, courses: int | None = None, **options: int) -> dict[str, Any]:
+def run(policies: str, suite: str, out: Path, *, courses: int | None = None, **options: Any) -> dict[str, Any]:
     """Drive, analyse, and write all files.
 
     Args:
@@ -55,7 +56,7 @@ def run(policies: str, suite: str, out: Path, *, courses: int | None = None, **o
 
 
 def compare(
-    suite: Suite, field: Sequence[Contender], out: Path, *, seed: int = 0, processes: int = 1, videos: int = 0
+    suite: Suite, field: Sequence[Contender], out: Path, *, seed: int = 0, processes: Workers = 1, videos: int = 0
 ) -> dict[str, Any]:
     """As `run`, for a suite and contenders that were made already.
 
@@ -64,7 +65,7 @@ def compare(
         field: the contenders.
         out: folder of the files.
         seed: seed of the bootstrap.
-        processes: number of processes that drive.
+        processes: number of processes that drive, or address of a Dask scheduler.
         videos: number of failures of which the page has a video.
     """
     from tral_fsm.evaluation.analysis import analyse

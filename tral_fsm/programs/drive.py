@@ -172,7 +172,8 @@ def _drive_one(
 
         options = {"car": arguments.car} if arguments.car else None
         episode = drive(env, policy, seed, options, on_step, scenario=arguments.name)
-    save_trajectory(episode, world.plan, folder / "trajectory.png", tones)
+        # The last frames of the video are rendered meanwhile.
+        save_trajectory(episode, world.plan, folder / "trajectory.png", tones)
     return episode
 
 

@@ -14,6 +14,7 @@ from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError
 from tral_env.perception import opengl
 from tral_env.recording.about import versions
+from tral_fsm.evaluation.cluster import Workers
 from tral_fsm.evaluation.files import prepare_folder, write_json
 from tral_fsm.evaluation.folder import held
 from tral_fsm.tuning.folder import MACHINE, NUMBERS, PAGE, RESULTS, STUDY
@@ -36,7 +37,8 @@ class TuneArguments:
     task: Task
     objective: Objective
     settings: Settings
-    processes: int
+    processes: Workers
+    """Number of processes, or address of a Dask scheduler."""
     storage: str | None
     """Database or journal file that commands share."""
     out: Path

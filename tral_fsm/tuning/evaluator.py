@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import threading
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, wait
 from dataclasses import dataclass, fields, replace
@@ -19,6 +20,7 @@ from tral_env.randomization import LEVELS
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.batch import MAX_ROWS, BatchRunner, complete
 from tral_fsm.evaluation.choices import check_families
+from tral_fsm.evaluation.cluster import Cluster, Workers
 from tral_fsm.evaluation.episode import EpisodeRequest, EpisodeResult
 from tral_fsm.evaluation.pool import ProcessPool, spawned, stop_check, worker_losses
 from tral_fsm.evaluation.seeds import check_seeds
@@ -150,13 +152,13 @@ class Evaluator:
     """Lets machines drive on courses; a context manager. The results depend on neither `processes` nor `rows`."""
 
     def __init__(
-        self, task: Task, *, processes: int = 1, rows: int = MAX_ROWS, on_stage: OnStage | None = None
+        self, task: Task, *, processes: Workers = 1, rows: int = MAX_ROWS, on_stage: OnStage | None = None
     ) -> None:
         """Make an evaluator; the simulation is built at the first drive.
 
         Args:
             task: families, randomization and camera; the seeds come with each call.
-            processes: number of processes.
+            processes: number of processes, or address of a Dask scheduler whose workers drive.
             rows: largest number of drives at once in each process.
             on_stage: called when a stage begins, and whenever drives of it have ended.
         """
@@ -165,6 +167,7 @@ class Evaluator:
         self._stage = Stage(name=StageName.AS_IT_WAS, done=0, total=0)
         self._runner: BatchRunner | None = None
         self._pool: ProcessPool | None = None
+        self._cluster: Cluster | None = None
         self._ended: Any = None
 
     def __enter__(self) -> Self:
@@ -178,6 +181,9 @@ class Evaluator:
         if self._pool is not None:
             self._pool.close()
             self._pool = None
+        if self._cluster is not None:
+            self._cluster.close()
+            self._cluster = None
         if self._runner is not None:
             self._runner.close()
             self._runner = None
@@ -195,13 +201,14 @@ class Evaluator:
 
     def drive(self, machines: Sequence[MachineDefinition], requests: Sequence[EpisodeRequest]) -> list[EpisodeResult]:
         """Results of all requests, in their order."""
+        if isinstance(self.processes, str):
+            return self._drive_there(self.processes, machines, requests)
         if self.processes == 1 or len(requests) == 1:
             if self._runner is None:
                 self._runner = _runner(self.task, self.rows)
             return self._runner.drive(machines, requests, _changes(self._count))
         if self._pool is None:
-            self._start()
-        assert self._pool is not None
+            self._pool = self._start(self.processes)
         parts = [list(requests[k :: self.processes]) for k in range(self.processes)]
         drives: list[EpisodeResult | None] = [None] * len(requests)
         with worker_losses():
@@ -214,9 +221,26 @@ class Evaluator:
                 drives[k :: self.processes] = future.result()
         return complete(drives)
 
-    def _start(self) -> None:
+    def _start(self, processes: int) -> ProcessPool:
         self._ended = spawned.Value("l", 0)
-        self._pool = ProcessPool(self.processes, _begin, self.task, self.rows, self._ended)
+        return ProcessPool(processes, _begin, self.task, self.rows, self._ended)
+
+    def _drive_there(
+        self, address: str, machines: Sequence[MachineDefinition], requests: Sequence[EpisodeRequest]
+    ) -> list[EpisodeResult]:
+        """Let the workers of a cluster drive."""
+        if self._cluster is None:
+            self._cluster = Cluster(address)
+        count = min(self._cluster.shares, len(requests))
+        drives: list[EpisodeResult | None] = [None] * len(requests)
+
+        def keep(k: int, part: list[EpisodeResult]) -> None:
+            drives[k::count] = part
+            self._count(len(part))
+
+        shares = [Share(self.task, self.rows, tuple(machines), tuple(requests[k::count])) for k in range(count)]
+        self._cluster.call_all(drive_share, shares, keep)
+        return complete(drives)
 
     def _watch(self, futures: Sequence[Future[list[EpisodeResult]]]) -> None:
         """Count the drives of the processes until all processes have ended, or one has failed."""
@@ -316,6 +340,30 @@ def _drive(machines: list[MachineDefinition], requests: list[EpisodeRequest]) ->
         count(ended)
 
     return _Worker.runner.drive(machines, requests, check)
+
+
+@dataclass(frozen=True)
+class Share:
+    """Drives that a worker of a cluster does at once."""
+
+    task: Task
+    rows: int
+    machines: tuple[MachineDefinition, ...]
+    requests: tuple[EpisodeRequest, ...]
+
+
+def drive_share(share: Share) -> list[EpisodeResult]:
+    """Drive a share in a worker of a cluster, which keeps its simulation as long as the task is the same."""
+    wanted = share.task, share.rows
+    if getattr(_kept, "made_for", None) != wanted:
+        if hasattr(_kept, "runner"):
+            _kept.runner.close()
+        _kept.runner, _kept.made_for = _runner(*wanted), wanted
+    return list(_kept.runner.drive(share.machines, share.requests))
+
+
+_kept = threading.local()
+"""What a worker's thread keeps from share to share: a simulation, and its task and number of rows."""
 
 
 def _add(ended: int) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.evaluation.cluster import Workers
 from tral_fsm.tuning.classical.design import Gains, lqr
 from tral_fsm.tuning.classical.experiments import relay, step, wall_gains
 from tral_fsm.tuning.classical.loops import Response
@@ -30,7 +31,7 @@ def examples(
     *,
     command: str,
     version: str,
-    processes: int = 1,
+    processes: Workers = 1,
     size: int = 9,
     on_stage: OnStage | None = None,
 ) -> PageData:
@@ -42,7 +43,7 @@ def examples(
         objective: the cost.
         command: command line of the search.
         version: version of tral-env.
-        processes: number of processes.
+        processes: number of processes, or address of a Dask scheduler.
         size: number of points along a side of the plane and along a line; 0 or 1: neither is driven.
         on_stage: called with the progress of the stages "around", drives around the result, and "steps", responses.
     """
@@ -60,7 +61,7 @@ def examples(
 
 
 def _sensitivity(
-    tuned: Tuned, task: Task, objective: Objective, processes: int, size: int, on_stage: OnStage | None
+    tuned: Tuned, task: Task, objective: Objective, processes: Workers, size: int, on_stage: OnStage | None
 ) -> Sensitivity | None:
     values = [each.before for each in tuned.parameters] if tuned.values is None else list(tuned.values)
     real = real_parameters(tuned.parameters)[:MAX_LINES]

@@ -16,6 +16,7 @@ import numpy as np
 from tral_env.checks import check_number
 from tral_env.errors import ConfigError, nearest
 from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.evaluation.cluster import Workers
 from tral_fsm.evaluation.folder import held
 from tral_fsm.evaluation.seeds import check_seeds, stretches
 from tral_fsm.formats import library, write
@@ -271,7 +272,7 @@ def tune(
     objective: Objective | None = None,
     settings: Settings | None = None,
     tie: bool = False,
-    processes: int | None = None,
+    processes: Workers | None = None,
     out: Path | None = None,
     is_held: bool = False,
     resume: bool = False,
@@ -290,7 +291,8 @@ def tune(
         objective: cost of drives, and their pooling.
         settings: settings of the search.
         tie: give all parameters of one pattern the same value.
-        processes: number of processes; None: one for each core. The result does not depend on it.
+        processes: number of processes, or address of a Dask scheduler; None: a process for each core. The result does
+            not depend on it.
         out: folder of study.jsonl and machine.json, both up to date after each generation; None: no files. The machine
             is the one as it was until a better one is found. Results of an earlier search move to a folder before-N.
         is_held: whether the caller holds `out` by `folder.held`, to write more into it after the search.
@@ -323,7 +325,7 @@ def tune(
 
 def _tuned(
     study: Study,
-    processes: int,
+    processes: Workers,
     origin: str,
     on_progress: Callable[[Progress], None] | None,
     on_stage: OnStage | None,
@@ -435,7 +437,7 @@ def _finals(study: Study, tuned: Tuned, evaluator: Evaluator) -> None:
     tuned.new = machines[values.index(tuned.values)]
 
 
-def _hold_out(study: Study, tuned: Tuned, processes: int, on_stage: OnStage | None) -> None:
+def _hold_out(study: Study, tuned: Tuned, processes: Workers, on_stage: OnStage | None) -> None:
     """Let the old and the new machine drive the courses of the held-out check, up to the time limit."""
     task = replace(study.task, seeds=study.settings.report_seeds, stuck_s=None)
     with Evaluator(task, processes=processes, on_stage=on_stage) as evaluator:

@@ -24,15 +24,16 @@ from tral_fsm.report.drive.state_colours import StateColours
 
 Image = NDArray[np.uint8]
 
-WIDTH, HEIGHT = 960, 540
+WIDTH, HEIGHT = 848, 480
+"""Size of the video, px. Source: choice; most of the time of a drive with pictures goes by pixels."""
 INSET_WIDTH, INSET_HEIGHT = 288, 216
-FPS = 20
+FPS = 16
 """Frames per second; the video runs in real time."""
 INSET_EVERY = 2
-"""Number of frames for which an inset stays: 10 insets for a second. Source: choice; near the camera's own rate."""
+"""Number of frames for which an inset stays: 8 insets for a second. Source: choice; near the camera's own rate."""
 MAX_PENDING = 40
-"""The drive may be so many frames ahead of the video, 2 s; then it waits. Source: choice; an inset of a rendered camera
-takes 0.9 MB meanwhile."""
+"""The drive may be so many frames ahead of the video, 2.5 s; then it waits. Source: choice; an inset of a rendered
+camera takes 0.9 MB meanwhile."""
 
 NOTHING_SEEN = "no gate or sign in sight"
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -106,7 +107,7 @@ class DriveVideo:
             codec="libx264",
             macro_block_size=2,
             ffmpeg_log_level="error",
-            output_params=["-crf", "24", "-preset", "veryfast"],
+            output_params=["-crf", "24", "-preset", "superfast"],
         )
         try:
             self._writer.send(None)
