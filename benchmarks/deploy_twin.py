@@ -79,8 +79,9 @@ def deploy(twin: TwinProcess, seed: int, board: str, folder: Path) -> dict[str, 
     out, log = folder / "out", folder / "log.txt"
     shutil.rmtree(out, ignore_errors=True)
     command = [
-        sys.executable, "-c", "from tral_fsm.cli import app; app()", "deploy", "--policy", "office", "--config", str(folder / "car.toml"), "--arm",
-        "--out", str(out), "--seconds", f"{status['truth']['time_limit_s'] + MORE_S:g}",
+        sys.executable, "-c", "from tral_fsm.cli import app; app()", "deploy", "--policy", "office", "--arm",
+        "--config", str(folder / "car.toml"), "--out", str(out),
+        "--seconds", f"{status['truth']['time_limit_s'] + MORE_S:g}",
     ]  # fmt: skip
     skipped_s = status["lateness"]["lost_s"]
     with log.open("w") as stream:
