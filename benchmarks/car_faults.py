@@ -243,19 +243,25 @@ def car_file(twin: Any, kind: str) -> str:
 
 def row(fault: str, drives: list[dict[str, Any]]) -> str:
     """A row of the table."""
-    cells = []
+    cells, neutral_ms = [], [each["neutral_ms"] for each in drives]
+    drives_on = fault in GOES_ON and neutral_ms == [None] * len(drives)
+    stays = not drives_on and (None in neutral_ms or max(neutral_ms) > STAYS_MS)
     for name in ("neutral_ms", "off_ms"):
         values = [each[name] for each in drives]
-        if fault in GOES_ON:
-            cells.append("drives on")
-        elif None in [each["neutral_ms"] for each in drives] or max(each["neutral_ms"] for each in drives) > STAYS_MS:
-            cells.append("stays")
+        if drives_on or stays:
+            cells.append("drives on" if drives_on else "stays")
         elif name == "off_ms" and kind_of(fault) in BOARDS:
             cells.append("neutral stays")
         else:
             cells.append(f"{statistics.median(values):.0f}, {max(values):.0f} ms")
-    way = "-" if fault in GOES_ON or "stays" in cells else f"{max(each['way_m'] for each in drives):.2f} m"
+    way = "-" if drives_on or stays else f"{max(each['way_m'] for each in drives):.2f} m"
     return f"| {fault} | {cells[0]} | {cells[1]} | {way} |"
+
+
+def table(drives: list[dict[str, Any]]) -> list[str]:
+    """All rows of the table that were measured."""
+    measured = {fault: [each for each in drives if each["fault"] == fault] for fault in ALL}
+    return [row(fault, found) for fault, found in measured.items() if found]
 
 
 def measure_all(faults: list[str], runs: int, out: Path | None) -> None:
