@@ -1,5 +1,6 @@
 """docs/safety.md has every fault that is injected, with times below what the tests hold, and the limits of the code."""
 
+import json
 import re
 import sys
 from pathlib import Path
@@ -50,5 +51,7 @@ def test_the_table_of_drives_has_every_fault_of_the_benchmark() -> None:
     time = r"(\d+, \d+ ms|stays|neutral stays|drives on)"
     rows = re.findall(rf"^\| (.+?) \| {time} \| {time} \| (?:[\d.]+ m|-) \|$", PAGE, re.MULTILINE)
     assert [fault for fault, *_ in rows] == list(car_faults.ALL)
+    drives = json.loads((ROOT / "benchmarks" / "results" / "car_faults.json").read_text("utf-8"))["drives"]
+    assert "\n".join(car_faults.table(drives)) in PAGE
     goes_on = {fault for fault, neutral, _ in rows if neutral == "drives on"}
     assert goes_on == set(car_faults.GOES_ON)
