@@ -13,13 +13,14 @@ from pathlib import Path
 from typing import Any
 
 Drives = Sequence[Mapping[str, Any]]
-SIMULATION = "simulation"
+SIMULATED = ("simulation", "together")
+"""The simulation with sonars as they are drawn, and with sonars that fire together, as those of the twin do."""
 CARS = {"pca9685": "I2C", "board2016": "serial, board2016", "ucboard": "serial, ucboard"}
 """Board -> its name in the tables."""
 
 
 def load(paths: Iterable[Path]) -> dict[str, Drives]:
-    """Drives by board, "simulation" beside them."""
+    """Drives by board, and the simulated ones."""
     reports = [json.loads(path.read_text("utf-8")) for path in paths]
     return {report["board"]: report["drives"] for report in reports}
 
@@ -36,21 +37,19 @@ def same(simulated: Drives, drives: Drives) -> Drives:
 
 
 def success_table(found: Mapping[str, Drives]) -> str:
-    """Success of each car on each family, beside that of the simulation on the same courses."""
+    """Success and gates passed of each car on each family, beside those of the simulation on the same courses."""
     lines = [
-        "| car | family | on the twin | in simulation | gates passed | in simulation |",
-        "| - | - | - | - | - | - |",
+        "| car | family | on the twin | in simulation | sonars together | gates | in simulation | sonars together |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
-    lines[1] = lines[1].replace("-", "---")
     for board, name in CARS.items():
         for scenario in dict.fromkeys(drive["scenario"] for drive in found.get(board, ())):
             drives = [drive for drive in found[board] if drive["scenario"] == scenario]
-            beside = same(found[SIMULATION], drives)
-            total = sum(drive["gates_total"] for drive in beside)
-            passed = [f"{sum(drive['gates_passed'] for drive in each)} of {total}" for each in (drives, beside)]
-            came = [f"{sum(map(arrived, each))} of {len(each)}" for each in (drives, beside)]
-            cells = [name, scenario, *came, *(passed if total else ("-", "-"))]
-            lines.append(f"| {' | '.join(cells)} |")
+            sides = [drives, *(same(found[each], drives) for each in SIMULATED)]
+            total = sum(drive["gates_total"] for drive in sides[1])
+            passed = [f"{sum(drive['gates_passed'] for drive in side)} of {total}" if total else "-" for side in sides]
+            came = [f"{sum(map(arrived, side))} of {len(side)}" for side in sides]
+            lines.append(f"| {' | '.join([name, scenario, *came, *passed])} |")
     return "\n".join(lines)
 
 
@@ -63,7 +62,7 @@ def loop_table(found: Mapping[str, Drives]) -> str:
     for board, name in CARS.items():
         if not (drives := found.get(board, ())):
             continue
-        ticks, beside = sum(drive["ticks"] for drive in drives), same(found[SIMULATION], drives)
+        ticks, beside = sum(drive["ticks"] for drive in drives), same(found[SIMULATED[0]], drives)
         late = {each: [drive["lateness_ms"][each] for drive in drives] for each in ("p50", "p99", "max")}
         cells = [
             name,

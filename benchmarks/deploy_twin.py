@@ -2,11 +2,13 @@
 
     nice -n -10 python benchmarks/deploy_twin.py --board pca9685 --out runs/deploy_pca9685.json
     python benchmarks/deploy_twin.py --board simulation --out runs/deploy_simulation.json
+    python benchmarks/deploy_twin.py --board together --out runs/deploy_together.json
 
 Each course is driven by the command itself, `tral deploy --policy office --config car.toml`: pre-flight, arming,
 recording. Its camera is the twin's MJPEG stream, over OpenCV and the detector. Beside it stands `TralCorridor-v0` with
-the rendered camera, the same courses and the same cars. One drive takes as long as the drive. Each result is written as
-it comes; the script begins where its file ends.
+the rendered camera, the same courses and cars: "simulation" as they are drawn, "together" with sonars that fire
+together, as those of the twin do. One drive takes as long as the drive. Each result is written as it comes; the script
+begins where its file ends.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -49,7 +51,8 @@ START_S = 60.0
 MORE_S = 5.0
 """The command may drive so much longer than the course allows."""
 POLL_S = 0.2
-SIMULATION = "simulation"
+SIMULATED: Mapping[str, dict[str, float]] = {"simulation": {}, "together": {"sonar_together": 1.0}}
+"""What is given to a simulated car beside what its seed draws."""
 DAY = "2026-01-01"
 
 
@@ -101,10 +104,15 @@ def deploy(twin: TwinProcess, seed: int, board: str, folder: Path) -> dict[str, 
             if process.poll() is None:
                 process.kill()
                 process.wait()
-    outcome = twin.outcome() or {"ended": f"the car stopped: {log.read_text()[-400:]}", "progress": progress(twin)}
-    found = {**outcome, "gates_passed": twin.status()["truth"].get("gates_passed")}
-    late = twin.status()["lateness"]
-    return found | {"twin_late": late, "twin_skipped_s": late["lost_s"] - skipped_s} | of_recording(out)
+    told, status = of_recording(out), twin.status()
+    stopped = {"ended": f"the car stopped: {told['ended_by']}", "progress": status["truth"].get("progress", math.nan)}
+    return {
+        **(status["outcome"] or stopped),
+        "gates_passed": status["truth"].get("gates_passed"),
+        "twin_late": status["lateness"],
+        "twin_skipped_s": status["lateness"]["lost_s"] - skipped_s,
+        **told,
+    }
 
 
 def await_preflight(process: subprocess.Popen[bytes], log: Path) -> None:
@@ -118,11 +126,6 @@ def await_preflight(process: subprocess.Popen[bytes], log: Path) -> None:
         if process.poll() is not None or time.monotonic() > until_s:
             raise RuntimeError(f"tral deploy did not begin: {log.read_text()[-2000:]}")
         time.sleep(0.02)
-
-
-def progress(twin: TwinProcess) -> float:
-    """How far the car came, a share of the route."""
-    return float(twin.status()["truth"].get("progress", math.nan))
 
 
 def of_recording(out: Path) -> dict[str, Any]:
@@ -158,7 +161,7 @@ def sightings(observations: NDArray[np.float32], layout: Layout) -> dict[str, in
     return found
 
 
-def drive_simulation(settings: TwinSettings, seed: int) -> dict[str, Any]:
+def drive_simulation(settings: TwinSettings, seed: int, car: dict[str, float]) -> dict[str, Any]:
     """The same course and car in simulation, with the rendered camera."""
     env = gym.make(
         "tral_env:TralCorridor-v0",
@@ -168,7 +171,7 @@ def drive_simulation(settings: TwinSettings, seed: int) -> dict[str, Any]:
     )
     policy = load_policy("office")
     policy.reset()
-    observation, _ = env.reset(seed=seed)
+    observation, _ = env.reset(seed=seed, options={"car": car} if car else None)
     seen, ended = [observation], False
     while not ended:
         observation, _, terminated, truncated, info = env.step(policy.act(observation))
@@ -189,7 +192,7 @@ def settings_of(board: str, scenario: str) -> TwinSettings:
 def main() -> None:
     """Drive all courses that have no result yet."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("--board", choices=("pca9685", "board2016", "ucboard", SIMULATION), default="pca9685")
+    parser.add_argument("--board", choices=("pca9685", "board2016", "ucboard", *SIMULATED), default="pca9685")
     parser.add_argument("--families", default=FAMILIES, help="family:number of courses, ...")
     parser.add_argument("--seed", type=int, default=FIRST_SEED)
     parser.add_argument("--out", type=Path, required=True)
@@ -211,9 +214,10 @@ def main() -> None:
 
 def drives(board: str, scenario: str, seeds: list[int], folder: Path) -> Iterator[dict[str, Any]]:
     """Drives of one family; the files of each drive on the twin stay in a folder of its own."""
-    if board == SIMULATION:
+    if board in SIMULATED:
+        settings = settings_of("pca9685", scenario)
         for seed in seeds:
-            yield {"scenario": scenario, "seed": seed} | drive_simulation(settings_of("pca9685", scenario), seed)
+            yield {"scenario": scenario, "seed": seed} | drive_simulation(settings, seed, SIMULATED[board])
     elif seeds:
         with TwinProcess(replace(settings_of(board, scenario), seed=seeds[0])) as twin:
             for seed in seeds:
