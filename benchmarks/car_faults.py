@@ -4,16 +4,15 @@
 
 Each drive is that of `tral deploy` in a process of its own, with its actuator process, on the I2C bus and the hall pin
 of a twin. After some seconds at 0.5 m/s one fault begins. What leaves the board is read every two milliseconds. The
-table is that of docs/safety.md.
+table is that of docs/safety.md. A run that was broken off goes on where its file ends. "clock set back" needs the C
+compiler `cc`.
 """
 
 from __future__ import annotations
 
 import argparse
-import ctypes
 import json
 import os
-import platform
 import signal
 import statistics
 import subprocess
@@ -21,47 +20,21 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from car_faults_drive import BOARDS, END_S, HANDS, POLICY
+from clock_set_back import CLOCK, library
 
-HERE = Path(__file__).resolve()
-THROTTLE = 0.3
-"""The car drives at 0.5 m/s with it."""
-DRIVING_S = 2.5
-"""The fault begins after so long a drive, s."""
+DRIVE = Path(__file__).with_name("car_faults_drive.py")
 LOOK_S = 0.002
 SWITCH_S = 0.0005
 """Threads of the twin give way to each other after this time, as in a process of its own."""
 TRIES = 3
-END_S = 12.0
-"""A fault has ended the pulses after this time, or the table says that it did not."""
 STAYS_MS = END_S * 1e3 - 500.0
 """A throttle that stands for longer stays until the fault is taken away."""
 LENGTH_M = 40.0
-
-
-def raises() -> None:
-    raise RuntimeError("a policy failed")
-
-
-def loops() -> None:
-    while True:
-        pass
-
-
-POLICY: dict[str, Callable[[], Any]] = {
-    "exception of the policy": raises,
-    "os.abort": os.abort,
-    "busy loop": loops,
-    "C code that holds the GIL": lambda: ctypes.PyDLL(None).sleep(60),
-    "NaN action": lambda: np.array([0.0, np.nan]),
-    "action of another shape": lambda: np.zeros(3),
-}
-"""Faults that the policy commits."""
 SIGNALS = {
     "SIGTERM": ("policy", signal.SIGTERM),
     "SIGINT": ("policy", signal.SIGINT),
@@ -74,12 +47,6 @@ SIGNALS = {
     "SIGSTOP of the keeper": ("tral-keeper", signal.SIGSTOP),
 }
 """Faults that come from outside: who gets which signal."""
-HANDS = {
-    "emergency stop on a key": "stop",
-    "gamepad lost": "lost",
-    "dead man's button let go": "let go",
-}
-"""What the person does."""
 TWIN = {
     "sonars silent": ("sonar-silent", 1.0),
     "sonars frozen": ("sonar-frozen", 1.0),
@@ -93,104 +60,26 @@ TWIN = {
     "disk full while recording": ("disk-full", 1.0),
 }
 """What happens to the car: a fault of the twin, and its rate."""
+COMPUTER = ("clock set back",)
+"""What happens to the computer: its calendar clock goes an hour back."""
 CAMERA = {"camera gone": ("camera-gone", 1.0), "camera frozen": ("camera-frozen", 1.0)}
 """The same, for a car with a camera."""
 SERIAL = {"serial unplugged": ("serial-unplugged", 1.0), "serial garbage": ("serial-garbage", 1.0)}
 """The same, for a car with a serial board."""
-BOARDS = ("board2016", "ucboard")
 BLOCKED_S = 1.0
 """A bus that blocks does so for so long, s."""
-GOES_ON = ("hall bouncing", "I2C errors, 1 in 10", "disk full while recording")
+GOES_ON = ("hall bouncing", "I2C errors, 1 in 10", "disk full while recording", "clock set back")
 """These end no drive."""
+GOES_ON_S = 4.0
+"""Such a drive is looked at for so long after its fault began, s; then the benchmark ends it."""
 CAR = {**TWIN, **CAMERA, **{f"{name}, {board}": fault for board in BOARDS for name, fault in SERIAL.items()}}
 """All that happens to the car."""
-ALL = (*POLICY, *SIGNALS, *HANDS, *CAR)
+ALL = (*POLICY, *SIGNALS, *HANDS, *COMPUTER, *CAR)
 
 
 def kind_of(fault: str) -> str:
     """Which car the fault needs: "pca9685", "camera", or the name of a serial board."""
     return "camera" if fault in CAMERA else next((board for board in BOARDS if fault.endswith(board)), "pca9685")
-
-
-class Driver:
-    """The policy: it drives straight on, and commits what the environment variable says."""
-
-    active_states = ("straight",)
-
-    def __init__(self) -> None:
-        self._ticks = 0
-        self._fault = POLICY.get(os.environ["FAULT"])
-
-    def act(self, observation: Any) -> Any:
-        """Drive, then commit the fault, once."""
-        self._ticks += 1
-        if self._ticks == round(DRIVING_S * 80):
-            Path(os.environ["MARK"]).write_text(str(time.monotonic_ns()))
-            if self._fault is not None and (answer := self._fault()) is not None:
-                return answer
-        return np.array([0.0, THROTTLE], np.float32)
-
-
-class Person:
-    """Arms at once, and does something when the mark is there."""
-
-    name = "gamepad"
-
-    def __init__(self) -> None:
-        self._does, self._mark = HANDS.get(os.environ["FAULT"], ""), Path(os.environ["MARK"])
-
-    def poll(self, now_s: float) -> Any:
-        """What the person does."""
-        from tral_env.errors import SourceLostError
-        from tral_fsm.teleop.hands import Hands
-
-        does = self._does if self._does and self._mark.exists() else ""
-        if does == "lost":
-            raise SourceLostError("the gamepad is gone")
-        return Hands(holds=does != "let go", arm=True, stop=does == "stop")
-
-    def close(self) -> None:
-        """Do nothing."""
-
-
-class Silent:
-    """A console that says nothing."""
-
-    def status(self, text: str) -> None:
-        """Say nothing."""
-
-    def say(self, text: str) -> None:
-        """Say nothing."""
-
-
-def drive(folder: Path) -> None:
-    """Be the process that drives."""
-    from tral_fsm.programs.deploy import DeployArguments, run
-
-    twin = json.loads((folder / "twin.json").read_text())
-    arguments = DeployArguments(policy=f"{HERE}:Driver", config=str(folder / "car.toml"), max_duration_s=END_S + 30.0)
-    run(arguments, Path(twin["out"]), [Person()], Silent(), must_hold=True, check=unasked, sensors=sensors_of(twin))
-
-
-def unasked(car: Any) -> tuple[()]:
-    """Ask nothing before the drive: nobody calibrated the twin."""
-    return ()
-
-
-def sensors_of(twin: dict[str, Any]) -> Any:
-    """Sensors that a car file cannot name: a hall pin that is a socket; None: those of the car file."""
-    from tral_env.hardware.camera import Camera
-    from tral_env.hardware.camera_options import CameraOptions
-    from tral_env.hardware.sensors import SensorGroup
-    from tral_env.hardware.sonar import SonarArray
-    from tral_env.twin.hall import TwinHall
-
-    if twin["kind"] in BOARDS:
-        return None
-    sensors = [SonarArray(bus=twin["i2c"]), TwinHall(Path(twin["hall"]))]
-    if twin["kind"] == "camera":
-        sensors.append(Camera(CameraOptions(device=twin["camera"], lens=twin["lens"])))
-    return SensorGroup(*sensors)
 
 
 class Looks:
@@ -245,10 +134,11 @@ def measure(fault: str, twin: Any, folder: Path, neutral_us: float) -> dict[str,
     mark.unlink(missing_ok=True)
     twin.reset(3)
     environment = os.environ | {"FAULT": fault, "MARK": str(mark)}
+    if fault in COMPUTER:
+        (folder / "back").unlink(missing_ok=True)
+        environment |= {"LD_PRELOAD": str(library(folder)), CLOCK: str(folder / "back")}
     looks = Looks(twin)
-    policy = subprocess.Popen(
-        [sys.executable, str(HERE), "--drive", str(folder)], env=environment, stderr=subprocess.PIPE
-    )
+    policy = subprocess.Popen([sys.executable, str(DRIVE), str(folder)], env=environment, stderr=subprocess.PIPE)
     try:
         until = time.monotonic() + 60.0
         while not mark.exists():
@@ -256,7 +146,7 @@ def measure(fault: str, twin: Any, folder: Path, neutral_us: float) -> dict[str,
             if ended and not mark.exists():
                 raise RuntimeError(f"{fault}: the drive did not begin: {policy.communicate()[1].decode()[-2000:]}")
             time.sleep(0.001)
-        fault_s = begin(fault, twin, policy.pid, mark)
+        fault_s = begin(fault, twin, policy.pid, mark, folder)
         wait_for_the_end(looks, fault, policy)
     finally:
         end(fault, twin, policy)
@@ -278,13 +168,16 @@ def measure_anyhow(fault: str, twin: Any, folder: Path) -> dict[str, Any]:
     raise AssertionError
 
 
-def begin(fault: str, twin: Any, policy: int, mark: Path) -> float:
+def begin(fault: str, twin: Any, policy: int, mark: Path, folder: Path) -> float:
     """Let a fault begin; its time, s."""
     fault_s = int(mark.read_text() or time.monotonic_ns()) / 1e9
     if fault in SIGNALS:
         who, number = SIGNALS[fault]
         pid, fault_s = pid_of(who, policy), time.monotonic()
         os.kill(pid, number)
+    elif fault in COMPUTER:
+        fault_s = time.monotonic()
+        (folder / "back").touch()
     elif fault in CAR:
         name, rate = CAR[fault]
         fault_s = time.monotonic()
@@ -295,7 +188,7 @@ def begin(fault: str, twin: Any, policy: int, mark: Path) -> float:
 
 def wait_for_the_end(looks: Looks, fault: str, policy: subprocess.Popen[bytes]) -> None:
     """Wait until no pulses leave the board for half a second, and the car stands."""
-    patience_s = 4.0 if fault in GOES_ON else END_S
+    patience_s = GOES_ON_S if fault in GOES_ON else END_S
     until, quiet_s = time.monotonic() + patience_s, 0.0
     while time.monotonic() < until and quiet_s < 0.5:
         time.sleep(0.05)
@@ -352,19 +245,25 @@ def car_file(twin: Any, kind: str) -> str:
 
 def row(fault: str, drives: list[dict[str, Any]]) -> str:
     """A row of the table."""
-    cells = []
+    cells, neutral_ms = [], [each["neutral_ms"] for each in drives]
+    drives_on = fault in GOES_ON and all(one is None or one >= GOES_ON_S * 1e3 for one in neutral_ms)
+    stays = not drives_on and any(one is None or one > STAYS_MS for one in neutral_ms)
     for name in ("neutral_ms", "off_ms"):
         values = [each[name] for each in drives]
-        if fault in GOES_ON:
-            cells.append("drives on")
-        elif None in [each["neutral_ms"] for each in drives] or max(each["neutral_ms"] for each in drives) > STAYS_MS:
-            cells.append("stays")
+        if drives_on or stays:
+            cells.append("drives on" if drives_on else "stays")
         elif name == "off_ms" and kind_of(fault) in BOARDS:
             cells.append("neutral stays")
         else:
             cells.append(f"{statistics.median(values):.0f}, {max(values):.0f} ms")
-    way = "-" if fault in GOES_ON or "stays" in cells else f"{max(each['way_m'] for each in drives):.2f} m"
+    way = "-" if drives_on or stays else f"{max(each['way_m'] for each in drives):.2f} m"
     return f"| {fault} | {cells[0]} | {cells[1]} | {way} |"
+
+
+def table(drives: list[dict[str, Any]]) -> list[str]:
+    """All rows of the table that were measured."""
+    measured = {fault: [each for each in drives if each["fault"] == fault] for fault in ALL}
+    return [row(fault, found) for fault, found in measured.items() if found]
 
 
 def measure_all(faults: list[str], runs: int, out: Path | None) -> None:
@@ -374,10 +273,12 @@ def measure_all(faults: list[str], runs: int, out: Path | None) -> None:
     from tral_env.twin.settings import TwinSettings
     from tral_env.twin.twin import Twin
     from tral_fsm.evaluation.files import prepare_folder
+    from tral_fsm.evaluation.host import host
 
     if out is not None:
         prepare_folder(out.parent)
-    drives: list[dict[str, Any]] = []
+    known = json.loads(out.read_text())["drives"] if out is not None and out.exists() else []
+    drives: list[dict[str, Any]] = list(known)
     sys.setswitchinterval(SWITCH_S)
     print("| fault | neutral: median, longest | no pulses: median, longest | way |\n| --- | --- | --- | --- |")
     for kind in dict.fromkeys(map(kind_of, faults)):
@@ -394,12 +295,13 @@ def measure_all(faults: list[str], runs: int, out: Path | None) -> None:
             with Twin(settings) as twin:
                 (folder / "car.toml").write_text(car_file(twin, kind))
                 for fault in (each for each in faults if kind_of(each) == kind):
-                    measured = [measure_anyhow(fault, twin, folder) for _ in range(runs)]
-                    drives += measured
+                    measured = [each for each in drives if each["fault"] == fault]
+                    for _ in range(runs - len(measured)):
+                        measured.append(measure_anyhow(fault, twin, folder))
+                        drives.append(measured[-1])
+                        if out is not None:
+                            out.write_text(json.dumps({"host": host(), "drives": drives}, indent=1))
                     print(row(fault, measured), measured[-1]["told"], flush=True)
-                    if out is not None:
-                        report = {"host": platform.platform(), "python": platform.python_version(), "drives": drives}
-                        out.write_text(json.dumps(report, indent=1))
 
 
 def main() -> None:
@@ -408,11 +310,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--faults", default=";".join(ALL))
     parser.add_argument("--out", type=Path)
-    parser.add_argument("--drive", type=Path, help=argparse.SUPPRESS)
     given = parser.parse_args()
-    if given.drive is not None:
-        drive(given.drive)
-        return
     measure_all(given.faults.split(";"), given.runs, given.out)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,19 @@ def driven(seat: Seat, then: Any = lambda now: Hands(end=now > 1.0)) -> tuple[En
     overseer = Overseer([Person(then)], seat.clock)
     drive = CarDrive(seat, Still(), overseer, words, seat.clock, seat.clock.sleep)
     return drive.run("arm it"), drive, words
+
+
+def test_the_garbage_collector_passes_over_the_program_while_the_car_drives() -> None:
+    passed_over = []
+
+    def look(now: float) -> Hands:
+        passed_over.append(gc.get_freeze_count())
+        return Hands(end=now > 1.0)
+
+    before = gc.get_freeze_count()
+    driven(Seat(Clock()), look)
+    assert passed_over[-1] > before + 1000
+    assert gc.get_freeze_count() == 0
 
 
 class Typist:

@@ -138,6 +138,17 @@ class TestStopAndIdle:
         assert bench.tick(speed=0.5, throttle=-0.3) == (0.0, 0.3)
         assert bench.tick(speed=0.5, throttle=0.3) == (0.0, 0.3)
 
+    def test_stop_stays_in_neutral_after_its_brake_whatever_the_hall_sensor_still_says(self) -> None:
+        bench = one_state(type="Stop", brake=0.3)
+        assert [bench.tick(speed=speed)[1] for speed in (0.5, 0.2, 0.0, 0.0, 0.2, 0.5)] == [
+            -0.3,
+            -0.3,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+        ]
+
     def test_stop_keeps_the_car_straight_and_idle_leaves_the_servo_in_neutral(self) -> None:
         steering = {}
         for kind in ("Stop", "Idle"):

@@ -86,15 +86,22 @@ class Stop(State[StopSpec]):
     """Time until which the state brakes in any case, s."""
     direction = 1.0
     """Direction in which the car rolled at entry: +1 forward, -1 backward."""
+    has_braked = False
+    is_done = False
+    """Whether it has braked and came to neutral: a motor controller takes the next brake for reverse, so a late tick of
+    the hall sensor must not bring one."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
         """Remember when the state began and in which direction the car rolls."""
         self.until = estimate.time + self.spec.hold
         self.direction = estimate.direction
+        self.has_braked = self.is_done = False
 
     def tick(self, estimate: CarEstimate) -> Command:
         """Wheels straight, brake or neutral."""
-        brakes = estimate.speed > ROLLING_MPS or estimate.time < self.until
+        brakes = not self.is_done and (estimate.speed > ROLLING_MPS or estimate.time < self.until)
+        self.is_done = self.has_braked and not brakes
+        self.has_braked = self.has_braked or brakes
         return Command(0.0, speed=0.0, throttle=-self.spec.brake * self.direction if brakes else 0.0)
 
 
