@@ -12,28 +12,17 @@ import time
 from pathlib import Path
 
 import pytest
+from bench_car import car_file
 from typer.testing import CliRunner
 
 from tral_fsm.cli import app
 
-CAR = """
-version = 1
-name = "bench"
-sensors = "none"
-
-[board]
-driver = "pca9685"
-clock_measured = true
-
-[pulses]
-file = "tt01"
-"""
 BLIND = "class Blind:\n    def act(self, observation):\n        return [0.0, 0.2]\n"
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    (tmp_path / "car.toml").write_text(CAR)
+    car_file(tmp_path)
     (tmp_path / "blind.py").write_text(BLIND)
     return tmp_path
 

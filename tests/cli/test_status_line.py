@@ -56,6 +56,7 @@ def test_a_reader_that_does_not_read_keeps_nobody_waiting() -> None:
     except BlockingIOError:
         os.set_blocking(write, True)
     StatusLine(write, Clock(), 0.0).say("nobody reads this")
+    assert set(os.read(read, 1 << 20)) == {ord("x")}
     os.close(read)
     StatusLine(write, Clock(), 0.0).say("nor this: the reader is gone")
     os.close(write)

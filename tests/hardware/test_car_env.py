@@ -316,10 +316,23 @@ def test_what_is_no_bus_is_refused(bus):
 
 def test_sensors_that_were_opened_by_name_are_closed_where_a_group_is_refused(monkeypatch):
     stopped = []
+    bus = FakeSmbus({0x40: Pca9685Fake()})
     monkeypatch.setattr(SonarArray, "stop", lambda array: stopped.append(array))
     with pytest.raises(ConfigError, match="do not provide battery"):
-        car(sensors="srf08", bus=FakeSmbus({}), groups=("battery",))
+        car(output="pca9685", calibration=MEASURED, sensors="srf08", bus=bus, groups=("battery",))
     assert len(stopped) == 1
+
+
+@pytest.mark.parametrize("output", [None, "recorder"])
+def test_a_dry_run_writes_to_no_bus(output):
+    bus = FakeSmbus({0x70 + i: Srf08Fake(Clock(), 1.0) for i in range(3)})
+    with pytest.raises(ConfigError, match="a dry run and writes to no bus"):
+        car(output=output, sensors="srf08", bus=bus)
+    env, _ = car(output=output, bus=bus)
+    env.reset()
+    env.step(GO)
+    env.close()
+    assert bus.log == []
 
 
 def test_the_slew_limit_begins_anew_at_a_reset():

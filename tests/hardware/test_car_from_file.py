@@ -142,10 +142,10 @@ def test_a_board_whose_clock_was_never_measured_is_refused() -> None:
         made(FILE.replace("true", "false"))
 
 
-@pytest.mark.usefixtures("actuator")
-def test_a_board_without_a_clock_of_its_own_is_not_asked_for_one() -> None:
+def test_a_board_without_a_clock_of_its_own_is_not_asked_for_one(actuator: type[Actuator]) -> None:
     serial = FILE.replace('driver = "pca9685"\nclock_measured = true', 'driver = "log"\nperiod_us = 17430')
     made(serial).close()
+    assert actuator.told.driver == "log"
 
 
 @pytest.mark.parametrize(
@@ -275,6 +275,7 @@ def test_the_limits_of_faults_of_the_car_file_count() -> None:
         config=parse_car(FILE + '[faults]\nreaction_s = "off"\n'), sensors=Wall(), clock=clock, sleep=clock.sleep
     )
     drive(env, 0.3, 200)
+    assert env.step(np.array([0.0, 0.3], np.float32))[4]["tick"] == 201, "nothing stopped it"
     env.close()
 
 

@@ -3,23 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 from tral_fsm.teleop.hands import Hands
-
-CAR = """
-version = 1
-name = "bench"
-sensors = "none"
-
-[board]
-driver = "pca9685"
-clock_measured = true
-
-[pulses]
-file = "tt01"
-"""
 
 
 class Clock:
@@ -99,12 +85,6 @@ class Person:
 
     def close(self) -> None:
         pass
-
-
-def car_file(folder: Path) -> str:
-    path = folder / "car.toml"
-    path.write_text(CAR)
-    return str(path)
 
 
 def parts(sensors: Rolling | None = None) -> dict[str, Any]:

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from on_the_car import Person, Rolling, Words, car_file, parts
+from bench_car import car_file
+from on_the_car import Person, Rolling, Words, parts
 
 from tral_env.errors import ConfigError, HardwareError, PolicyError, SourceLostError
 from tral_env.hardware.bringup.preflight import Finding

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from on_the_car import CAR, Clock, Person, Words, car_file, parts
+from bench_car import CAR, car_file
+from on_the_car import Clock, Person, Words, parts
 
 from tral_env.errors import ConfigError, HardwareError
 from tral_env.hardware.bringup.preflight import Finding

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.reader import make_reader
 from mcap.writer import Writer
 from recorded_drives import observations
 
@@ -63,6 +65,32 @@ def test_a_damaged_chunk_does_not_hide_those_behind_it(chunks: tuple[bytes, list
     found = read(tmp_path / "drive.mcap")
     assert found.tick.tolist() == [0, 1, 2, 3, 4, 6, 7, 8, 9]
     assert "torn" in found.damage
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.8])
+def test_a_damaged_first_chunk_loses_itself_alone(chunks: tuple[bytes, list[int]], tmp_path: Path, share: float):
+    whole, _ = chunks
+    begin = whole.index(b"\x28\xb5\x2f\xfd")  # data of zstd begin so, and their length stands before them
+    place = begin + round(share * int.from_bytes(whole[begin - 8 : begin], "little"))
+    (tmp_path / "drive.mcap").write_bytes(whole[:place] + bytes(8) + whole[place + 8 :])
+    found = read(tmp_path / "drive.mcap")
+    assert found.tick.tolist() == list(range(1, 10))
+    np.testing.assert_array_equal(found.observation, observations(10)[1:])
+    assert "torn" in found.damage
+
+    assert mend(tmp_path / "drive.mcap", tmp_path / "mended.mcap") == found.damage
+    with (tmp_path / "mended.mcap").open("rb") as stream:
+        told = [(schema.name, json.loads(message.data)) for schema, _, message in make_reader(stream).iter_messages()]
+    assert [action["tick"] for name, action in told if name == "tral.Command"] == list(range(1, 10))
+
+
+def test_names_behind_a_chunk_that_are_damaged_change_nothing(chunks: tuple[bytes, list[int]], tmp_path: Path):
+    whole, _ = chunks
+    assert whole.count(b"/action") == 2, "in plain text: behind the first chunk, and in the summary"
+    (tmp_path / "drive.mcap").write_bytes(whole.replace(b"/action", b"/actino", 1))
+    found = read(tmp_path / "drive.mcap")
+    assert found.tick.tolist() == list(range(10))
+    assert found.damage == ""
 
 
 def test_a_file_that_is_no_mcap_is_refused(tmp_path: Path):

@@ -251,7 +251,9 @@ def test_a_name_with_dollars_is_no_mathematics() -> None:
         plots.paths(PLAN, {name: {"outcome": "success", "path": PATH}}),
     ]
     for figure in figures:
-        figure.savefig(io.BytesIO(), format="svg")
+        drawn = io.BytesIO()
+        figure.savefig(drawn, format="svg")
+        assert b"</svg>" in drawn.getvalue()
 
 
 def test_a_figure_without_an_interval_is_shown_alone() -> None:

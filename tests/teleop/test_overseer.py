@@ -68,6 +68,14 @@ def test_each_device_arms_and_none_without_the_held_button() -> None:
     assert overseer(HELD, Hands(arm=True), must_hold=True).asks_to_arm() is True
 
 
+def test_what_was_pressed_before_anyone_was_asked_arms_nothing() -> None:
+    pressed = Script("gamepad", lambda polls: Hands(arm=True) if polls == 1 else AT_REST)
+    watched = Overseer([pressed], lambda: 0.0)
+    assert watched.before_asking() is None
+    assert watched.asks_to_arm() is False
+    assert overseer(Hands(stop=True)).before_asking() == End("emergency stop by the gamepad", failed=True)
+
+
 def test_an_emergency_stop_is_no_permission_to_arm() -> None:
     assert overseer(Hands(arm=True, stop=True)).asks_to_arm() == End("emergency stop by the gamepad", failed=True)
 

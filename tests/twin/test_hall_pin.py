@@ -68,7 +68,12 @@ def test_a_reader_that_does_not_read_keeps_nobody(tmp_path: Path) -> None:
     request = LineRequest(tmp_path / "hall")
     wait_for_reader(pin, request)
     pin.send([k * 0.01 for k in range(5000)])
+    other = LineRequest(tmp_path / "hall")
+    wait_for_reader(pin, other)
+    pin.send([60.0])
+    assert [event.timestamp_ns for event in read(other, 2)] == [60_000_000_000, 60_000_500_000]
     request.release()
+    other.release()
     pin.close()
 
 

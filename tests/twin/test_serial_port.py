@@ -78,6 +78,9 @@ def test_garbage_spoils_some_bytes(tmp_path: Path) -> None:
 def test_what_nobody_reads_is_lost(tmp_path: Path) -> None:
     port = SerialPort(tmp_path / "tty", Board2016(load_calibration("tt01")), seed=1)
     turns(port, 2000)  # more than a port keeps
+    with opened(port) as reader:
+        turns(port, 40, 25.0)
+        assert reader.read(13), "who comes later hears what is new"
     port.unplug()
 
 

@@ -58,7 +58,8 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     board was never measured is refused.
 
     A dry run of a car file, ``output="recorder"``, opens no sensor on the bus or the port of the board: until the board
-    is set up, a command for a sensor may disturb it. Their readings are "nothing seen" then.
+    is set up, a command for a sensor may disturb it. Their readings are "nothing seen" then. Without a car file,
+    ``sensors="srf08"`` is refused beside ``output="recorder"``: a dry run writes to no bus.
 
     In each step the car is watched for the faults of `tral_env.hardware.faults`. One that stops it raises a
     `CarStoppedError`, after the stop; the others stand in the info.
@@ -118,7 +119,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     | `config` | `None` | The car file, such as ``"car.toml"``: path, or a `CarFile`. It names board, pulses, sensors and limits. |
     | `calibration` | `None` | Pulses of the car: the name of a packaged calibration, the path of a file, or a `CarCalibration`. `None`: those of the car file, or of `"tt01"` without one. |
     | `output` | `None` | `"recorder"` keeps the pulses, `"pca9685"` drives by the PWM board, or a `PulseOutput` or an `ActuatorProcess` of your own. `None`: the board of the car file, or `"recorder"` without one. |
-    | `sensors` | `None` | `"srf08"`: three ultrasonics; `"none"`: no reading. An object of your own, see `tral_env.hardware.sensors.Sensors`. `None`: those of the car file, or none without one. |
+    | `sensors` | `None` | `"srf08"`: three ultrasonics, beside `output="pca9685"`; `"none"`: no reading. An object of your own, see `tral_env.hardware.sensors.Sensors`. `None`: those of the car file, or none without one. |
     | `bus` | `None` | I2C bus of what is opened by name: a number, a path, or an object like `smbus2.SMBus`. `None`: bus 1. The car file has its own. |
     | `limits` | `None` | When the actuator's process stops the car: `tral_env.hardware.actuator.settings.Limits`. `None`: those of the car file, or the defaults; for a car without sensors without `evidence_s`. Refused where no such process is started. |
     | `faults` | `None` | By which numbers faults are noticed: `tral_env.hardware.faults.FaultLimits`. `None`: those of the car file, or the defaults, where the actuator's process drives; elsewhere no fault stops the car, because a car that is not driven does not move. |

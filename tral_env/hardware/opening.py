@@ -76,6 +76,7 @@ def open_parts(wanted: Wanted) -> Parts:
     """
     car = None if wanted.config is None else load_car(wanted.config)
     if car is None:
+        _refuse_ultrasonics_in_a_dry_run(wanted)
         calibration = load_calibration("tt01" if wanted.calibration is None else wanted.calibration)
     else:
         _refuse_beside_a_car_file(wanted)
@@ -117,6 +118,16 @@ def _refuse_beside_a_car_file(wanted: Wanted) -> None:
         raise ConfigError(
             f"output='{wanted.output}' beside config=: the car file names the board, so leave output= out; "
             "'recorder' is a dry run"
+        )
+
+
+def _refuse_ultrasonics_in_a_dry_run(wanted: Wanted) -> None:
+    """Refuse sensors that measure on a command: a dry run writes to no bus."""
+    if wanted.sensors == "srf08" and wanted.output in (None, "recorder"):
+        raise ConfigError(
+            "sensors='srf08' with output='recorder', which is a dry run and writes to no bus: an ultrasonic measures "
+            "only on a command, and a board on its bus that was not set up may take that for its own. Leave sensors= "
+            "out, drive with output='pca9685', or give the open ones: sensors=SonarArray(1)"
         )
 
 

@@ -7,6 +7,8 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+from mcap.data_stream import RecordBuilder
+from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
 from tral_env.errors import ConfigError
@@ -62,6 +64,8 @@ class RecordingFile:
         self._stream = _Stream(self._descriptor)
         self._writer = Writer(self._stream, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)  # type: ignore[arg-type]
         self._channels: dict[str, int] = {}
+        self._names = RecordBuilder()
+        """Schemas and channels that stand in the growing chunk alone."""
         self._whole = 0
         """Everything before this byte is readable."""
         self._writer.start(profile=PROFILE, library="tral-env")
@@ -79,8 +83,7 @@ class RecordingFile:
         """Add a message to the chunk that grows."""
         channel = self._channels.get(topic.name)
         if channel is None:
-            schema = self._writer.register_schema(topic.schema_name, "jsonschema", topic.schema_text)
-            channel = self._channels[topic.name] = self._writer.register_channel(topic.name, "json", schema)
+            channel = self._channels[topic.name] = self._register(topic)
         self._writer.add_message(channel, log_ns, data, publish_ns)
 
     def sync(self) -> None:
@@ -89,7 +92,7 @@ class RecordingFile:
         Raises:
             OSError: the disk does not take it.
         """
-        self._writer.flush()
+        self._end_chunk()
         os.fsync(self._descriptor)
         self._whole = self._stream.tell()
 
@@ -99,6 +102,7 @@ class RecordingFile:
         Raises:
             OSError: the disk does not take it.
         """
+        self._end_chunk()
         self._writer.finish()
         os.fsync(self._descriptor)
         os.close(self._descriptor)
@@ -109,6 +113,24 @@ class RecordingFile:
             os.ftruncate(self._descriptor, self._whole)
         finally:
             os.close(self._descriptor)
+
+    def _register(self, topic: Topic) -> int:
+        """Write schema and channel of a topic into the chunk, and note them for `_end_chunk`."""
+        name, encoding, text = topic.schema_name, "jsonschema", topic.schema_text
+        schema = self._writer.register_schema(name, encoding, text)
+        channel = self._writer.register_channel(topic.name, "json", schema)
+        Schema(id=schema, name=name, encoding=encoding, data=text).write(self._names)
+        Channel(id=channel, topic=topic.name, message_encoding="json", schema_id=schema, metadata={}).write(self._names)
+        return channel
+
+    def _end_chunk(self) -> None:
+        """End the chunk, and repeat behind it the schemas and channels that it names.
+
+        So whoever finds the chunk damaged still knows what the later ones hold.
+        """
+        self._writer.flush()
+        if self._names.count:
+            self._stream.write(self._names.end())
 
 
 def _sync_folder(folder: Path) -> None:

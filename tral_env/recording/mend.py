@@ -35,9 +35,9 @@ def mend(path: Path, out: Path) -> str:
         schemas: dict[int, int] = {}
         channels: dict[int, int] = {}
         for record in scan.records(names=True):
-            if isinstance(record, Schema):
+            if isinstance(record, Schema) and record.id not in schemas:
                 schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
-            elif isinstance(record, Channel):
+            elif isinstance(record, Channel) and record.id not in channels:
                 channels[record.id] = writer.register_channel(
                     record.topic, record.message_encoding, schemas[record.schema_id], record.metadata
                 )

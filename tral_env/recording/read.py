@@ -16,7 +16,7 @@ from typing import IO, Any, NamedTuple
 import cv2
 import numpy as np
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Attachment, Channel, Chunk, DataEnd, Header, McapRecord, Message, Metadata
+from mcap.records import Attachment, Channel, Chunk, DataEnd, Header, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 from numpy.typing import NDArray
 from zstandard import ZstdError
@@ -252,14 +252,14 @@ class Scan:
         """Where and why the file is torn; empty so far: it is not."""
 
     def topic(self, message: Message) -> str:
-        """Topic of a message that was met; empty: its chunk of names is lost."""
+        """Topic of a message that was met; empty: both places that name it are lost."""
         return self._topics.get(message.channel_id, "")
 
     def records(self, names: bool = False) -> Iterator[McapRecord]:
         """The messages, and what stands beside them.
 
         Args:
-            names: whether schemas and channels are given, too.
+            names: whether schemas and channels are given, too, as often as they stand in the file.
 
         Raises:
             BadFileError: the file is no recording.
@@ -272,6 +272,10 @@ class Scan:
         while (record := self._next(found)) is not None and not isinstance(record, DataEnd):
             if isinstance(record, Chunk):
                 yield from (one for one in self._within(record) if names or isinstance(one, Message))
+            elif isinstance(record, Schema | Channel):
+                self._note([record])
+                if names:
+                    yield record
             elif isinstance(record, Metadata | Attachment):
                 yield record
 
@@ -291,8 +295,12 @@ class Scan:
         except _TORN as error:
             self._torn(error)
             return []
-        self._topics |= {record.id: record.topic for record in records if isinstance(record, Channel)}
+        self._note(records)
         return records
+
+    def _note(self, records: list[McapRecord]) -> None:
+        """Note the names of channels; the first ones count, because those within a chunk have a checksum."""
+        self._topics = {record.id: record.topic for record in records if isinstance(record, Channel)} | self._topics
 
     def _torn(self, error: Exception) -> None:
         self.damage = self.damage or f"torn before byte {self._stream.tell()} ({type(error).__name__})"

@@ -108,8 +108,13 @@ def test_the_processes_have_names_of_their_own(actuator: ActuatorProcess) -> Non
 
 def test_arming_an_armed_actuator_takes_no_time(actuator: ActuatorProcess) -> None:
     actuator.arm()
-    actuator.arm()
-    drive(actuator, 0.05)
+    before = actuator.reply
+    assert actuator.arm() == ""
+    assert before is not None
+    assert actuator.reply is not None
+    assert (actuator.reply.state, actuator.reply.sequence) == (State.ARMED, before.sequence + 1), (
+        "one question is enough"
+    )
 
 
 def test_a_worker_that_died_is_told_with_the_reason(actuator: ActuatorProcess, log: Path) -> None:

@@ -69,6 +69,23 @@ def test_pulses_that_ended_make_neutral_stand_anew() -> None:
     assert bench.guard.state is State.ARMED
 
 
+def test_arming_after_a_disarm_sends_neutral_until_a_command_comes() -> None:
+    bench = Bench().arm()
+    bench.drive(100, 0.5, steering=0.5)
+    bench.send(flags=Flag.DISARM)
+    bench.arm()
+    assert bench.wait(90) == NEUTRAL
+
+
+def test_arming_after_a_brake_sends_neutral_until_a_command_comes() -> None:
+    bench = Bench(settings(brake=-1.0)).arm()
+    bench.drive(100, 0.5)
+    assert bench.send(flags=Flag.STOP) == BRAKE
+    bench.send(flags=Flag.ARM)
+    bench.arm()
+    assert bench.wait(90) == NEUTRAL
+
+
 def test_arming_with_throttle_is_no_arming() -> None:
     bench = Bench()
     bench.write()

@@ -9,6 +9,7 @@ import struct
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -123,6 +124,27 @@ def test_a_sign_of_life_is_answered_and_fed_to_the_service_manager(
         manager.setblocking(False)
         with pytest.raises(BlockingIOError):
             manager.recv(64)
+
+
+def test_the_service_manager_hears_of_life_several_times_within_its_second(
+    watch: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = watch("pass")
+    wait_until(lambda: is_gone(case.child.pid))
+    monkeypatch.setattr(case.keeper, "_clock_ns", Hurry(20.0))
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        for _ in range(50):
+            case.worker.send(b".")
+        case.worker.shutdown(socket.SHUT_WR)
+        assert case.keeper.run() == 0
+        manager.setblocking(False)
+        words = []
+        with suppress(BlockingIOError):
+            while True:
+                words.append(manager.recv(64))
+    assert 5 <= words.count(b"WATCHDOG=1") <= 10
 
 
 def test_the_pulses_are_ended_as_soon_as_the_board_takes_it(watch: Any) -> None:
