@@ -4,9 +4,9 @@
 
 drives all contenders that need no preparing over the standard suite. With --agents 3 it first prepares others from
 nothing, each with the same budget of simulated driving: a search for the speeds of the machine `office`, and trainings
-with three seeds for each algorithm. The algorithm teacher+ppo spends half of the budget on a student, and the other half
-on the PPO that goes on from it; teacher:5 stands for five seeds. It prints each command before it runs, and --dry-run
-prints them alone. Started again, it goes on where it stopped.
+with three seeds for each algorithm. The algorithm teacher_ppo spends half of the budget on a student, and the other
+half on the PPO that goes on from it; teacher:5 stands for five seeds. It prints each command before it runs, and
+--dry-run prints them alone. Started again, it goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ DRIVE_S = 25.0
 """A drive of the search takes about so long, simulated, s: it turns hours into drives. The page tells the true time."""
 
 
-STUDENT_FIRST = "teacher+ppo"
+STUDENT_FIRST = "teacher_ppo"
 """Half of the budget teaches a student, and PPO goes on from it with the other half."""
 
 
@@ -112,7 +112,7 @@ def counted(algos: Sequence[str], agents: int) -> dict[str, int]:
 def prepared(agents: Mapping[str, int], out: Path) -> list[str]:
     """Entries of --policies for what the trainings leave."""
     learners = {algo: "+".join(str(out / f"{algo}{seed}") for seed in range(n)) for algo, n in agents.items()}
-    return [f"{algo.replace('+', '_')}={one}" for algo, one in learners.items()]
+    return [f"{algo}={one}" for algo, one in learners.items()]
 
 
 def plan(
