@@ -117,10 +117,15 @@ class TestGoingOnFromAPolicy:
             assert bias == pytest.approx(bias_before, abs=1e-6)
 
     def test_the_actor_learns_then(self, student: Path, tmp_path: Path) -> None:
-        begun, found = load_network(student), self.go_on(student, tmp_path / "on", 0)
-        assert any(
-            (weight != before).any() for (weight, _), (before, _) in zip(found.layers, begun.layers, strict=True)
-        )
+        begun = load_network(student)
+        self.go_on(student, tmp_path / "on", 0)
+        found = torch.load(tmp_path / "on" / "checkpoint.pt", weights_only=True)["state"]["policy"]
+        assert (found["action_net.weight"].numpy() != begun.layers[-1][0]).any()
+
+    def test_the_policy_is_driven_before_the_first_decision(self, student: Path, tmp_path: Path) -> None:
+        self.go_on(student, tmp_path / "on", 0)
+        points = json.loads((tmp_path / "on" / "curve.json").read_text())
+        assert [points[0]["steps"], points[0]["success"]] == [0, None]
 
     def test_its_noise_has_the_size_that_is_asked_for(self, student: Path) -> None:
         request = TrainRequest(algo="ppo", scenarios=("straight",), steps=1, start=str(student))

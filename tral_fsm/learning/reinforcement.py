@@ -115,8 +115,8 @@ def settings_for(request: TrainRequest, path: Path | None = None) -> Reinforceme
 
 def reinforcement_settings(algo: str, scenarios: tuple[str, ...], path: Path | None = None) -> ReinforcementSettings:
     """The hyper-parameters of an algorithm for some families, see `read_settings`."""
-    kind = {"ppo": PPOSettings, "residual": ResidualSettings}.get(algo, ReinforcementSettings)
-    settings = read_settings(kind, algo, path)
+    kinds: dict[str, type[ReinforcementSettings]] = {"ppo": PPOSettings, "residual": ResidualSettings}
+    settings = read_settings(kinds.get(algo, ReinforcementSettings), algo, path)
     return replace(settings, learner=sees_detections(settings.learner, scenarios))
 
 
