@@ -132,6 +132,24 @@ def test_an_unknown_algorithm_is_refused_before_anything_runs(capsys: pytest.Cap
     assert capsys.readouterr().out == ""
 
 
+def test_a_student_and_the_ppo_that_goes_on_from_it_share_a_budget(tmp_path: Path) -> None:
+    options = {"suite": "corners", "courses": None, "processes": 1, "videos": 0, "scenario": "corners", "search": False}
+    student, goes_on, other, last = compare.plan("wall", ["teacher_ppo:1", "sac"], 1, 1.0, tmp_path, **options)
+    assert " ".join(student[2:]) == (
+        f"--algo teacher --scenario corners --seed 0 --steps 36000 --out {tmp_path}/start0"
+    )
+    assert " ".join(goes_on[2:]) == (
+        f"--algo ppo --scenario corners --seed 0 --from {tmp_path}/start0 --steps 36000 --out {tmp_path}/teacher_ppo0"
+    )
+    assert other[3] == "sac"
+    assert f"teacher_ppo={tmp_path}/teacher_ppo0," in " ".join(last)
+
+
+def test_a_number_of_agents_that_is_none_is_refused() -> None:
+    with pytest.raises(ConfigError, match="--algos ppo:x: expected a number of agents"):
+        compare.counted(["ppo:x"], 3)
+
+
 def test_a_command_that_fails_ends_the_script() -> None:
     with pytest.raises(SystemExit) as stopped:
         compare.run(["python", "-c", "raise SystemExit(3)"])

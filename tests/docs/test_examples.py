@@ -55,6 +55,8 @@ LITERAL = (
     "tral replay docs/recordings/short.mcap --to mcap",
     "tral replay docs/recordings/short.mcap --to csv --to lerobot",
     "python benchmarks/compare.py --agents 3 --hours 10 --dry-run",
+    "python benchmarks/compare.py --policies corners,pursuit,constant --suite corners --scenario corners --courses 40 "
+    "--agents 2 --algos teacher:5,ppo,residual --hours 1.3333 --no-search --dry-run",
     "python benchmarks/plot_perception.py runs/img",
     "tral tune --list-params --policy office",
     "tral doctor",

@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 import pickle
 import zipfile
 from collections.abc import Callable
@@ -150,15 +151,22 @@ def test_a_features_extractor_is_refused(kind: type, message: str, zipped: bool,
         network_of_zip(tmp_path / "model.zip", LEARNER) if zipped else network_of_model(made, LEARNER)
 
 
-def test_statistics_of_observations_are_not_left_out_silently(tmp_path: Path) -> None:
-    for normalized in (True, False):
-        venv = VecNormalize(DummyVecEnv([Spaces]), norm_obs=normalized)
-        made = model("PPO", venv)
-        if normalized:
-            with pytest.raises(ConfigError, match="behind VecNormalize, whose statistics"):
-                network_of_model(made, LEARNER)
-        else:
-            assert network_of_model(made, LEARNER).normalization is None
+def test_statistics_of_observations_become_part_of_the_policy() -> None:
+    venv = VecNormalize(DummyVecEnv([Spaces]), norm_obs=True, clip_obs=math.inf)
+    made = model("PPO", venv)
+    rng = np.random.default_rng(0)
+    venv.obs_rms.update(rng.normal(0.3, 0.02, (50, INPUTS)))
+    network = network_of_model(made, LEARNER)
+    seen = rng.normal(0.3, 0.02, (20, INPUTS)).astype(np.float32)
+    expected, _ = made.predict(venv.normalize_obs(seen), deterministic=True)
+    assert network.actions(seen) == pytest.approx(expected, abs=1e-5)
+
+
+def test_statistics_of_observations_that_are_clipped_are_refused() -> None:
+    with pytest.raises(ConfigError, match="clip_obs=10, and a policy file does not clip"):
+        network_of_model(model("PPO", VecNormalize(DummyVecEnv([Spaces]))), LEARNER)
+    without = model("PPO", VecNormalize(DummyVecEnv([Spaces]), norm_obs=False))
+    assert network_of_model(without, LEARNER).normalization is None
 
 
 def test_a_zip_of_sac_behind_vec_normalize_is_refused(tmp_path: Path) -> None:

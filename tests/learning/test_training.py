@@ -29,7 +29,7 @@ from tral_fsm.formats import tral_json
 from tral_fsm.learning.choices import MAX_CARS, VALIDATION_SEEDS, TrainRequest, read_settings
 from tral_fsm.learning.reinforcement import reinforcement_settings, settings_for
 from tral_fsm.learning.run import TrainingRun
-from tral_fsm.learning.start import begin_with
+from tral_fsm.learning.start import begin_with, explore, network_to_begin_with
 from tral_fsm.learning.teacher import Samples, Student, TeacherSettings, teacher_settings
 from tral_fsm.learning.validation import Score, Validation
 from tral_fsm.policies.corrected import CorrectedPolicy
@@ -117,10 +117,15 @@ class TestGoingOnFromAPolicy:
             assert bias == pytest.approx(bias_before, abs=1e-6)
 
     def test_the_actor_learns_then(self, student: Path, tmp_path: Path) -> None:
-        begun, found = load_network(student), self.go_on(student, tmp_path / "on", 0)
-        assert any(
-            (weight != before).any() for (weight, _), (before, _) in zip(found.layers, begun.layers, strict=True)
-        )
+        begun = load_network(student)
+        self.go_on(student, tmp_path / "on", 0)
+        found = torch.load(tmp_path / "on" / "checkpoint.pt", weights_only=True)["state"]["policy"]
+        assert (found["action_net.weight"].numpy() != begun.layers[-1][0]).any()
+
+    def test_the_policy_is_driven_before_the_first_decision(self, student: Path, tmp_path: Path) -> None:
+        self.go_on(student, tmp_path / "on", 0)
+        points = json.loads((tmp_path / "on" / "curve.json").read_text())
+        assert [points[0]["steps"], points[0]["success"]] == [0, None]
 
     def test_its_noise_has_the_size_that_is_asked_for(self, student: Path) -> None:
         request = TrainRequest(algo="ppo", scenarios=("straight",), steps=1, start=str(student))
@@ -134,11 +139,24 @@ class TestGoingOnFromAPolicy:
             device="cpu",
             policy_kwargs={"net_arch": list(settings.layers), "activation_fn": torch.nn.ReLU},
         )
-        begin_with(model, load_network(student), 0.1)
+        begin_with(model, load_network(student))
+        explore(model, 0.1)
         seen = torch.as_tensor(venv.reset())
         deviations = model.policy.get_distribution(seen).distribution.stddev.mean().item()
         venv.close()
         assert deviations == pytest.approx(0.1, rel=0.1)
+
+    def test_a_policy_that_normalizes_its_inputs_becomes_one_that_need_not(self, student: Path) -> None:
+        network, rng = load_network(student), np.random.default_rng(0)
+        inputs = len(network.layers[0][0][0])
+        seen = rng.uniform(-1, 1, (9, inputs)).astype(np.float32)
+        normalization = (seen.mean(0), seen.std(0))
+        save(replace(network, normalization=normalization), student.with_name("normalized"))
+        found = network_to_begin_with(str(student.with_name("normalized")))
+        assert found.normalization is None
+        assert found.actions(seen) == pytest.approx(
+            replace(network, normalization=normalization).actions(seen), abs=1e-5
+        )
 
     @pytest.mark.parametrize("algo", ["teacher", "sac", "residual"])
     def test_other_algorithms_begin_anew(self, algo: str) -> None:
@@ -341,6 +359,30 @@ def test_where_as_many_arrive_the_way_decides_and_then_the_time() -> None:
     assert not farther.is_better_than(faster)
     assert not more.is_better_than(more)
     assert few.is_better_than(None)
+
+
+def test_where_enough_arrive_the_faster_one_is_better() -> None:
+    begun = Score(episodes=50, successes=49, progress=0.99, time_s=27.0)
+    faster, slower = replace(begun, progress=0.98, time_s=25.0), replace(begun, successes=50, time_s=28.0)
+    fewer = replace(begun, successes=48, progress=0.99, time_s=20.0)
+    assert faster.is_better_than(begun, enough=49)
+    assert begun.is_better_than(slower, enough=49)
+    assert begun.is_better_than(fewer, enough=49)
+    assert replace(fewer, successes=40).is_better_than(replace(begun, successes=39), enough=49)
+
+
+def test_a_network_that_loses_arrivals_is_not_kept_however_fast(tmp_path: Path) -> None:
+    """A training that begins with a policy drives it first, and wants as many drives of it to arrive."""
+    request = TrainRequest(algo="ppo", scenarios=("straight",), steps=100, validation=2, start="student")
+    settings = settings_for(request)
+    network = load_network(path_of("student"))
+    lost = replace(network, layers=[*network.layers[:-1], tuple(0 * each for each in network.layers[-1])])
+    with TrainingRun(request, settings, tmp_path) as run:
+        begun = run.validate(network, {})
+        run.steps = 50
+        assert run.validate(lost, {}) != begun
+        assert run.best == begun
+    assert load_network(tmp_path).layers[-1][0] == pytest.approx(network.layers[-1][0])
 
 
 def test_a_car_is_stuck_that_gains_less_than_a_quarter_metre_in_its_patience() -> None:

@@ -24,7 +24,7 @@ def command(
             "with different seeds."
         ),
     ] = "office,pursuit,constant,random",
-    suite: Annotated[str, typer.Option(help="Courses: smoke or standard.")] = "smoke",
+    suite: Annotated[str, typer.Option(help="Courses: smoke, corners or standard.")] = "smoke",
     courses: Annotated[
         int | None, typer.Option(min=1, help="Courses of each family and level, if not those of the suite.")
     ] = None,

@@ -98,6 +98,7 @@ SUITES: Mapping[str, Suite] = {
     suite.name: suite
     for suite in (
         Suite(name="smoke", families=("straight", "corners"), levels=("default",), split="validation", courses=4),
+        Suite(name="corners", families=("corners",), levels=("default", "hard"), split="test", courses=100),
         Suite(name="standard", families=tuple(SCENARIOS), levels=("default", "hard"), split="test", courses=200),
     )
 }

@@ -6,7 +6,7 @@ What the policy of numpy cannot do exactly as the model does is refused, not app
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -77,12 +77,6 @@ def network_of_model(model: Any, learner: LearnerConfig, *, provenance: Mapping[
             not fit the learner.
     """
     policy = model.policy
-    normalizer = model.get_vec_normalize_env()
-    if normalizer is not None and normalizer.norm_obs:
-        raise ConfigError(
-            "the model was trained behind VecNormalize, whose statistics a policy file would lack: expected "
-            "VecNormalize(..., norm_obs=False), or none"
-        )
     _check_actions(type(model.action_space).__name__, model.action_space)
     extractor = policy.features_extractor_class.__name__
     if extractor != "FlattenExtractor":
@@ -91,7 +85,25 @@ def network_of_model(model: Any, learner: LearnerConfig, *, provenance: Mapping[
     if not names:
         raise ConfigError(f"activation_fn {policy.activation_fn.__name__}: expected one of {', '.join(ACTIVATIONS)}")
     squashed = policy.squash_output if "action_net.weight" in policy.state_dict() else True
-    return network_of(policy.state_dict(), learner, activation=names[0], squash_output=squashed, provenance=provenance)
+    found = network_of(policy.state_dict(), learner, activation=names[0], squash_output=squashed, provenance=provenance)
+    return replace(found, normalization=_normalization(model.get_vec_normalize_env()))
+
+
+def _normalization(normalizer: Any) -> tuple[Values, Values] | None:
+    """Mean and deviation by which `VecNormalize` divides; None: it leaves observations as they are.
+
+    Raises:
+        ConfigError: it clips them, too.
+    """
+    if normalizer is None or not normalizer.norm_obs:
+        return None
+    if np.isfinite(normalizer.clip_obs):
+        raise ConfigError(
+            f"the model was trained behind VecNormalize with clip_obs={normalizer.clip_obs:g}, and a policy file does "
+            "not clip: expected VecNormalize(..., clip_obs=math.inf), or norm_obs=False"
+        )
+    mean, var = normalizer.obs_rms.mean, normalizer.obs_rms.var
+    return mean.astype(np.float32), np.sqrt(var + normalizer.epsilon).astype(np.float32)
 
 
 def _check_actions(kind: str, space: Any) -> None:

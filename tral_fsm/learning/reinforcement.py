@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -47,6 +48,7 @@ class ReinforcementSettings:
     cars: int
     layers: tuple[int, ...]
     activation: str
+    normalize_inputs: bool
     normalize_reward: bool
     policy: Mapping[str, Any]
     algorithm: Mapping[str, Any]
@@ -59,7 +61,18 @@ class ReinforcementSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ResidualSettings(ReinforcementSettings):
+class PPOSettings(ReinforcementSettings):
+    """Those of PPO, and how much it explores at first."""
+
+    noise: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        positive(self, "noise")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResidualSettings(PPOSettings):
     """As those of PPO, and how much a correction may change."""
 
     bounds: tuple[float, float]
@@ -72,17 +85,17 @@ class ResidualSettings(ReinforcementSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
-class StartedSettings(ReinforcementSettings):
+class StartedSettings(PPOSettings):
     """As those of PPO, and how it goes on from a policy, whose own are learner, layers and activation."""
 
-    noise: float
     critic_first: int
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        positive(self, "noise")
         if not is_number(self.critic_first, whole=True) or self.critic_first < 0:
             raise ConfigError(f"critic_first = {self.critic_first!r}: expected a whole number, 0 or more")
+        if self.normalize_inputs:
+            raise ConfigError("normalize_inputs: expected false: the policy knows its inputs as they are")
 
 
 def settings_for(request: TrainRequest, path: Path | None = None) -> ReinforcementSettings:
@@ -102,8 +115,8 @@ def settings_for(request: TrainRequest, path: Path | None = None) -> Reinforceme
 
 def reinforcement_settings(algo: str, scenarios: tuple[str, ...], path: Path | None = None) -> ReinforcementSettings:
     """The hyper-parameters of an algorithm for some families, see `read_settings`."""
-    kind = ResidualSettings if algo == "residual" else ReinforcementSettings
-    settings = read_settings(kind, algo, path)
+    kinds: dict[str, type[ReinforcementSettings]] = {"ppo": PPOSettings, "residual": ResidualSettings}
+    settings = read_settings(kinds.get(algo, ReinforcementSettings), algo, path)
     return replace(settings, learner=sees_detections(settings.learner, scenarios))
 
 
@@ -117,10 +130,12 @@ def train(run: TrainingRun) -> None:
     venv = _cars(run)
     model = _model(run, venv)
     state = run.kept()
-    if run.request.start is not None and state is None:
-        start.begin_with(model, start.network_to_begin_with(run.request.start), run.settings.noise)
     if state is not None:
         _load(model, state)
+    elif isinstance(run.settings, PPOSettings):
+        if run.request.start is not None:
+            start.begin_with(model, start.network_to_begin_with(run.request.start))
+        start.explore(model, run.settings.noise)
     # A resumed training goes on with courses of its own, not with those that it began with.
     venv.seed(run.request.first_seed(len(run.curve.points)))
     try:
@@ -143,9 +158,11 @@ def _cars(run: TrainingRun) -> VecEnv:
     )
     if isinstance(settings, ResidualSettings):
         venv.env_method("correct", MachinePolicy(library.load(request.machine_name)), settings.bounds, indices=0)
-    if settings.normalize_reward:
-        return VecNormalize(venv, norm_obs=False, gamma=settings.algorithm.get("gamma", 0.99))
-    return venv
+    inputs, reward = settings.normalize_inputs, settings.normalize_reward
+    if not (inputs or reward):
+        return venv
+    gamma = settings.algorithm.get("gamma", 0.99)
+    return VecNormalize(venv, norm_obs=inputs, norm_reward=reward, gamma=gamma, clip_obs=math.inf)
 
 
 def _machine_text(run: TrainingRun) -> str | None:
@@ -186,6 +203,12 @@ class _Callback(BaseCallback):
         self._outcomes: deque[bool] = deque(maxlen=RECENT)
         self._episodes = 0
 
+    def _on_training_start(self) -> None:
+        """Drive what the training begins with, unless that knows nothing."""
+        run = self._run
+        if isinstance(run.settings, StartedSettings | ResidualSettings) and not run.curve.points:
+            self._validate()
+
     def _on_step(self) -> bool:
         run = self._run
         if isinstance(run.settings, StartedSettings):
@@ -224,6 +247,9 @@ def _state(model: Any) -> dict[str, Any]:
     if normalize is not None:
         returns = normalize.ret_rms
         state["returns"] = [float(returns.mean), float(returns.var), float(returns.count)]
+        if normalize.norm_obs:
+            inputs = normalize.obs_rms
+            state["inputs"] = [torch.from_numpy(inputs.mean), torch.from_numpy(inputs.var), float(inputs.count)]
     if getattr(model, "log_ent_coef", None) is not None:
         state["log_ent_coef"] = model.log_ent_coef.detach()
     return state
@@ -239,6 +265,10 @@ def _load(model: Any, state: Mapping[str, Any]) -> None:
             returns = normalize.ret_rms
             mean, var, returns.count = state["returns"]
             returns.mean, returns.var = np.float64(mean), np.float64(var)
+            if normalize.norm_obs:
+                mean, var, count = state["inputs"]
+                inputs = normalize.obs_rms
+                inputs.mean, inputs.var, inputs.count = mean.numpy(), var.numpy(), count
         if "log_ent_coef" in state:
             model.log_ent_coef.data.copy_(state["log_ent_coef"])
     except (KeyError, RuntimeError, ValueError) as error:

@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import io
 import json
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
@@ -24,7 +25,7 @@ from tral_fsm.formats import library, tral_json
 from tral_fsm.learning.choices import TRAINING_SEEDS, VALIDATION_SEEDS, TrainRequest
 from tral_fsm.learning.networks import torch
 from tral_fsm.learning.start import digest_of_start
-from tral_fsm.learning.validation import Score, Validation
+from tral_fsm.learning.validation import ENOUGH, Score, Validation
 from tral_fsm.policies.corrected import policy_of
 
 REQUEST, CURVE, PICTURE, CHECKPOINT = "train.json", "curve.json", "curve.png", "checkpoint.pt"
@@ -116,7 +117,8 @@ class TrainingRun:
         self.aside: Path | None = None
         """Folder of the files of an earlier training, which were set aside; None: there were none."""
         self.curve = Curve(points)
-        self.best: Score | None = _best(points)
+        self._enough = _enough(points)
+        self.best: Score | None = _best(points, self._enough)
         self.steps = self.curve.steps
         self._before_s = self.curve.seconds
         self._began = time.monotonic()
@@ -207,7 +209,8 @@ class TrainingRun:
             "validation_s": round(self._cost_s, 1),
         }
         self.curve.points.append(point)
-        if score.is_better_than(self.best):
+        self._enough = _enough(self.curve.points)
+        if score.is_better_than(self.best, self._enough):
             self.best = score
             self._save(network, score)
         write_json(self.folder / CURVE, self.curve.points)
@@ -235,11 +238,22 @@ def _plain(value: Any) -> Any:
     return json.loads(json.dumps(value))
 
 
-def _best(points: list[dict[str, Any]]) -> Score | None:
+def _enough(points: list[dict[str, Any]]) -> int | None:
+    """So many drives have to arrive, as for the policy with which the training began; None: it began with none.
+
+    A training that begins with a policy drives a validation before its first decision.
+    """
+    if not points or points[0]["steps"] > 0:
+        return None
+    start = Score(**points[0]["validation"])
+    return max(start.successes, math.ceil(ENOUGH * start.episodes))
+
+
+def _best(points: list[dict[str, Any]], enough: int | None = None) -> Score | None:
     best: Score | None = None
     for point in points:
         score = Score(**point["validation"])
-        best = score if score.is_better_than(best) else best
+        best = score if score.is_better_than(best, enough) else best
     return best
 
 

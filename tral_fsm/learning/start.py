@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,12 +28,21 @@ def network_to_begin_with(path: str) -> Network:
         network = policy_file.load_network(trained.path_of(path))
     except PolicyFileError as error:
         raise PolicyFileError(f"--from {path}: {error}") from error
-    if network.correction is not None or network.normalization is not None or network.output != "clip":
+    if network.correction is not None or network.output != "clip":
         raise ConfigError(
-            f"--from {path}: it corrects a machine, normalizes its inputs, or comes from SAC: expected a policy of "
-            "--algo teacher or ppo"
+            f"--from {path}: it corrects a machine, or comes from SAC: expected a policy of --algo teacher or ppo"
         )
-    return network
+    return _with_plain_inputs(network)
+
+
+def _with_plain_inputs(network: Network) -> Network:
+    """The network whose first layer does what the normalization of its inputs did."""
+    if network.normalization is None:
+        return network
+    mean, deviation = network.normalization
+    (weight, bias), *others = network.layers
+    weight = weight / deviation
+    return replace(network, normalization=None, layers=[(weight, bias - weight @ mean), *others])
 
 
 def digest_of_start(path: str) -> str:
@@ -40,23 +50,25 @@ def digest_of_start(path: str) -> str:
     return policy_file.digest(Path(trained.path_of(path)))
 
 
-def begin_with(model: Any, network: Network, noise: float) -> None:
-    """Let the actor of a PPO model do what a network does.
-
-    Args:
-        model: the model, which has as many layers.
-        network: the network.
-        noise: standard deviation of its actions where the cars stand now.
-    """
+def begin_with(model: Any, network: Network) -> None:
+    """Let the actor of a PPO model, which has as many layers, do what a network does."""
     linears = [each for each in model.policy.mlp_extractor.policy_net if isinstance(each, torch.nn.Linear)]
     with torch.no_grad():
         for linear, (weight, bias) in zip([*linears, model.policy.action_net], network.layers, strict=True):
             linear.weight.copy_(torch.from_numpy(weight))
             linear.bias.copy_(torch.from_numpy(bias))
-        # With gSDE the variance is the sum of (feature * deviation)^2 over the features of the last hidden layer.
-        size = 1.0
+
+
+def explore(model: Any, noise: float) -> None:
+    """Let the actions of a PPO model have this standard deviation where the cars stand at first.
+
+    With gSDE the variance is the sum of (feature * deviation)^2 over the features of the last hidden layer: what SB3
+    begins with, and deviates by 1.8 with 256 features, is no more than full lock to either side.
+    """
+    size = 1.0
+    with torch.no_grad():
         if model.use_sde:
-            seen = torch.as_tensor(model.env.reset())
+            seen = torch.as_tensor(model.env.reset(), dtype=torch.float32)
             size = float(model.policy.mlp_extractor.forward_actor(seen).norm(dim=1).mean())
         model.policy.log_std.fill_(math.log(noise / size))
 

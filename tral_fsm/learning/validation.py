@@ -18,6 +18,11 @@ PATIENCE_S = 5.0
 """A car that is stuck for so long has failed (`evaluation.stuck`); one that stands would take a minute to time out."""
 
 
+ENOUGH = 0.95
+"""A training that goes on from a policy wants this share of the drives to arrive, or that of the policy if it is more;
+where they do, a faster network is better. Source: choice."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Score:
     """What a validation found."""
@@ -34,13 +39,20 @@ class Score:
         """Share of the drives that arrived."""
         return self.successes / self.episodes
 
-    def is_better_than(self, other: Score | None) -> bool:
-        """Whether more drives arrive; where as many do, whether the cars come farther, and then whether faster."""
-        return other is None or self._rank > other._rank
+    def is_better_than(self, other: Score | None, enough: int | None = None) -> bool:
+        """Whether more drives arrive; where as many do, whether the cars come farther, and then whether faster.
 
-    @property
-    def _rank(self) -> tuple[int, float, float]:
-        return self.successes, round(self.progress, 3), -math.inf if self.time_s is None else -self.time_s
+        Args:
+            other: what it is compared with; None: nothing.
+            enough: where so many drives arrive or more, the faster cars are better; None: more are always better.
+        """
+        return other is None or self._rank(enough) > other._rank(enough)
+
+    def _rank(self, enough: int | None) -> tuple[int, float, float]:
+        time = -math.inf if self.time_s is None else -self.time_s
+        if enough is not None and self.successes >= enough:
+            return enough, 1.0, time
+        return self.successes, round(self.progress, 3), time
 
     def record(self) -> dict[str, Any]:
         """The score, for JSON."""
