@@ -40,7 +40,7 @@ from tral_env.ros.msg.std import (
 from tral_env.ros.msg.vision import Detection3DArray, MarkerArray
 from tral_env.ros.node import ERROR, WARN, Node, Publisher
 from tral_env.ros.odometry import DeadReckoning
-from tral_env.ros.qos import ANY_COMMAND, CLOCK, LATCHED, SENSOR_DATA, STATE, Profile
+from tral_env.ros.qos import ANY_COMMAND, CLOCK, LATCHED, SEEN, SENSOR_DATA, STATE, Profile
 from tral_env.ros.readings import ReadingMessages, yaw_quaternion
 from tral_env.ros.times import seconds_ns, stamp
 
@@ -55,7 +55,8 @@ PUBLISHED: dict[str, tuple[type[IdlStruct], Profile]] = {
     **dict.fromkeys(topics.RANGES.values(), (Range, SENSOR_DATA)),
     topics.IMU: (Imu, SENSOR_DATA),
     topics.BATTERY: (BatteryState, SENSOR_DATA),
-    topics.DETECTIONS: (Detection3DArray, SENSOR_DATA),
+    topics.DETECTIONS: (Detection3DArray, SEEN),
+    topics.CAMERA_URL: (String, LATCHED),
     topics.JOINTS: (JointState, STATE),
     topics.APPLIED: (AckermannDriveStamped, STATE),
     topics.ODOMETRY: (Odometry, STATE),

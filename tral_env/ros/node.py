@@ -95,6 +95,12 @@ class Subscription(Generic[M]):
         return len(self._reader.get_matched_publications())
 
     @property
+    def is_dead(self) -> bool:
+        """Whether the processes of all its publishers are dead or cut off; one that left in order is not among them."""
+        status = self._reader.get_liveliness_changed_status()
+        return int(status.alive_count) == 0 and int(status.not_alive_count) > 0
+
+    @property
     def lost(self) -> int:
         """Number of messages that were sent and never came, or were pushed out by newer ones."""
         return int(self._reader.get_sample_lost_status().total_count)

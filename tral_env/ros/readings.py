@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from cyclonedds.idl import IdlStruct
 
-from tral_env.config import UltrasonicConfig
+from tral_env.config import CameraConfig, UltrasonicConfig
 from tral_env.geometry import FULL_LOCK, WHEEL_RADIUS_M
 from tral_env.interface import MAX_AGE_S, NO_ECHO_M, NOTHING_SEEN_ID
 from tral_env.ros import topics
@@ -38,6 +38,9 @@ def yaw_of(turn: Quaternion) -> float:
     return math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
 
 
+_LOOKS_NS = seconds_ns(1.0 / CameraConfig.rate_hz)
+
+
 class Told(NamedTuple):
     """A message for a topic."""
 
@@ -51,10 +54,12 @@ class ReadingMessages:
     def __init__(self) -> None:
         """Nothing told yet."""
         self._ages_s: dict[str, float] = {}
+        self._seen_ns = 0
 
     def reset(self) -> None:
         """Forget what was told: a new drive."""
         self._ages_s.clear()
+        self._seen_ns = 0
 
     def of(self, readings: Mapping[str, float], now_ns: int, *, sees: bool = True) -> list[Told]:
         """The messages of a tick, without odometry.
@@ -94,18 +99,20 @@ class ReadingMessages:
         )
 
     def _detections(self, readings: Mapping[str, float], now_ns: int) -> Detection3DArray | None:
-        found = []
-        exposed_ns = 0
-        for subject in SUBJECTS:
-            age = readings.get(f"{subject}_age", MAX_AGE_S)
-            if (since_ns := self._new(subject, age, now_ns)) is None:
-                continue
-            exposed_ns = max(exposed_ns, since_ns)
-            found.append(_detection(subject, readings, since_ns))
-        return Detection3DArray(Header(stamp(exposed_ns), topics.BASE), found) if found else None
+        """What has been seen newly; nothing, at the rate of a camera, so that a listener knows that somebody looks."""
+        found = [
+            _detection(subject, readings, since_ns)
+            for subject in SUBJECTS
+            if (since_ns := self._new(subject, readings.get(f"{subject}_age", MAX_AGE_S), now_ns)) is not None
+        ]
+        if not found and now_ns - self._seen_ns < _LOOKS_NS:
+            return None
+        self._seen_ns = now_ns
+        exposed = max((each.header.stamp for each in found), key=nanoseconds, default=stamp(now_ns))
+        return Detection3DArray(Header(exposed, topics.BASE), found)
 
     def _new(self, name: str, age_s: float, now_ns: int) -> int | None:
-        """Time of a reading, ns, if it is new: its age has not grown since the last tick; None: old, or never measured."""
+        """Time of a reading, ns, if it is new: its age has not grown since the last tick; None: it is old."""
         before_s, self._ages_s[name] = self._ages_s.get(name, MAX_AGE_S), age_s
         return None if age_s >= MAX_AGE_S or age_s > before_s else now_ns - seconds_ns(age_s)
 

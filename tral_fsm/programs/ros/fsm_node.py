@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from tral_env.errors import TralError
 from tral_env.interface import Layout
 from tral_env.ros import topics
 from tral_env.ros.car_node import PUBLISHED
 from tral_env.ros.commands import drive_of
 from tral_env.ros.msg.sensor import AckermannDriveStamped, Odometry
 from tral_env.ros.msg.std import Bool, Header, State, String, Transition, TransitionEvent
-from tral_env.ros.node import Node, Subscription
+from tral_env.ros.node import WARN, Node, Subscription
 from tral_env.ros.qos import COMMAND, LATCHED, STATE
 from tral_env.ros.readings import MessageReadings
 from tral_env.ros.times import nanoseconds, stamp
 
-READINGS = (*topics.RANGES.values(), topics.DETECTIONS, topics.BATTERY, topics.IMU, topics.JOINTS, topics.APPLIED)
+READINGS = (*topics.RANGES.values(), topics.BATTERY, topics.IMU, topics.JOINTS, topics.APPLIED)
+
+_LOOK_S = 0.02
+"""While it drives, the node looks this often whether the camera is still there, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,8 +32,9 @@ class FsmOptions:
 
     namespace: str = ""
     use_sim_time: bool = False
-    reading_timeout_s: float = 0.1
-    """Without odometry for so long, the policy answers no more, s."""
+    camera_timeout_s: float = 0.3
+    """A policy that needs the camera stops the car when nothing came from it for so long, s; when the camera's process
+    is dead, sooner."""
 
 
 class FsmNode:
@@ -42,6 +48,12 @@ class FsmNode:
         self._readings = MessageReadings()
         self._layout = Layout()
         self._heard: list[Subscription[Any]] = [node.subscription(topic, *PUBLISHED[topic]) for topic in READINGS]
+        self._detections = node.subscription(topics.DETECTIONS, *PUBLISHED[topics.DETECTIONS])
+        needed = getattr(policy, "needed_readings", None) or ()
+        self._looks = any(name.startswith(("gate_", "marker_")) for name in needed)
+        """Whether the policy needs the camera."""
+        self._seen_s: float | None = None
+        """When the camera told something last, s; None: never in this drive."""
         self._odometry = node.subscription(topics.ODOMETRY, Odometry, STATE, wakes=True)
         self._armed_topic = node.subscription(topics.ARMED, Bool, LATCHED, wakes=True)
         self._command = node.publisher(topics.THROTTLE_COMMAND, AckermannDriveStamped, COMMAND)
@@ -51,8 +63,8 @@ class FsmNode:
         self.armed = False
         self._tick_ns = self._answered_ns = 0
         self._told_state = ""
-        self.ages_s: list[float] = []
-        """Age of the newest range in each tick, s."""
+        self.watch: Callable[[Mapping[str, float]], None] = lambda readings: None
+        """Called with the readings of each tick that is answered."""
         if hasattr(policy, "trace"):
             policy.trace = self._tell_transition
 
@@ -66,29 +78,69 @@ class FsmNode:
 
     def spin(self, patience_s: float) -> None:
         """Wait for a tick, and answer it."""
-        self.node.wait(patience_s)
+        self.node.wait(min(patience_s, _LOOK_S) if self.armed else patience_s)
+        self._hear()
+        if not self.armed:
+            return
+        if self._looks and (why := self._camera_trouble()):
+            self.stop(why)
+        elif self._tick_ns > self._answered_ns and (self._seen_s is not None or not self._looks):
+            self._answer()
+
+    def stop(self, why: str) -> None:
+        """Ask the car to stop, and answer no more until it was armed again."""
+        self.armed = False
+        self._arm.publish(Bool(False))
+        self.node.log(f"stops the car: {why}", WARN)
+
+    def _hear(self) -> None:
+        """Take all that came. The odometry of a tick comes last; so it is looked at first."""
         for armed in self._armed_topic.take():
             if armed.data and not self.armed:
-                self._policy.reset(1)
-                self._readings.reset()
-                self._answered_ns = 0
+                self._begin()
             self.armed = armed.data
         ticks = self._odometry.take()
         for subscription in self._heard:
             for message in subscription.take():
                 self._readings.hear(message)
+        for message in self._detections.take():
+            self._seen_s = time.monotonic()
+            self._readings.hear(message)
         if ticks:
             self._tick_ns = nanoseconds(ticks[-1].header.stamp)
-        if self.armed and self._tick_ns > self._answered_ns:
-            self._answer()
+
+    def _begin(self) -> None:
+        """A new drive: the policy and the readings start anew."""
+        self._policy.reset(1)
+        self._readings.reset()
+        self._answered_ns, self._seen_s = 0, None
+
+    def _camera_trouble(self) -> str:
+        """Why the camera cannot be trusted; empty: it can."""
+        if self._seen_s is None:
+            return ""
+        if self._detections.is_dead:
+            return "the process of the camera is gone"
+        if not self.options.use_sim_time and time.monotonic() - self._seen_s > self.options.camera_timeout_s:
+            return f"nothing from the camera for {self.options.camera_timeout_s:g} s"
+        return ""
 
     def _answer(self) -> None:
+        """Let the policy drive a tick."""
         self._answered_ns = self._tick_ns
         now_ns = self._tick_ns if self.options.use_sim_time else time.time_ns()
-        observation = self._layout.pack(self._named(now_ns), 1)[0]
-        steering, throttle = self._policy.act(observation).tolist()
+        readings = self._named(now_ns)
+        try:
+            steering, throttle = self._policy.act(self._layout.pack(readings, 1)[0]).tolist()
+        except TralError as error:
+            return self.stop(str(error))
+        self.watch(readings)
         command = AckermannDriveStamped(Header(stamp(self._tick_ns), topics.BASE), drive_of(steering, throttle))
         self._command.publish(command)
+        self._tell_state()
+        return None
+
+    def _tell_state(self) -> None:
         states = getattr(self._policy, "active_states", None)
         if states and states[0] != self._told_state:
             self._told_state = states[0]

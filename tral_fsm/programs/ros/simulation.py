@@ -6,16 +6,34 @@ import json
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tral_env.interface import CONTROL_PERIOD_S
+from tral_env.perception.degrade import ImageCorruption
 from tral_env.ros import topics
 from tral_env.ros.body import Tick
-from tral_env.ros.msg.std import String
-from tral_env.ros.readings import Told
+from tral_env.ros.msg.geometry import (
+    Point,
+    Pose,
+    PoseWithCovariance,
+    Transform,
+    TransformStamped,
+    Twist,
+    TwistWithCovariance,
+    Vector3,
+)
+from tral_env.ros.msg.sensor import Odometry
+from tral_env.ros.msg.std import Header, String
+from tral_env.ros.readings import Told, yaw_quaternion
+from tral_env.ros.times import stamp
 from tral_fsm.control.speed import BRAKE
+from tral_fsm.programs.ros.course_markers import course_markers
+
+if TYPE_CHECKING:
+    from tral_env.twin.camera import Exposure, Scene
+    from tral_env.world import World
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +44,9 @@ class SimulationOptions:
     course: str | None = None
     seed: int = 7
     randomization: str = "default"
+    camera: str = "projected"
+    """"projected": the car's own readings tell gates and markers. "rendered": a process renders the camera's images
+    and serves them; the node `camera` looks at them."""
     real_time: bool = True
     """Whether a tick takes its 1/80 s; else as long as it takes."""
 
@@ -52,9 +73,11 @@ class SimulatedBody:
             groups=("imu", "battery"),
             disable_env_checker=True,
         )
-        self._layout = self.env.unwrapped.world.layout  # type: ignore[attr-defined]
+        self._world: World = self.env.unwrapped.world  # type: ignore[attr-defined]
+        self._layout = self._world.layout
         self.sim_time_s = 0.0
-        self.sees = True
+        self.sees = options.camera == "projected"
+        self._camera: SimulatedCamera | None = None
         self._due_s = time.monotonic()
         self.reset(options.seed)
 
@@ -63,13 +86,16 @@ class SimulatedBody:
         self._seed = seed
         observation, self.info = self.env.reset(seed=seed)
         self._tick = Tick(self._named(observation))
-        self._waits, self._over, self._armed = True, "", False
+        self._waits, self._over, self._told = True, "", False
+        if self._camera is not None:
+            self._camera.place()
+        elif not self.sees:
+            self._camera = SimulatedCamera(self._world)
 
     def arm(self) -> Tick:
         """See `Body.arm`; a drive that is over begins again."""
         if self._over:
             self.reset(self._seed)
-        self._armed = True
         self._due_s = time.monotonic() + CONTROL_PERIOD_S
         return self._tick
 
@@ -92,16 +118,31 @@ class SimulatedBody:
         return self.step(0.0, -BRAKE if rolls else 0.0)
 
     def stop(self) -> None:
-        """See `Body.stop`."""
-        self._armed = False
+        """See `Body.stop`: from now on `rest` brakes."""
 
     def extra(self, now_ns: int) -> Sequence[Told]:
-        """Where the car is."""
-        return ()
+        """Where the car is, and how its drive ended."""
+        x, y, yaw = np.asarray(self.info["pose"]).tolist()
+        pose = Pose(Point(x, y, 0.0), yaw_quaternion(yaw))
+        twist = Twist(Vector3(float(self.info["speed_mps"])))
+        header = Header(stamp(now_ns), topics.MAP)
+        told = [Told(topics.TRUTH, Odometry(header, topics.BASE, PoseWithCovariance(pose), TwistWithCovariance(twist)))]
+        if self._over and not self._told:
+            self._told = True
+            told.append(self.result())
+        return told
 
     def latched(self, now_ns: int) -> Sequence[Told]:
-        """The course."""
-        return ()
+        """The course, and where it begins."""
+        plan = self.env.unwrapped.plan  # type: ignore[attr-defined]
+        x, y, yaw = plan.start.tolist()
+        start = TransformStamped(
+            Header(stamp(now_ns), topics.MAP), topics.ODOM, Transform(Vector3(x, y), yaw_quaternion(yaw))
+        )
+        told = [Told(topics.TF_STATIC, start), Told(topics.COURSE, course_markers(plan, now_ns))]
+        if self._camera is not None:
+            told.append(Told(topics.CAMERA_URL, String(self._camera.url)))
+        return told
 
     def result(self) -> Told:
         """How the drive ended."""
@@ -111,6 +152,8 @@ class SimulatedBody:
 
     def close(self) -> None:
         """See `Body.close`."""
+        if self._camera is not None:
+            self._camera.close()
         self.env.close()
 
     def _named(self, observation: Any) -> dict[str, float]:
@@ -118,6 +161,8 @@ class SimulatedBody:
 
     def _pace(self) -> None:
         self.sim_time_s += 0.0 if self._waits else CONTROL_PERIOD_S
+        if self._camera is not None:
+            self._camera.look()
         if not self._options.real_time:
             if self._waits or self._over:
                 time.sleep(CONTROL_PERIOD_S)
@@ -126,6 +171,52 @@ class SimulatedBody:
         if now_s < self._due_s:
             time.sleep(self._due_s - now_s)
         self._due_s = max(self._due_s, now_s) + CONTROL_PERIOD_S
+
+
+class SimulatedCamera:
+    """A process that renders what the camera of a simulated car sees, in real time, and serves it as MJPEG."""
+
+    def __init__(self, world: World) -> None:
+        """Start it.
+
+        Raises:
+            RenderError: this computer cannot render.
+        """
+        from tral_env.twin.camera import Camera
+
+        self._world = world
+        self._camera = Camera(self._scene(), self._exposure())
+        self.url = self._camera.url
+
+    def place(self) -> None:
+        """A new episode."""
+        self._camera.place(self._scene())
+
+    def look(self) -> None:
+        """Expose an image, if it is time for one."""
+        if self._camera.is_due(time.monotonic()):
+            self._camera.expose(self._exposure())
+
+    def close(self) -> None:
+        """End the process."""
+        self._camera.close()
+
+    def _scene(self) -> Scene:
+        from tral_env.twin.camera import Scene
+
+        sim, plan = self._world.sim, self._world.plans[0]
+        assert plan is not None
+        drawn = {name: float(values[0]) for name, values in sim.car_parameters.drawn.items()}
+        degradation, latency_s = drawn["image_degradation"], drawn["camera_latency_s"]
+        faults = sim.image_faults or ImageCorruption()
+        return Scene(sim.pool, plan, sim.lens, faults, degradation, int(sim.cameras.image_seeds[0]), latency_s)
+
+    def _exposure(self) -> Exposure:
+        from tral_env.twin.camera import Exposure
+
+        sim = self._world.sim
+        mounting = sim.cameras.mounting(np.array([0]))[0]
+        return Exposure(time.monotonic_ns(), sim.physics.qpos[0].copy(), mounting)
 
 
 def _ended(info: dict[str, Any]) -> str:
