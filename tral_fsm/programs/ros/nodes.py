@@ -155,7 +155,8 @@ def _body(asked: Asked) -> Body:
 
         settings = TwinSettings(
             name=f"ros{asked.namespace.strip('/').replace('/', '-')}", scenario=asked.scenario, course=asked.course,
-            seed=asked.seed, randomization=asked.randomization, camera=asked.camera == "rendered", bus=None, serial=False,
+            seed=asked.seed, randomization=asked.randomization, camera=asked.camera == "rendered",
+            bus=None, serial=False,
         )  # fmt: skip
         return TwinBody(settings)
     from tral_fsm.programs.ros.simulation import SimulatedBody, SimulationOptions

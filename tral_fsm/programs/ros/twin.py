@@ -43,7 +43,7 @@ class TwinBody(CarBody):
         super().__init__(self._open(), "twin", sees=False)
 
     def arm(self) -> Tick:
-        """See `Body.arm`: a drive that has not begun yet, or is over, begins at the start, after the second of neutral."""
+        """See `Body.arm`; a drive that is over, or has not begun, begins at the start, after the second of neutral."""
         tick = super().arm()
         if self._fresh or self._told:
             self._twin.reset(self._seed)
