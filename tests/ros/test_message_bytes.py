@@ -1,4 +1,4 @@
-"""Messages against readers that are not ours: rosbags with the official definitions, both ways, all types, all fields."""
+"""Messages against readers that are not ours, both ways: all types, all fields, with the official definitions."""
 
 from __future__ import annotations
 

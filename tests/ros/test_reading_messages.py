@@ -24,7 +24,7 @@ def reading(name: str) -> st.SearchStrategy[float]:
     if name.endswith("_id"):
         return st.integers(0, 19).map(float)
     if name.endswith("_heading"):
-        return st.floats(-3.1, 3.1, width=32)
+        return st.floats(-3.0, 3.0, width=32)
     high = 9.0 if name.endswith("_age") else min(field.high, 1000.0)
     return st.floats(field.low, high, width=32)
 
