@@ -3,8 +3,9 @@
     python benchmarks/ros.py --families straight,gates --courses 10 --seed 1000 --out runs/ros.json
 
 The processes are `tral ros car`, `tral ros fsm` and, with `--camera rendered`, `tral ros camera`. This program resets
-and arms the car by messages, and hears what it tells. The age of a range at the policy is the time from its stamp until the
-command that answers it is here. `--kill` ends each node in turn in the middle of a drive instead.
+and arms the car by messages, and hears what it tells. The age of a range at the policy is the time from its stamp until
+a command is here. With `--lock-step` each tick waits for its answer, so that a busy computer changes nothing, and no
+ages are measured. `--kill` ends each node in turn in the middle of a drive instead.
 """
 
 from __future__ import annotations
@@ -128,6 +129,8 @@ def commands_of(given: argparse.Namespace, family: str) -> list[list[str]]:
         ["fsm", "--policy", given.policy],
     ]
     found[0] += ["--command-timeout", str(given.command_timeout)]
+    if given.lock_step:
+        found[0], found[1] = [*found[0], "--lock-step"], [*found[1], "--use-sim-time"]
     return found + ([["camera"]] if given.camera == "rendered" else [])
 
 
@@ -137,7 +140,7 @@ def drive(probe: Probe, seed: int) -> dict[str, Any]:
     until_s = time.monotonic() + _DRIVE_S
     while probe.armed and time.monotonic() < until_s:
         probe.hear(0.05)
-    until_s = time.monotonic() + 1.0
+    until_s = time.monotonic() + 5.0
     while not probe.result and time.monotonic() < until_s:
         probe.hear(0.05)
     ages = np.percentile(probe.ages_ms or [np.nan], [50, 99]).tolist()
@@ -195,6 +198,7 @@ def main() -> None:
     parser.add_argument("--courses", type=int, default=10)
     parser.add_argument("--seed", type=int, default=1000)
     parser.add_argument("--command-timeout", type=float, default=0.15)
+    parser.add_argument("--lock-step", action="store_true")
     parser.add_argument("--kill", action="store_true")
     parser.add_argument("--after", type=float, default=6.0, help="s of a drive before a node is ended")
     parser.add_argument("--out", type=Path, required=True)

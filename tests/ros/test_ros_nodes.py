@@ -74,8 +74,7 @@ def plain_way() -> list[tuple[float, float]]:
 
 
 def test_in_lock_step_the_car_drives_as_in_the_plain_environment(probe: Node) -> None:
-    limits = CommandLimits(timeout_s=10.0, patience_s=10.0)
-    car = CarNode(body(), CarOptions(lock_step=True, use_sim_time=True, limits=limits))
+    car = CarNode(body(), CarOptions(lock_step=True, use_sim_time=True))
     fsm = FsmNode(load_policy("wall"), FsmOptions(use_sim_time=True))
     places: list[tuple[float, float]] = []
     step = car.body.step

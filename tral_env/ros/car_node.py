@@ -49,8 +49,8 @@ _EPOCH_NS = 1_000_000_000
 """The simulated time begins here: a stamp of 0 would mean "now"."""
 _WINDOW = 0.8
 """For this share of a period the node waits for the answer to the readings that it has just told."""
-_STEP_PATIENCE_S = 2.0
-"""In lock-step, the answer to a tick may take so long, s."""
+_STEP_PATIENCE_S = 10.0
+"""In lock-step, the answer to a tick may take so long, s; then the car stops."""
 PUBLISHED: dict[str, tuple[type[IdlStruct], Profile]] = {
     **dict.fromkeys(topics.RANGES.values(), (Range, SENSOR_DATA)),
     topics.IMU: (Imu, SENSOR_DATA),
@@ -161,12 +161,16 @@ class CarNode:
         while self.gate.armed:
             self._hear_commands()
             left_s = began_s + wait_s - time.monotonic()
-            if self.gate.answers_ns >= self._now_ns or left_s <= 0.0:
+            if self.gate.answers_ns >= self._now_ns:
+                break
+            if left_s <= 0.0:
+                if self.options.lock_step:
+                    self._disarm(f"no answer to a tick for {_STEP_PATIENCE_S:g} s")
                 break
             self.node.wait(left_s)
             self._hear_orders()
         was_armed = self.gate.armed
-        command = self.gate.command(self._tick.readings.get("speed", 0.0), time.monotonic())
+        command = self.gate.command(self._tick.readings.get("speed", 0.0), self._now_s())
         if was_armed and command is None:
             self._tell_stop()
         return command
@@ -175,7 +179,7 @@ class CarNode:
         for subscription, open_loop in self._commands:
             for message in subscription.take():
                 source = message.sample_info.publication_handle  # type: ignore[attr-defined]
-                self.gate.hear(Received(message, source, open_loop), time.monotonic(), self._time_ns())
+                self.gate.hear(Received(message, source, open_loop), self._now_s(), self._time_ns())
         if self._drives and not self.gate.armed:
             self._tell_stop()
 
@@ -207,7 +211,7 @@ class CarNode:
         self._messages.reset()
         self._drives = True
         self._now_ns = self._time_ns()
-        self.gate.arm(time.monotonic())
+        self.gate.arm(self._now_s())
         self._tell_armed()
         self.node.log("armed")
         self._tell()
@@ -228,6 +232,11 @@ class CarNode:
         if self._drives:
             self._drives = False
             self.body.stop()
+
+    def _now_s(self) -> float:
+        """Time by which commands grow old: one that never goes back."""
+        simulated_s = self.body.sim_time_s if self.options.use_sim_time else None
+        return time.monotonic() if simulated_s is None else simulated_s
 
     def _time_ns(self) -> int:
         if not self.options.use_sim_time or self.body.sim_time_s is None:
