@@ -28,9 +28,9 @@ import numpy as np
 from tral_env.ros import topics
 from tral_env.ros.car_node import PUBLISHED
 from tral_env.ros.msg.sensor import AckermannDriveStamped
-from tral_env.ros.msg.std import Bool, Int64
-from tral_env.ros.node import Node
-from tral_env.ros.qos import ANY_COMMAND, STATE
+from tral_env.ros.msg.std import Bool, Int64, Log
+from tral_env.ros.node import WARN, Node
+from tral_env.ros.qos import ANY_COMMAND, LOG, STATE
 from tral_env.ros.times import nanoseconds
 from tral_fsm import load_policy
 from tral_fsm.evaluation.files import prepare_folder
@@ -51,6 +51,8 @@ class Probe:
             topic: node.subscription(topic, *PUBLISHED[topic], wakes=True)
             for topic in (topics.RESULT, topics.ARMED, topics.TRUTH, *topics.RANGES.values(), topics.DETECTIONS)
         }
+        self._log = node.subscription("/rosout", Log, LOG)
+        self.why = ""
         self._commands = node.subscription(topics.THROTTLE_COMMAND, AckermannDriveStamped, ANY_COMMAND, wakes=True)
         self.armed, self.result, self.speed = False, {}, 0.0
         self.fired_ns: dict[str, int] = {}
@@ -67,6 +69,9 @@ class Probe:
             for message in subscription.take():
                 self.counts[topic] = self.counts.get(topic, 0) + 1
                 self._note(topic, message)
+        for line in self._log.take():
+            if line.level >= WARN:
+                self.why = f"{line.name}: {line.msg}"
         for _ in self._commands.take():
             self.counts["commands"] = self.counts.get("commands", 0) + 1
             self.last_command_s = time.monotonic()
@@ -144,7 +149,7 @@ def drive(probe: Probe, seed: int) -> dict[str, Any]:
     while not probe.result and time.monotonic() < until_s:
         probe.hear(0.05)
     ages = np.percentile(probe.ages_ms or [np.nan], [50, 99]).tolist()
-    ended = probe.result or {"success": False, "ended": "the car was stopped: see /rosout"}
+    ended = probe.result or {"success": False, "ended": probe.why}
     return {**ended, "age_ms": dict(zip(("p50", "p99"), ages, strict=True)), "messages": dict(probe.counts)}
 
 
@@ -166,6 +171,8 @@ def kill_each(given: argparse.Namespace, family: str) -> list[dict[str, Any]]:
     """End each node in turn by SIGKILL, after some seconds of a drive."""
     found = []
     for number, command in enumerate(commands_of(given, family)):
+        if command[0] not in given.nodes.split(","):
+            continue
         with processes(*commands_of(given, family)) as started:
             probe = Probe()
             probe.begin(given.seed + number)
@@ -178,7 +185,7 @@ def kill_each(given: argparse.Namespace, family: str) -> list[dict[str, Any]]:
             os.kill(started[number].pid, signal.SIGKILL)
             while time.monotonic() < killed_s + 4.0:
                 probe.hear(0.005)
-            report = {"killed": command[0], "speed_mps": speed}
+            report = {"killed": command[0], "speed_mps": speed, "why": probe.why}
             for name, when_s in (("disarmed_s", probe.disarmed_s), ("stood_s", probe.stood_s)):
                 report[name] = None if when_s is None else when_s - killed_s
             report["last_command_s"] = probe.last_command_s - killed_s
@@ -200,6 +207,7 @@ def main() -> None:
     parser.add_argument("--command-timeout", type=float, default=0.15)
     parser.add_argument("--lock-step", action="store_true")
     parser.add_argument("--kill", action="store_true")
+    parser.add_argument("--nodes", default="car,fsm,camera", help="which of them --kill ends")
     parser.add_argument("--after", type=float, default=6.0, help="s of a drive before a node is ended")
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()

@@ -105,10 +105,10 @@ def test_in_lock_step_the_car_drives_as_in_the_plain_environment(probe: Node) ->
 
 
 class Clockless:
-    """A car node that a test spins, and a publisher of commands."""
+    """A car node that a test spins, on simulated time, and a publisher of commands."""
 
     def __init__(self, probe: Node) -> None:
-        self.node = CarNode(body(), CarOptions(limits=CommandLimits(timeout_s=0.15)))
+        self.node = CarNode(body(), CarOptions(use_sim_time=True, limits=CommandLimits(timeout_s=0.15)))
         self.node._begin()
         self.arm = probe.publisher(topics.ARM, Bool, STATE)
         self.command = probe.publisher(topics.SPEED_COMMAND, AckermannDriveStamped, COMMAND)
@@ -117,9 +117,12 @@ class Clockless:
         until(lambda: self.arm.listeners and self.command.listeners and self.armed.publishers)
 
     def spin(self, ticks: int, speed: float | None = None) -> None:
+        gate = self.node.gate
         for _ in range(ticks):
             if speed is not None:
+                taken = gate.taken
                 self.command.publish(AckermannDriveStamped(drive=AckermannDrive(speed=speed)))
+                until(lambda: self.node._hear_commands() or not gate.armed or gate.taken > taken)  # noqa: B023
             self.node.spin()
 
     def ask(self, arm: bool) -> None:

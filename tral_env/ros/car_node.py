@@ -16,15 +16,8 @@ from tral_env.ros.body import Body, Tick
 from tral_env.ros.commands import CommandGate, CommandLimits, Received
 from tral_env.ros.description import robot_description, static_transforms
 from tral_env.ros.msg.geometry import (
-    Point,
-    Pose,
-    PoseWithCovariance,
     TFMessage,
-    Transform,
     TransformStamped,
-    Twist,
-    TwistWithCovariance,
-    Vector3,
 )
 from tral_env.ros.msg.sensor import AckermannDriveStamped, BatteryState, Imu, JointState, Odometry, Range
 from tral_env.ros.msg.std import (
@@ -41,7 +34,7 @@ from tral_env.ros.msg.vision import Detection3DArray, MarkerArray
 from tral_env.ros.node import ERROR, WARN, Node, Publisher
 from tral_env.ros.odometry import DeadReckoning
 from tral_env.ros.qos import ANY_COMMAND, CLOCK, LATCHED, SEEN, SENSOR_DATA, STATE, Profile
-from tral_env.ros.readings import ReadingMessages, yaw_quaternion
+from tral_env.ros.readings import ReadingMessages
 from tral_env.ros.times import seconds_ns, stamp
 
 _DIAGNOSTICS_S = 1.0
@@ -255,8 +248,8 @@ class CarNode:
             self._reckoning.update(
                 readings["distance"], readings["speed"], readings.get("steering", 0.0), readings.get("throttle", 0.0)
             )
-        self._publish(topics.TF, TFMessage([self._transform(now_ns)]))
-        self._publish(topics.ODOMETRY, self._odometry(now_ns))
+        self._publish(topics.TF, TFMessage([self._reckoning.transform(now_ns)]))
+        self._publish(topics.ODOMETRY, self._reckoning.message(now_ns))
         if time.monotonic() - self._told_s >= _DIAGNOSTICS_S:
             self._told_s = time.monotonic()
             self._diagnostics.publish(self._diagnosis(now_ns))
@@ -281,19 +274,6 @@ class CarNode:
             else:
                 self._publish(topic, message)
         self._publish(topics.TF_STATIC, TFMessage(transforms))
-
-    def _transform(self, now_ns: int) -> TransformStamped:
-        car = self._reckoning
-        place = Transform(Vector3(car.x, car.y, 0.0), yaw_quaternion(car.yaw))
-        return TransformStamped(Header(stamp(now_ns), topics.ODOM), topics.BASE, place)
-
-    def _odometry(self, now_ns: int) -> Odometry:
-        car = self._reckoning
-        pose = Pose(Point(car.x, car.y, 0.0), yaw_quaternion(car.yaw))
-        twist = Twist(Vector3(car.speed), Vector3(0.0, 0.0, car.yaw_rate))
-        return Odometry(
-            Header(stamp(now_ns), topics.ODOM), topics.BASE, PoseWithCovariance(pose), TwistWithCovariance(twist)
-        )
 
     def _diagnosis(self, now_ns: int) -> DiagnosticArray:
         figures = {

@@ -5,6 +5,21 @@ from __future__ import annotations
 import math
 
 from tral_env.geometry import curvature
+from tral_env.ros import topics
+from tral_env.ros.msg.geometry import (
+    Point,
+    Pose,
+    PoseWithCovariance,
+    Transform,
+    TransformStamped,
+    Twist,
+    TwistWithCovariance,
+    Vector3,
+)
+from tral_env.ros.msg.sensor import Odometry
+from tral_env.ros.msg.std import Header
+from tral_env.ros.readings import yaw_quaternion
+from tral_env.ros.times import stamp
 from tral_env.speed_control import THROTTLE_DEAD
 
 
@@ -21,7 +36,6 @@ class DeadReckoning:
         self.speed = self.yaw_rate = 0.0
         self.direction = 1.0
         self._distance: float | None = None
-        self._standing = True
 
     def update(self, distance: float, speed: float, steering: float, throttle: float) -> None:
         """Take the readings of a tick.
@@ -45,3 +59,15 @@ class DeadReckoning:
         self.yaw = math.remainder(self.yaw + turn, math.tau)
         self.speed = self.direction * speed
         self.yaw_rate = self.speed * bend
+
+    def transform(self, now_ns: int) -> TransformStamped:
+        """The frame base_link in the frame odom."""
+        place = Transform(Vector3(self.x, self.y, 0.0), yaw_quaternion(self.yaw))
+        return TransformStamped(Header(stamp(now_ns), topics.ODOM), topics.BASE, place)
+
+    def message(self, now_ns: int) -> Odometry:
+        """The same as odometry, with the speed."""
+        pose = Pose(Point(self.x, self.y, 0.0), yaw_quaternion(self.yaw))
+        twist = Twist(Vector3(self.speed), Vector3(0.0, 0.0, self.yaw_rate))
+        header = Header(stamp(now_ns), topics.ODOM)
+        return Odometry(header, topics.BASE, PoseWithCovariance(pose), TwistWithCovariance(twist))

@@ -162,3 +162,17 @@ def up(
     if has_images(asked):
         nodes.append(camera_node(asked).run)
     run_all(nodes, _until_stopped())
+
+
+@app.command("bag")
+def bag(
+    recording: Annotated[Path, typer.Argument(help="Recording, as `tral drive --record` writes it.")],
+    out: Annotated[Path, typer.Option(help="The MCAP file.")] = Path("drive-ros2.mcap"),
+) -> None:
+    """Write a recorded drive as an MCAP file of ROS 2: for `ros2 bag`, Foxglove, PlotJuggler."""
+    _require_dds()
+    from tral_env.recording.read import read
+    from tral_env.ros.bag import write_bag
+
+    count = write_bag(read(recording), out)
+    typer.echo(f"{out}: {count} messages")

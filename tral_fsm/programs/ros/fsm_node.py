@@ -22,6 +22,8 @@ from tral_env.ros.times import nanoseconds, stamp
 
 READINGS = (*topics.RANGES.values(), topics.BATTERY, topics.IMU, topics.JOINTS, topics.APPLIED)
 
+_MISSED_S = 0.1
+"""A camera that is said to be dead is believed to be when it was silent for so long, s: an image was missed."""
 _LOOK_S = 0.02
 """While it drives, the node looks this often whether the camera is still there, s."""
 
@@ -117,11 +119,12 @@ class FsmNode:
 
     def _camera_trouble(self) -> str:
         """Why the camera cannot be trusted; empty: it can."""
-        if self._seen_s is None:
+        if self._seen_s is None or self.options.use_sim_time:  # the car itself sees in simulated time
             return ""
-        if self._detections.is_dead:
+        silent_s = time.monotonic() - self._seen_s
+        if silent_s > _MISSED_S and self._detections.is_dead:
             return "the process of the camera is gone"
-        if not self.options.use_sim_time and time.monotonic() - self._seen_s > self.options.camera_timeout_s:
+        if silent_s > self.options.camera_timeout_s:
             return f"nothing from the camera for {self.options.camera_timeout_s:g} s"
         return ""
 

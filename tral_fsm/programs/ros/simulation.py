@@ -28,12 +28,15 @@ from tral_env.ros.msg.sensor import Odometry
 from tral_env.ros.msg.std import Header, String
 from tral_env.ros.readings import Told, yaw_quaternion
 from tral_env.ros.times import stamp
-from tral_fsm.control.speed import BRAKE
+from tral_fsm.control.speed import ROLLING_MPS
 from tral_fsm.programs.ros.course_markers import course_markers
 
 if TYPE_CHECKING:
     from tral_env.twin.camera import Exposure, Scene
     from tral_env.world import World
+
+_STOP_BRAKE = 1.0
+"""Throttle against the direction of travel with which a car stops that is not armed any more. Source: choice."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,8 +117,8 @@ class SimulatedBody:
         if self._waits or self._over:
             self._pace()
             return self._tick
-        rolls = self.info["speed_mps"] > 0.05
-        return self.step(0.0, -BRAKE if rolls else 0.0)
+        rolls = self._tick.readings["speed"] > ROLLING_MPS
+        return self.step(0.0, -_STOP_BRAKE if rolls else 0.0)
 
     def stop(self) -> None:
         """See `Body.stop`: from now on `rest` brakes."""
