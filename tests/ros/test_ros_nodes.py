@@ -10,15 +10,20 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from cyclonedds.core import Policy
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
 
-from tral_env.errors import ConfigError
+from tral_env.errors import ConfigError, HardwareError
 from tral_env.ros import topics
 from tral_env.ros.car_node import CarNode, CarOptions
 from tral_env.ros.commands import CommandLimits
+from tral_env.ros.definition import type_hash
+from tral_env.ros.msg.graph import ParticipantEntitiesInfo
 from tral_env.ros.msg.sensor import AckermannDrive, AckermannDriveStamped, Odometry
 from tral_env.ros.msg.std import Bool, String
 from tral_env.ros.node import Node, check_namespace, domain_id
-from tral_env.ros.qos import COMMAND, LATCHED, STATE
+from tral_env.ros.qos import COMMAND, GRAPH, LATCHED, STATE
 from tral_fsm import load_policy
 from tral_fsm.programs.ros.fsm_node import FsmNode, FsmOptions
 from tral_fsm.programs.ros.simulation import SimulatedBody, SimulationOptions
@@ -190,4 +195,59 @@ def test_names_resolve_as_in_ros() -> None:
     node = Node("fsm", namespace="/car1")
     assert [node.resolve(name) for name in ("odom", "/clock", "~/state")] == ["/car1/odom", "/clock", "/car1/fsm/state"]
     assert Node.full_name.fget(node) == "/car1/fsm"  # type: ignore[attr-defined]
+    node.close()
+
+
+def test_a_car_that_cannot_be_stopped_or_armed_tells_why_and_the_node_goes_on(car: Clockless) -> None:
+    car.ask(True)
+    car.spin(5, speed=0.5)
+
+    def fails() -> Any:
+        raise HardwareError("the board is gone")
+
+    car.node.body.stop = fails  # type: ignore[method-assign]
+    car.node.body.arm = fails  # type: ignore[method-assign]
+    car.ask(False)
+    assert car.node.gate.why == "the board is gone"
+    car.arm.publish(Bool(True))
+    car.spin(20)
+    assert not car.node.gate.armed
+
+
+def test_two_cars_in_one_network_do_not_hear_each_other() -> None:
+    nodes = [Node("fsm", namespace=namespace) for namespace in ("/car1", "/car2")]
+    told = nodes[0].publisher(topics.ARM, Bool, STATE)
+    heard = [node.subscription(topics.ARM, Bool, STATE) for node in nodes]
+    until(lambda: told.listeners == 1)
+    told.publish(Bool(True))
+    assert until(heard[0].take)[0].data is True
+    assert heard[1].take() == []
+    assert heard[1].publishers == 0
+    for node in nodes:
+        node.close()
+
+
+def test_the_graph_names_each_node_and_what_it_owns() -> None:
+    listener, node = Node("ros2cli"), Node("car", namespace="/car1")
+    node.publisher(topics.ARM, Bool, STATE)
+    graph = DataReader(
+        listener._participant, Topic(listener._participant, "ros_discovery_info", ParticipantEntitiesInfo), GRAPH.qos()
+    )
+
+    def told() -> Any:
+        found = [each.node_entities_info_seq[0] for each in graph.read(10)]
+        return [each for each in found if each.node_name == "car" and len(each.writer_gid_seq) == 2]
+
+    (found,) = until(told)
+    assert found.node_namespace == "/car1"
+    node.close()
+    listener.close()
+
+
+def test_who_offers_a_topic_tells_its_hash() -> None:
+    node = Node("car")
+    arm = node.publisher(topics.ARM, Bool, STATE)
+    user_data = arm._writer.get_qos()[Policy.Userdata]
+    assert user_data is not None
+    assert bytes(user_data.data) == f"typehash={type_hash(Bool)};".encode()
     node.close()

@@ -222,9 +222,14 @@ class CarNode:
         self._told_s = -_DIAGNOSTICS_S
 
     def _stop_body(self) -> None:
-        if self._drives:
-            self._drives = False
+        if not self._drives:
+            return
+        self._drives = False
+        try:
             self.body.stop()
+        except HardwareError as error:  # the actuator's process stops the car by itself then
+            self.gate.why = str(error)
+            self.node.log(f"the stop could not be commanded: {error}", ERROR)
 
     def _now_s(self) -> float:
         """Time by which commands grow old: one that never goes back."""
