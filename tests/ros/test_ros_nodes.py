@@ -23,7 +23,7 @@ from tral_env.ros.msg.graph import ParticipantEntitiesInfo
 from tral_env.ros.msg.sensor import AckermannDrive, AckermannDriveStamped, Odometry
 from tral_env.ros.msg.std import Bool, String
 from tral_env.ros.node import Node, check_namespace, domain_id
-from tral_env.ros.qos import COMMAND, GRAPH, LATCHED, STATE
+from tral_env.ros.qos import COMMAND, LATCHED, STATE, Profile
 from tral_fsm import load_policy
 from tral_fsm.programs.ros.fsm_node import FsmNode, FsmOptions
 from tral_fsm.programs.ros.simulation import SimulatedBody, SimulationOptions
@@ -231,14 +231,16 @@ def test_the_graph_names_each_node_and_what_it_owns() -> None:
     listener, node = Node("ros2cli"), Node("car", namespace="/car1")
     node.publisher(topics.ARM, Bool, STATE)
     graph = DataReader(
-        listener._participant, Topic(listener._participant, "ros_discovery_info", ParticipantEntitiesInfo), GRAPH.qos()
+        listener._participant,
+        Topic(listener._participant, "ros_discovery_info", ParticipantEntitiesInfo),
+        Profile(latched=True, depth=100).qos(),
     )
 
     def told() -> Any:
         found = [each.node_entities_info_seq[0] for each in graph.read(10)]
         return [each for each in found if each.node_name == "car" and len(each.writer_gid_seq) == 2]
 
-    (found,) = until(told)
+    found = until(told)[-1]
     assert found.node_namespace == "/car1"
     node.close()
     listener.close()
