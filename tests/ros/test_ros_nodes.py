@@ -230,11 +230,9 @@ def test_two_cars_in_one_network_do_not_hear_each_other() -> None:
 def test_the_graph_names_each_node_and_what_it_owns() -> None:
     listener, node = Node("ros2cli"), Node("car", namespace="/car1")
     node.publisher(topics.ARM, Bool, STATE)
-    graph = DataReader(
-        listener._participant,
-        Topic(listener._participant, "ros_discovery_info", ParticipantEntitiesInfo),
-        Profile(latched=True, depth=100).qos(),
-    )
+    participant = listener._participant
+    topic = Topic(participant, "ros_discovery_info", ParticipantEntitiesInfo)
+    graph = DataReader(participant, topic, Profile(latched=True, depth=100).qos())
 
     def told() -> Any:
         found = [each.node_entities_info_seq[0] for each in graph.read(10)]

@@ -8,6 +8,7 @@ from pathlib import Path
 from cyclonedds.idl import IdlStruct
 from mcap.writer import Writer
 
+from tral_env.errors import ConfigError
 from tral_env.recording.read import Recording
 from tral_env.ros import topics
 from tral_env.ros.definition import definition, ros_name
@@ -29,9 +30,17 @@ def write_bag(recording: Recording, path: Path) -> int:
 
     Returns:
         Number of messages.
+
+    Raises:
+        ConfigError: the file cannot be made.
     """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        stream = path.open("wb")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
     count = 0
-    with path.open("wb") as stream:
+    with stream:
         writer = Writer(stream)
         writer.start(profile="ros2", library="tral-env")
         channels: dict[str, int] = {}
