@@ -71,7 +71,7 @@ def _messages(recording: Recording) -> Iterator[tuple[int, Told]]:
             picture = pictures.pop(0)
             exposed_ns = start_ns + seconds_ns(picture.time_s)
             header = Header(stamp(exposed_ns), topics.CAMERA_OPTICAL)
-            yield now_ns, Told(topics.IMAGE, CompressedImage(header, "jpeg", picture.jpeg))  # type: ignore[arg-type]
+            yield now_ns, Told(topics.IMAGE, CompressedImage(header, "jpeg", picture.jpeg))
         readings = {name: float(value) for name, value in recording.layout.unpack(row).items()}
         for each in told.of(readings, now_ns):
             yield now_ns, each

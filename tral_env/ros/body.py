@@ -19,12 +19,20 @@ class Tick(NamedTuple):
 class Body(Protocol):
     """A car that the node drives tick by tick."""
 
-    name: str
-    """Its kind, for `hardware_id` of the diagnostics."""
-    sim_time_s: float | None
-    """Simulated time since the body was made, s; None: the body lives in real time."""
-    sees: bool
-    """Whether its readings tell gates and markers; where a camera node does that, they do not."""
+    @property
+    def name(self) -> str:
+        """Its kind, for `hardware_id` of the diagnostics."""
+        ...
+
+    @property
+    def sim_time_s(self) -> float | None:
+        """Simulated time since the body was made, s; None: the body lives in real time."""
+        ...
+
+    @property
+    def sees(self) -> bool:
+        """Whether its readings tell gates and markers; where a camera node does that, they do not."""
+        ...
 
     def arm(self) -> Tick:
         """Make ready to drive, in neutral.

@@ -12,7 +12,7 @@ from tral_env.errors import HardwareError
 from tral_env.perception.aruco import Detector, marker_poses
 from tral_env.perception.gate import Detection, nearest_in_image
 from tral_env.ros import topics
-from tral_env.ros.images import Exposed, Images
+from tral_env.ros.images import Exposed, Images, StreamImages
 from tral_env.ros.msg.sensor import CameraInfo, CompressedImage
 from tral_env.ros.msg.std import Header, String
 from tral_env.ros.msg.vision import Detection3DArray
@@ -53,6 +53,7 @@ class CameraNode:
         self._info = node.publisher(topics.CAMERA_INFO, CameraInfo, SENSOR_DATA)
         self._seen = node.publisher(topics.DETECTIONS, Detection3DArray, SEEN)
         self._detector, self._car = Detector(), replace(CarConfig(), camera_x=self.options.forward)
+        self._last_url = ""
         self.images = 0
         """Number of images until now."""
 
@@ -77,7 +78,7 @@ class CameraNode:
         header = Header(stamp(image.exposed_ns), topics.CAMERA_OPTICAL)
         self._info.publish(camera_info(lens, header))
         if self._image.listeners:
-            self._image.publish(CompressedImage(header, "jpeg", image.jpeg))  # type: ignore[arg-type]
+            self._image.publish(CompressedImage(header, "jpeg", image.jpeg))
 
     def _watch(self, ended: threading.Event) -> None:
         images = self._open() if self._open is not None else self._simulated(ended)
@@ -92,14 +93,12 @@ class CameraNode:
 
     def _simulated(self, ended: threading.Event) -> Images | None:
         """The images of a simulated car, once it tells where they are."""
-        from tral_env.ros.images import StreamImages
-
         assert self._url is not None
         self.node.log("waiting for a simulated car with --camera rendered")
         while not ended.is_set():
             for message in reversed(self._url.take()):
                 self._last_url = message.data
-            if getattr(self, "_last_url", ""):
+            if self._last_url:
                 return StreamImages(self._last_url)
             self.node.wait(0.1)
         return None

@@ -184,8 +184,8 @@ class CarNode:
             self._reckoning.reset()
             self._tell_latched()
             self.node.log(f"reset to seed {message.data}")
-        for message in self._arms.take():
-            if not message.data:
+        for order in self._arms.take():
+            if not order.data:
                 self._disarm("stopped by a message on the topic arm")
             elif not self.gate.armed:
                 self._arm()

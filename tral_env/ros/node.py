@@ -110,7 +110,7 @@ class _Wakes(Listener):
     """Sets an event when a message comes."""
 
     def __init__(self, event: threading.Event) -> None:
-        super().__init__()
+        super().__init__()  # type: ignore[no-untyped-call]
         self._event = event
 
     def on_data_available(self, reader: Any) -> None:

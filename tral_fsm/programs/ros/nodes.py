@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from tral_env.errors import ConfigError
@@ -82,13 +82,14 @@ def camera_node(asked: Asked) -> CameraNode:
         ConfigError: the car file has no camera, or its lens cannot be used.
     """
     if asked.backend != "car":
-        opened = functools.partial(_open_source, asked.source) if asked.source else None
-        return CameraNode(opened, CameraNodeOptions(namespace=asked.namespace))
+        source = functools.partial(_open_source, asked.source) if asked.source else None
+        return CameraNode(source, CameraNodeOptions(namespace=asked.namespace))
     camera = load_car(asked.config).camera
     if camera is None:
         raise ConfigError(f"{asked.config}: it has no [camera]: add one with `tral car init`, and calibrate its lens")
     lens = camera.calibrated()
-    opened = functools.partial(_open_source, asked.source) if asked.source else functools.partial(CameraImages, camera)
+    own = functools.partial(CameraImages, camera)
+    opened: Callable[[], Images] = functools.partial(_open_source, asked.source) if asked.source else own
     return CameraNode(opened, CameraNodeOptions(namespace=asked.namespace, lens=lens, forward=camera.forward))
 
 
@@ -115,7 +116,7 @@ def has_images(asked: Asked) -> bool:
     return bool(asked.source) or asked.camera == "rendered"
 
 
-def run_all(nodes: list[Spinning], ended: threading.Event) -> None:
+def run_all(nodes: Sequence[Spinning], ended: threading.Event) -> None:
     """Run nodes of one process, the first in this thread; when one ends, all do.
 
     Raises:
