@@ -59,6 +59,7 @@ LITERAL = (
     "--agents 2 --algos teacher:5,ppo,residual --hours 1.3333 --no-search --dry-run",
     "python benchmarks/plot_perception.py runs/img",
     "tral tune --list-params --policy office",
+    "tral ros bag docs/recordings/short.mcap --out runs/short-ros2.mcap",
     "tral doctor",
     "tral car init car.toml --board pca9685 --sensor srf08 --sensor hall",
     "tral twin fault list",
@@ -87,9 +88,13 @@ IN_CHECKOUT = ("ruff", "mypy")
 FOLLOWED_ELSEWHERE = "docs/tutorial.md"
 """Its examples are files and commands that need one another: test_tutorial_page.py follows it in order."""
 
-SKIPS_WITHOUT = {"lerobot": "pyarrow", "train": "torch", "tpe": "optuna"}
+SKIPS_WITHOUT = {"lerobot": "pyarrow", "train": "torch", "tpe": "optuna", "bag": "cyclonedds"}
 
-PAGE_SKIPS_WITHOUT = {"docs/learning.md": ("stable_baselines3",), "docs/recording.md": ("pyarrow",)}
+PAGE_SKIPS_WITHOUT = {
+    "docs/learning.md": ("stable_baselines3",),
+    "docs/recording.md": ("pyarrow",),
+    "docs/ros.md": ("cyclonedds",),
+}
 
 OPTIONAL = ("skrl",)
 """Packages of no extra: a block that imports one is left out where it is missing; the rest of its page runs."""

@@ -19,6 +19,8 @@ DATA = (
     "tral_env/course/examples/*.json",
     "tral_env/hardware/calibrations/*.json",
     "tral_env/hardware/systemd/*.service",
+    "tral_env/ros/config/*.yaml",
+    "tral_env/ros/launch/*.py",
     "tral_fsm/machines/*.json",
     "tral_fsm/machines/*.uxf",
     "tral_fsm/machines/palette/*.uxf",

@@ -22,6 +22,7 @@ from tral_fsm.cli.drive import command as drive_command
 from tral_fsm.cli.fsm import app as fsm_app
 from tral_fsm.cli.print import app as print_app
 from tral_fsm.cli.replay import command as replay_command
+from tral_fsm.cli.ros import app as ros_app
 from tral_fsm.cli.teleop import command as teleop_command
 from tral_fsm.cli.train import command as train_command
 from tral_fsm.cli.tune import command as tune_command
@@ -51,6 +52,7 @@ app.add_typer(fsm_app, name="fsm")
 app.add_typer(print_app, name="print")
 app.add_typer(bench_app, name="bench")
 app.add_typer(twin_app, name="twin")
+app.add_typer(ros_app, name="ros")
 
 
 def _show_version(wanted: bool) -> None:

@@ -1,0 +1,104 @@
+"""Readings become messages and readings again: what was measured, and how old it is."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tral_env.interface import CORE_FIELDS, MAX_AGE_S, NO_ECHO_M, Layout
+from tral_env.ros import topics
+from tral_env.ros.msg.sensor import Range
+from tral_env.ros.msg.vision import Detection3DArray
+from tral_env.ros.readings import MessageReadings, ReadingMessages, detections_of, yaw_of, yaw_quaternion
+from tral_env.ros.times import nanoseconds, stamp
+
+NOW_NS = 1_700_000_000_123_456_789
+LAYOUT = Layout.of(("imu", "battery"))
+
+
+def reading(name: str) -> st.SearchStrategy[float]:
+    field = LAYOUT.fields[LAYOUT.column(name)]
+    if name.endswith("_id"):
+        return st.integers(0, 19).map(float)
+    if name.endswith("_heading"):
+        return st.floats(-3.0, 3.0, width=32)
+    high = 9.0 if name.endswith("_age") else min(field.high, 1000.0)
+    return st.floats(field.low, high, width=32)
+
+
+@given(st.fixed_dictionaries({name: reading(name) for name in LAYOUT.names}))
+def test_a_policy_is_told_what_the_car_measured(readings: dict[str, float]) -> None:
+    heard = MessageReadings()
+    for topic, message in ReadingMessages().of(readings, NOW_NS):
+        assert not topic.startswith("/")
+        heard.hear(type(message).deserialize(message.serialize(use_version_2=False)))
+    assert heard.readings(NOW_NS) == {name: pytest.approx(value, abs=1e-5) for name, value in readings.items()}
+
+
+def test_an_age_goes_on_while_a_message_is_under_way() -> None:
+    heard = MessageReadings()
+    heard.hear(Range(header=_header(NOW_NS - 30_000_000), range=1.0))
+    assert heard.readings(NOW_NS + 20_000_000) == {"ultrasonic_left": 1.0, "ultrasonic_left_age": pytest.approx(0.05)}
+    assert heard.readings(NOW_NS + 20 * 10**9)["ultrasonic_left_age"] == MAX_AGE_S
+
+
+def test_an_older_message_does_not_replace_a_newer_one() -> None:
+    heard = MessageReadings()
+    heard.hear(Range(header=_header(NOW_NS), range=1.0))
+    heard.hear(Range(header=_header(NOW_NS - 1), range=2.0))
+    assert heard.readings(NOW_NS)["ultrasonic_left"] == 1.0
+
+
+def test_no_echo_is_infinite_as_rep_117_wants() -> None:
+    readings = {"ultrasonic_left": NO_ECHO_M, "ultrasonic_left_age": 0.01}
+    told = ReadingMessages().of(readings, NOW_NS, sees=False)[0].message
+    assert isinstance(told, Range)
+    assert told.range == math.inf
+    assert told.header.frame_id == "ultrasonic_left"
+    assert nanoseconds(told.header.stamp) == NOW_NS - 10_000_000
+    heard = MessageReadings()
+    heard.hear(told)
+    assert heard.readings(NOW_NS)["ultrasonic_left"] == NO_ECHO_M
+
+
+def test_a_range_is_told_once() -> None:
+    messages = ReadingMessages()
+
+    def told(age_s: float) -> bool:
+        readings = {"ultrasonic_left": 1.0, "ultrasonic_left_age": age_s}
+        return any(each.topic == topics.RANGES["left"] for each in messages.of(readings, NOW_NS, sees=False))
+
+    assert [told(age_s) for age_s in (MAX_AGE_S, 0.02, 0.0325, 0.045, 0.01, 0.0225)] == [0, 1, 0, 0, 1, 0]
+
+
+def test_who_waits_for_the_camera_hears_at_its_rate_that_it_sees_nothing() -> None:
+    messages, told = ReadingMessages(), 0
+    for tick in range(80):
+        for each in messages.of({"gate_age": MAX_AGE_S, "marker_age": MAX_AGE_S}, NOW_NS + tick * 12_500_000):
+            told += isinstance(each.message, Detection3DArray) and len(each.message.detections) == 0
+    assert 13 <= told <= 16
+
+
+def test_what_is_no_detection_of_ours_is_passed_over() -> None:
+    readings = {field.name: 0.0 for field in CORE_FIELDS if field.name.startswith(("gate_", "marker_"))}
+    readings["marker_id"] = -1.0
+    seen = detections_of(readings, NOW_NS)
+    assert [each.id for each in seen.detections] == ["gate_0"]
+    seen.detections[0].results[0].hypothesis.class_id = "person"
+    heard = MessageReadings()
+    heard.hear(seen)
+    assert heard.readings(NOW_NS) == {}
+
+
+@given(st.floats(-3.14, 3.14))
+def test_a_yaw_comes_back_from_its_quaternion(yaw: float) -> None:
+    assert yaw_of(yaw_quaternion(yaw)) == pytest.approx(yaw)
+
+
+def _header(time_ns: int):  # type: ignore[no-untyped-def]
+    from tral_env.ros.msg.std import Header
+
+    return Header(stamp(time_ns), "ultrasonic_left")

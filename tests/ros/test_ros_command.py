@@ -1,0 +1,69 @@
+"""`tral ros` as a command: parameters, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from tral_env.errors import BadFileError, ConfigError
+from tral_env.ros.parameters import read_parameters
+from tral_fsm.cli import app
+from tral_fsm.cli.console import BAD_USAGE
+from tral_fsm.programs.ros.nodes import Asked
+
+PACKAGED = Path(__file__).parents[2] / "tral_env/ros/config/tral.yaml"
+
+
+def tral(*arguments: str) -> Any:
+    return CliRunner().invoke(app, ["ros", *arguments])
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"use_sim_time": True, "backend": "twin"}, "lives in real time"),
+        ({"lock_step": True, "camera": "rendered"}, "rendered images come in real time"),
+        ({"dry": True}, "moves no real car"),
+    ],
+)
+def test_what_does_not_fit_together_is_refused(options: dict[str, Any], said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        Asked(**options)
+
+
+def test_parameters_of_a_node_count_more_than_those_of_all(tmp_path: Path) -> None:
+    path = tmp_path / "p.yaml"
+    path.write_text(
+        "/**:\n  ros__parameters: {seed: 1, camera: rendered}\n/car1/car:\n  ros__parameters: {seed: 2}\n"
+        "fsm:\n  ros__parameters: {policy: wall}\n"
+    )
+    assert read_parameters(path, "car") == {"seed": 2, "camera": "rendered"}
+
+
+@pytest.mark.parametrize("text", ["[1]", "car: 3", "car: {seed: 1}", "a: ["])
+def test_a_file_that_is_none_is_refused(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "p.yaml"
+    path.write_text(text)
+    with pytest.raises(BadFileError, match=r"p\.yaml"):
+        read_parameters(path, "car")
+
+
+@pytest.mark.parametrize("node", ["car", "camera", "fsm"])
+def test_the_packaged_parameters_are_those_of_the_commands(node: str, tmp_path: Path) -> None:
+    given = read_parameters(PACKAGED, node)
+    assert given
+    path = tmp_path / "p.yaml"
+    path.write_text(f"{node}:\n  ros__parameters: {{speling: 1}}\n")
+    result = tral(node, "--params-file", str(path))
+    assert result.exit_code == BAD_USAGE
+    for name in given:
+        assert name in result.stderr
+
+
+def test_a_namespace_that_is_none_is_refused() -> None:
+    result = tral("fsm", "--policy", "wall", "--namespace", "/car 1")
+    assert result.exit_code == BAD_USAGE
+    assert "namespace" in result.stderr

@@ -1,0 +1,253 @@
+"""The nodes together, in lock-step, over loopback: a policy drives through messages as it drives in the plain env."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from cyclonedds.core import Policy
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+
+from tral_env.errors import ConfigError, HardwareError
+from tral_env.ros import topics
+from tral_env.ros.car_node import CarNode, CarOptions
+from tral_env.ros.commands import CommandLimits
+from tral_env.ros.definition import type_hash
+from tral_env.ros.msg.graph import ParticipantEntitiesInfo
+from tral_env.ros.msg.sensor import AckermannDrive, AckermannDriveStamped, Odometry
+from tral_env.ros.msg.std import Bool, String
+from tral_env.ros.node import Node, check_namespace, domain_id
+from tral_env.ros.qos import COMMAND, LATCHED, STATE, Profile
+from tral_fsm import load_policy
+from tral_fsm.programs.ros.fsm_node import FsmNode, FsmOptions
+from tral_fsm.programs.ros.simulation import SimulatedBody, SimulationOptions
+
+SEED, TICKS = 3, 240
+PATIENCE_S = 60.0
+
+
+def body() -> SimulatedBody:
+    return SimulatedBody(SimulationOptions(scenario="straight", seed=SEED, real_time=False))
+
+
+class Running:
+    """A node in a thread."""
+
+    def __init__(self, run: Callable[[threading.Event], None]) -> None:
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=run, args=(self._ended,))
+        self._thread.start()
+
+    def end(self) -> None:
+        self._ended.set()
+        self._thread.join()
+
+
+def until(what: Callable[[], Any]) -> Any:
+    end_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end_s:
+        if found := what():
+            return found
+        time.sleep(0.01)
+    raise AssertionError("it never came")
+
+
+@pytest.fixture
+def probe() -> Iterator[Node]:
+    node = Node("probe")
+    yield node
+    node.close()
+
+
+def plain_way() -> list[tuple[float, float]]:
+    """Places of the car in the plain env."""
+    env = gym.make("tral_env:TralCorridor-v0", scenario="straight", groups=("imu", "battery"))
+    policy = load_policy("wall")
+    observation, _ = env.reset(seed=SEED)
+    places = []
+    for _ in range(TICKS):
+        observation, _, _, _, info = env.step(policy.act(observation[:24]))
+        places.append((float(info["pose"][0]), float(info["pose"][1])))
+    env.close()
+    return places
+
+
+def test_in_lock_step_the_car_drives_as_in_the_plain_environment(probe: Node) -> None:
+    car = CarNode(body(), CarOptions(lock_step=True, use_sim_time=True))
+    fsm = FsmNode(load_policy("wall"), FsmOptions(use_sim_time=True))
+    places: list[tuple[float, float]] = []
+    step = car.body.step
+
+    def noted(steering: float, throttle: float) -> Any:
+        tick = step(steering, throttle)
+        places.append(tuple(car.body.info["pose"][:2].tolist()))  # type: ignore[attr-defined]
+        return tick
+
+    car.body.step = noted  # type: ignore[method-assign]
+    arm, state = probe.publisher(topics.ARM, Bool, STATE), probe.subscription("/fsm/state", String, LATCHED)
+    until(lambda: arm.listeners == 1)
+    running = [Running(car.run), Running(fsm.run)]
+    try:
+        until(lambda: fsm._armed_topic.publishers)
+        arm.publish(Bool(True))
+        until(lambda: len(places) >= TICKS)
+    finally:
+        for each in running:
+            each.end()
+    begun = next(i for i, place in enumerate(places) if place != places[0])
+    assert state.take()[-1].data == "follow"
+    waits = next(i for i, place in enumerate(plain_way()) if place != plain_way()[0])
+    shift = begun - waits
+    assert 0 <= shift < 40  # neutral, until the first answer came
+    n = min(len(places) - shift, TICKS)
+    np.testing.assert_allclose(places[shift : shift + n], plain_way()[:n], atol=0.02)
+
+
+class Clockless:
+    """A car node that a test spins, on simulated time, and a publisher of commands."""
+
+    def __init__(self, probe: Node) -> None:
+        self.node = CarNode(body(), CarOptions(use_sim_time=True, limits=CommandLimits(timeout_s=0.15)))
+        self.node._begin()
+        self.arm = probe.publisher(topics.ARM, Bool, STATE)
+        self.command = probe.publisher(topics.SPEED_COMMAND, AckermannDriveStamped, COMMAND)
+        self.armed = probe.subscription(topics.ARMED, Bool, LATCHED)
+        self.odometry = probe.subscription(topics.ODOMETRY, Odometry, STATE)
+        until(lambda: self.arm.listeners and self.command.listeners and self.armed.publishers)
+
+    def spin(self, ticks: int, speed: float | None = None) -> None:
+        gate = self.node.gate
+        for _ in range(ticks):
+            if speed is not None:
+                taken = gate.taken
+                self.command.publish(AckermannDriveStamped(drive=AckermannDrive(speed=speed)))
+                until(lambda: self.node._hear_commands() or not gate.armed or gate.taken > taken)  # noqa: B023
+            self.node.spin()
+
+    def ask(self, arm: bool) -> None:
+        self.arm.publish(Bool(arm))
+        until(lambda: self.node.spin() or self.node.gate.armed == arm)
+
+    @property
+    def speed(self) -> float:
+        return float(self.node.body.info["speed_mps"])  # type: ignore[attr-defined]
+
+
+@pytest.fixture
+def car(probe: Node) -> Iterator[Clockless]:
+    found = Clockless(probe)
+    yield found
+    found.node.close()
+
+
+def test_a_car_drives_by_speed_stops_without_commands_and_stays_until_it_is_armed(car: Clockless) -> None:
+    car.spin(20, speed=0.8)
+    assert car.speed == pytest.approx(0.0, abs=0.01)  # nobody armed it
+    car.ask(True)
+    car.spin(120, speed=0.8)
+    assert car.speed > 0.3
+    until(lambda: car.node.spin() or not car.node.gate.armed)
+    assert car.node.gate.why == "no command for 0.15 s"
+    car.spin(160, speed=0.8)
+    assert car.speed == pytest.approx(0.0, abs=0.05)
+    assert car.armed.take()[-1].data is False
+    car.ask(True)
+    car.spin(120, speed=0.8)
+    assert car.speed > 0.3
+
+
+def test_a_message_stops_the_car(car: Clockless) -> None:
+    car.ask(True)
+    car.spin(60, speed=0.8)
+    car.ask(False)
+    assert car.node.gate.why == "stopped by a message on the topic arm"
+
+
+def test_who_needs_the_camera_stops_the_car_when_it_falls_silent(probe: Node) -> None:
+    fsm = FsmNode(load_policy("office"), FsmOptions(camera_timeout_s=0.05))
+    arm = probe.subscription(topics.ARM, Bool, STATE)
+    until(lambda: arm.publishers)
+    fsm.armed, fsm._seen_s = True, time.monotonic() - 0.1
+    fsm.spin(0.0)
+    assert until(arm.take)[0].data is False
+    assert not fsm.armed
+    fsm.node.close()
+
+
+@pytest.mark.parametrize("text", ["233", "-1", "one"])
+def test_a_domain_that_is_none_is_refused(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", text)
+    with pytest.raises(ConfigError, match="ROS_DOMAIN_ID"):
+        domain_id()
+
+
+def test_names_resolve_as_in_ros() -> None:
+    assert check_namespace("car1/") == "/car1"
+    assert check_namespace("") == "/"
+    with pytest.raises(ConfigError, match="namespace"):
+        check_namespace("/car 1")
+    node = Node("fsm", namespace="/car1")
+    assert [node.resolve(name) for name in ("odom", "/clock", "~/state")] == ["/car1/odom", "/clock", "/car1/fsm/state"]
+    assert Node.full_name.fget(node) == "/car1/fsm"  # type: ignore[attr-defined]
+    node.close()
+
+
+def test_a_car_that_cannot_be_stopped_or_armed_tells_why_and_the_node_goes_on(car: Clockless) -> None:
+    car.ask(True)
+    car.spin(5, speed=0.5)
+
+    def fails() -> Any:
+        raise HardwareError("the board is gone")
+
+    car.node.body.stop = fails  # type: ignore[method-assign]
+    car.node.body.arm = fails  # type: ignore[method-assign]
+    car.ask(False)
+    assert car.node.gate.why == "the board is gone"
+    car.arm.publish(Bool(True))
+    car.spin(20)
+    assert not car.node.gate.armed
+
+
+def test_two_cars_in_one_network_do_not_hear_each_other() -> None:
+    nodes = [Node("fsm", namespace=namespace) for namespace in ("/car1", "/car2")]
+    told = nodes[0].publisher(topics.ARM, Bool, STATE)
+    heard = [node.subscription(topics.ARM, Bool, STATE) for node in nodes]
+    until(lambda: told.listeners == 1)
+    told.publish(Bool(True))
+    assert until(heard[0].take)[0].data is True
+    assert heard[1].take() == []
+    assert heard[1].publishers == 0
+    for node in nodes:
+        node.close()
+
+
+def test_the_graph_names_each_node_and_what_it_owns() -> None:
+    listener, node = Node("ros2cli"), Node("car", namespace="/car1")
+    node.publisher(topics.ARM, Bool, STATE)
+    participant = listener._participant
+    topic = Topic(participant, "ros_discovery_info", ParticipantEntitiesInfo)
+    graph = DataReader(participant, topic, Profile(latched=True, depth=100).qos())
+
+    def told() -> Any:
+        found = [each.node_entities_info_seq[0] for each in graph.read(10)]
+        return [each for each in found if each.node_name == "car" and len(each.writer_gid_seq) == 2]
+
+    found = until(told)[-1]
+    assert found.node_namespace == "/car1"
+    node.close()
+    listener.close()
+
+
+def test_who_offers_a_topic_tells_its_hash() -> None:
+    node = Node("car")
+    arm = node.publisher(topics.ARM, Bool, STATE)
+    user_data = arm._writer.get_qos()[Policy.Userdata]
+    assert user_data is not None
+    assert bytes(user_data.data) == f"typehash={type_hash(Bool)};".encode()
+    node.close()

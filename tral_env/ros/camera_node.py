@@ -1,0 +1,119 @@
+"""The node `camera`: images, the lens, and what the images show of gates and markers."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+
+from tral_env.arrays import number
+from tral_env.config import CameraConfig, CarConfig
+from tral_env.errors import HardwareError
+from tral_env.perception.aruco import Detector, marker_poses
+from tral_env.perception.gate import Detection, nearest_in_image
+from tral_env.ros import topics
+from tral_env.ros.images import Exposed, Images, StreamImages
+from tral_env.ros.msg.sensor import CameraInfo, CompressedImage
+from tral_env.ros.msg.std import Header, String
+from tral_env.ros.msg.vision import Detection3DArray
+from tral_env.ros.node import WARN, Node
+from tral_env.ros.qos import LATCHED, SEEN, SENSOR_DATA
+from tral_env.ros.readings import detections_of
+from tral_env.ros.times import stamp
+
+_RETRY_S = 0.5
+"""A camera that is gone is opened again this often, s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraNodeOptions:
+    """Parameters of the node."""
+
+    namespace: str = ""
+    lens: CameraConfig = CameraConfig()  # noqa: RUF009 - frozen
+    forward: float = CarConfig.camera_x
+    """The camera stands this far ahead of the rear axle, m."""
+
+
+class CameraNode:
+    """Looks for markers in each image as soon as it comes."""
+
+    def __init__(self, open_images: Callable[[], Images] | None, options: CameraNodeOptions | None = None) -> None:
+        """Open the topics.
+
+        Args:
+            open_images: opens the camera; None: a simulated car tells where its images are, on the topic camera/url.
+            options: of the node.
+        """
+        self.options = options or CameraNodeOptions()
+        self._open = open_images
+        self.node = node = Node("camera", namespace=self.options.namespace)
+        self._url = node.subscription(topics.CAMERA_URL, String, LATCHED, wakes=True) if open_images is None else None
+        self._image = node.publisher(topics.IMAGE, CompressedImage, SENSOR_DATA)
+        self._info = node.publisher(topics.CAMERA_INFO, CameraInfo, SENSOR_DATA)
+        self._seen = node.publisher(topics.DETECTIONS, Detection3DArray, SEEN)
+        self._detector, self._car = Detector(), replace(CarConfig(), camera_x=self.options.forward)
+        self._last_url = ""
+        self.images = 0
+        """Number of images until now."""
+
+    def run(self, ended: threading.Event) -> None:
+        """Look until the event is set; a camera that is gone is opened again."""
+        try:
+            while not ended.is_set():
+                try:
+                    self._watch(ended)
+                except HardwareError as error:
+                    self.node.log(str(error), WARN)
+                    ended.wait(_RETRY_S)
+        finally:
+            self.node.close()
+
+    def look(self, image: Exposed) -> None:
+        """Tell an image, and what it shows."""
+        self.images += 1
+        lens = self.options.lens
+        seen = nearest_in_image(marker_poses(self._detector.detect(image.grey), lens, self._car))
+        self._seen.publish(detections_of(_named(seen), image.exposed_ns))
+        header = Header(stamp(image.exposed_ns), topics.CAMERA_OPTICAL)
+        self._info.publish(camera_info(lens, header))
+        if self._image.listeners:
+            self._image.publish(CompressedImage(header, "jpeg", image.jpeg))
+
+    def _watch(self, ended: threading.Event) -> None:
+        images = self._open() if self._open is not None else self._simulated(ended)
+        if images is None:
+            return
+        try:
+            while not ended.is_set():
+                if (image := images.next()) is not None:
+                    self.look(image)
+        finally:
+            images.close()
+
+    def _simulated(self, ended: threading.Event) -> Images | None:
+        """The images of a simulated car, once it tells where they are."""
+        assert self._url is not None
+        self.node.log("waiting for a simulated car with --camera rendered")
+        while not ended.is_set():
+            for message in reversed(self._url.take()):
+                self._last_url = message.data
+            if self._last_url:
+                return StreamImages(self._last_url)
+            self.node.wait(0.1)
+        return None
+
+
+def camera_info(lens: CameraConfig, header: Header) -> CameraInfo:
+    """A lens as a message."""
+    fx, fy, cx, cy = lens.fx, lens.fy, lens.cx, lens.cy
+    return CameraInfo(
+        header, lens.height, lens.width, "plumb_bob", list(lens.distortion),
+        [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
+        [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+    )  # fmt: skip
+
+
+def _named(seen: Detection) -> dict[str, float]:
+    return {field.name: float(number(getattr(seen, field.name))) for field in fields(seen)}

@@ -1,0 +1,145 @@
+"""Commands on their way to the actuators: units, age, and who may drive when."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from tral_env.checks import check_number
+from tral_env.errors import ConfigError
+from tral_env.geometry import FULL_LOCK
+from tral_env.ros.msg.sensor import AckermannDrive, AckermannDriveStamped
+from tral_env.ros.times import nanoseconds
+from tral_env.se2 import clip
+from tral_env.speed_control import SPEED_PER_THROTTLE, SpeedRegulator
+
+
+def drive_of(steering: float, throttle: float) -> AckermannDrive:
+    """An open-loop command as a message: the speed is 2.64 m/s for a full throttle."""
+    return AckermannDrive(steering_angle=steering * FULL_LOCK, speed=throttle * SPEED_PER_THROTTLE)
+
+
+def steering_of(drive: AckermannDrive) -> float:
+    """Steering command in [-1, 1] of a message."""
+    return clip(drive.steering_angle / FULL_LOCK)
+
+
+def throttle_of(drive: AckermannDrive) -> float:
+    """Throttle in [-1, 1] of an open-loop message."""
+    return clip(drive.speed / SPEED_PER_THROTTLE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandLimits:
+    """When a command is none any more."""
+
+    timeout_s: float = 0.15
+    """A command may be so old, since its stamp and since it came, s. Then the car stops, and must be armed again."""
+    patience_s: float = 2.0
+    """After arming, the first command may take so long, s; until then the car stands in neutral."""
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        for name in ("timeout_s", "patience_s"):
+            value = getattr(self, name)
+            check_number(name, value, "s")
+            if not 0.0 < value <= 10.0:
+                raise ConfigError(f"{name} = {value!r}: expected a number above 0, at most 10 s")
+
+
+class Received(NamedTuple):
+    """A command that came."""
+
+    message: AckermannDriveStamped
+    source: int
+    """Who sent it."""
+    open_loop: bool
+
+
+class CommandGate:
+    """Lets commands through while the car is armed. What stops it latches: only `arm` undoes it.
+
+    - No new command for `timeout_s`, or only commands whose stamps are older than that.
+    - Commands of two publishers.
+    - A command that is no finite number.
+    - `disarm`.
+
+    A stamp of 0 means: now. The stamp of a command that answers readings is the stamp of these readings; so its age is
+    that of what the policy saw, on the car's own clock.
+    """
+
+    def __init__(self, limits: CommandLimits | None = None) -> None:
+        """Begin disarmed."""
+        self.limits = limits or CommandLimits()
+        self.armed = False
+        self.why = "not armed yet"
+        """Why the car is not armed."""
+        self.late, self.taken = 0, 0
+        """Number of commands that came too late, and of those that were taken."""
+        self.answers_ns = 0
+        """Stamp of the command that was taken last, ns."""
+        self._regulator = SpeedRegulator()
+        self._source: int | None = None
+        self._last: Received | None = None
+        self._came_s = self._armed_s = 0.0
+
+    def arm(self, now_s: float) -> None:
+        """Take commands from now on; older ones are forgotten."""
+        self.armed, self.why = True, ""
+        self._source, self._last, self._armed_s = None, None, now_s
+        self._regulator = SpeedRegulator()
+
+    def disarm(self, why: str) -> None:
+        """Take no more commands."""
+        if self.armed:
+            self.armed, self.why = False, why
+        self._last = None
+
+    def hear(self, received: Received, now_s: float, now_ns: int) -> None:
+        """Take a command.
+
+        Args:
+            received: the command.
+            now_s: time on a clock that never goes back, s.
+            now_ns: time of ROS, ns.
+        """
+        if not self.armed:
+            return None
+        drive, stamp_ns = received.message.drive, nanoseconds(received.message.header.stamp)
+        if not (math.isfinite(drive.steering_angle) and math.isfinite(drive.speed)):
+            return self.disarm(f"a command is no number: steering_angle {drive.steering_angle}, speed {drive.speed}")
+        if self._source is not None and received.source != self._source:
+            return self.disarm("two publishers send commands: end one of them")
+        self._source = received.source
+        if stamp_ns and now_ns - stamp_ns > self.limits.timeout_s * 1e9:
+            self.late += 1
+            return None
+        self.taken += 1
+        self.answers_ns = stamp_ns
+        self._last, self._came_s = received, now_s
+        return None
+
+    def command(self, speed: float, now_s: float) -> tuple[float, float] | None:
+        """Steering and throttle for the next tick; None: the car must stop, and `why` tells why.
+
+        Args:
+            speed: of the car from its hall sensor, m/s.
+            now_s: time on a clock that never goes back, s.
+        """
+        if not self.armed:
+            return None
+        if self._last is None:
+            if now_s - self._armed_s > self.limits.patience_s:
+                self.disarm(f"no command for {self.limits.patience_s:g} s after arming")
+                return None
+            return 0.0, 0.0
+        if now_s - self._came_s > self.limits.timeout_s:
+            self.disarm(f"no command for {self.limits.timeout_s:g} s")
+            return None
+        drive = self._last.message.drive
+        if self._last.open_loop:
+            return steering_of(drive), throttle_of(drive)
+        if drive.speed < 0.0:
+            return steering_of(drive), self._regulator.reverse(drive.speed / SPEED_PER_THROTTLE, speed)
+        return steering_of(drive), self._regulator.regulate(drive.speed, speed)

@@ -1,0 +1,178 @@
+"""Nodes by what a command line asks for."""
+
+from __future__ import annotations
+
+import functools
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from tral_env.errors import ConfigError
+from tral_env.hardware.car_file import load_car
+from tral_env.ros.body import Body
+from tral_env.ros.camera_node import CameraNode, CameraNodeOptions
+from tral_env.ros.car_body import FOR_EVER_S, CarBody
+from tral_env.ros.car_node import CarNode, CarOptions
+from tral_env.ros.commands import CommandLimits
+from tral_env.ros.images import CameraImages, Images, StreamImages
+from tral_fsm.programs.ros.fsm_node import FsmNode, FsmOptions
+
+Spinning = Callable[[threading.Event], None]
+"""Runs a node until the event is set."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """What is asked for: the parameters of all nodes. Each node looks at its own."""
+
+    backend: str = "simulation"
+    config: str = "car.toml"
+    """Car file of the backend "car"."""
+    dry: bool = False
+    """Whether the real car's pulses are only recorded."""
+    scenario: str = "office"
+    course: str | None = None
+    seed: int = 7
+    randomization: str = "default"
+    camera: str = "projected"
+    namespace: str = ""
+    use_sim_time: bool = False
+    lock_step: bool = False
+    arm: bool = False
+    command_timeout: float = CommandLimits.timeout_s
+    camera_timeout: float = FsmOptions.camera_timeout_s
+    policy: str = "office"
+    source: str = ""
+    """Camera of the node `camera`: a number, a path or a URL; empty: that of the backend."""
+
+    def __post_init__(self) -> None:
+        """Refuse what does not fit together."""
+        simulated_time = self.use_sim_time or self.lock_step
+        if simulated_time and self.backend != "simulation":
+            raise ConfigError(f"use_sim_time: the backend '{self.backend}' lives in real time")
+        if simulated_time and self.camera == "rendered":
+            raise ConfigError("use_sim_time: rendered images come in real time: leave one of both away")
+        if self.camera not in ("projected", "rendered"):
+            raise ConfigError(f"camera = '{self.camera}'. Allowed: projected, rendered")
+        if self.dry and self.backend != "car":
+            raise ConfigError(f"dry: the backend '{self.backend}' moves no real car; leave it away")
+
+
+def car_node(asked: Asked) -> CarNode:
+    """The node `car`.
+
+    Raises:
+        ConfigError: an option or the car file cannot be used.
+        HardwareError: a device does not answer.
+    """
+    options = CarOptions(
+        namespace=asked.namespace,
+        use_sim_time=asked.use_sim_time or asked.lock_step,
+        lock_step=asked.lock_step,
+        limits=CommandLimits(timeout_s=asked.command_timeout),
+        arm=asked.arm,
+    )
+    return CarNode(_body(asked), options)
+
+
+def camera_node(asked: Asked) -> CameraNode:
+    """The node `camera`.
+
+    Raises:
+        ConfigError: the car file has no camera, or its lens cannot be used.
+    """
+    if asked.backend != "car":
+        source = functools.partial(_open_source, asked.source) if asked.source else None
+        return CameraNode(source, CameraNodeOptions(namespace=asked.namespace))
+    camera = load_car(asked.config).camera
+    if camera is None:
+        raise ConfigError(f"{asked.config}: it has no [camera]: add one with `tral car init`, and calibrate its lens")
+    lens = camera.calibrated()
+    own = functools.partial(CameraImages, camera)
+    opened: Callable[[], Images] = functools.partial(_open_source, asked.source) if asked.source else own
+    return CameraNode(opened, CameraNodeOptions(namespace=asked.namespace, lens=lens, forward=camera.forward))
+
+
+def fsm_node(asked: Asked) -> FsmNode:
+    """The node `fsm`.
+
+    Raises:
+        ConfigError: the policy cannot be made.
+    """
+    from tral_fsm.evaluation.own_policy import find_policy
+
+    options = FsmOptions(
+        namespace=asked.namespace,
+        use_sim_time=asked.use_sim_time or asked.lock_step,
+        camera_timeout_s=asked.camera_timeout,
+    )
+    return FsmNode(find_policy(asked.policy), options)
+
+
+def has_images(asked: Asked) -> bool:
+    """Whether the node `camera` has something to look at."""
+    if asked.backend == "car":
+        return bool(asked.source) or load_car(asked.config).camera is not None
+    return bool(asked.source) or asked.camera == "rendered"
+
+
+def run_all(nodes: Sequence[Spinning], ended: threading.Event) -> None:
+    """Run nodes of one process, the first in this thread; when one ends, all do.
+
+    Raises:
+        TralError: what a node raised first.
+    """
+    failures: list[BaseException] = []
+
+    def spin(node: Spinning) -> None:
+        try:
+            node(ended)
+        except BaseException as error:  # raised again by the thread that began it
+            failures.append(error)
+        finally:
+            ended.set()
+
+    threads = [threading.Thread(target=spin, args=(node,)) for node in nodes[1:]]
+    for thread in threads:
+        thread.start()
+    spin(nodes[0])
+    for thread in threads:
+        thread.join()
+    if failures:
+        raise failures[0]
+
+
+def _body(asked: Asked) -> Body:
+    if asked.backend == "car":
+        from tral_env.hardware.env import TralCarEnv
+
+        car = load_car(asked.config)
+        env = TralCarEnv(config=car, output="recorder" if asked.dry else None, max_duration_s=FOR_EVER_S)
+        # The node `camera` opens the camera; a car file that has one gives its readings to nobody else.
+        return CarBody(env, car.name, sees=False)
+    if asked.backend == "twin":
+        from tral_env.twin.settings import TwinSettings
+        from tral_fsm.programs.ros.twin import TwinBody
+
+        settings = TwinSettings(
+            name=f"ros{asked.namespace.strip('/').replace('/', '-')}", scenario=asked.scenario, course=asked.course,
+            seed=asked.seed, randomization=asked.randomization, camera=asked.camera == "rendered",
+            bus=None, serial=False,
+        )  # fmt: skip
+        return TwinBody(settings)
+    from tral_fsm.programs.ros.simulation import SimulatedBody, SimulationOptions
+
+    return SimulatedBody(
+        SimulationOptions(
+            scenario=asked.scenario, course=asked.course, seed=asked.seed, randomization=asked.randomization,
+            camera=asked.camera, real_time=not asked.lock_step,
+        )
+    )  # fmt: skip
+
+
+def _open_source(source: str) -> Images:
+    from tral_env.hardware.camera_options import CameraOptions
+
+    if source.startswith(("http://", "https://")):
+        return StreamImages(source)
+    return CameraImages(CameraOptions(device=int(source) if source.isdecimal() else source))
