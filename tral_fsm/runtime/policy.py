@@ -12,6 +12,7 @@ from tral_env.errors import ConfigError, MachineError
 from tral_env.interface import CORE_LAYOUT
 from tral_fsm.definition import packaged
 from tral_fsm.definition.machine import MachineDefinition, needed_readings
+from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.runtime.driver import Driver
 from tral_fsm.runtime.machine import Trace
 from tral_fsm.runtime.observations import as_array, checked_rows
@@ -155,6 +156,11 @@ class MachinePolicy:
     def active_states(self) -> list[str]:
         """Name of the active state of each car, or "stopped: " and why the watch has stopped it."""
         return [driver.active_path for driver in self._drivers]
+
+    @property
+    def estimates(self) -> list[CarEstimate]:
+        """What the machine of each car was given last, in the frame of its dead reckoning."""
+        return [driver.estimate for driver in self._drivers]
 
     @property
     def wanted_clearance(self) -> NDArray[np.float64]:

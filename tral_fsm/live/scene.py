@@ -1,0 +1,104 @@
+"""The course and its cars in three dimensions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import trimesh
+import viser
+from numpy.typing import NDArray
+
+from tral_env.config import LineConfig
+from tral_env.course.markers import marker_image
+from tral_env.course.plan import Plan
+from tral_env.course.scene import PREFIX, Pool, place
+from tral_fsm.live import meshes
+from tral_fsm.live.frame import CarFrame, Frame
+
+Array = NDArray[np.float64]
+
+
+class Scene:
+    """Draws frames; a part is sent when it is new."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        """Draw nothing yet."""
+        self._scene = server.scene
+        self._plan: Plan | None = None
+        self._course: list[Any] = []
+        self._cars: list[_Car] = []
+        server.scene.configure_fog(8.0, 30.0, color=(216, 222, 230), enabled=False)
+
+    def show(self, frame: Frame) -> None:
+        """Draw a frame."""
+        if frame.plan is not self._plan:
+            self._lay(frame.plan)
+        while len(self._cars) > len(frame.cars):
+            self._cars.pop().remove()
+        while len(self._cars) < len(frame.cars):
+            self._cars.append(_Car(self._scene, len(self._cars)))
+        for car, seen in zip(self._cars, frame.cars, strict=True):
+            car.show(seen)
+
+    def _lay(self, plan: Plan | None) -> None:
+        """Draw another course."""
+        for handle in self._course:
+            handle.remove()
+        self._course, self._plan = [], plan
+        if plan is None:
+            return
+        scene = self._scene
+        self._course.append(scene.add_mesh_trimesh("/course/boxes", meshes.course_mesh(plan), cast_shadow=False))
+        self._course.append(scene.add_mesh_trimesh("/course/floor", meshes.floor_mesh(plan), cast_shadow=False))
+        if (tape := meshes.tape_mesh(plan, LineConfig().tape_width)) is not None:
+            self._course.append(scene.add_mesh_trimesh("/course/tape", tape))
+        self._course += [self._marker(plan, k) for k in range(len(plan.marker_id))]
+
+    def _marker(self, plan: Plan, k: int) -> Any:
+        """The face of a marker."""
+        placed, pool = place(plan, Pool.of(plan)), Pool.of(plan)
+        geom = pool.boxes + k
+        image = np.repeat(marker_image(int(plan.marker_id[k]))[..., None], 3, axis=2)
+        normal = np.array([np.cos(plan.marker_yaw[k]), np.sin(plan.marker_yaw[k]), 0.0])
+        return self._scene.add_image(
+            f"/course/marker_{k}",
+            image,
+            2.0 * placed.geom_size[geom, 0],
+            2.0 * placed.geom_size[geom, 1],
+            format="png",
+            wxyz=placed.geom_quat[geom],
+            position=plan.marker_position[k] + 0.002 * normal,
+        )
+
+
+class _Car:
+    """One car of the scene."""
+
+    def __init__(self, scene: viser.SceneApi, number: int) -> None:
+        self._model = meshes.car_model()
+        self._data = mujoco.MjData(self._model)
+        self._root = int(self._model.joint(f"{PREFIX}root").qposadr[0])
+        self._handles = {}
+        for name, mesh in meshes.body_meshes(self._model).items():
+            handle = scene.add_mesh_trimesh(f"/car_{number}/{name.removeprefix(PREFIX)}", mesh)
+            self._handles[int(self._model.body(name).id)] = handle
+
+    def show(self, car: CarFrame) -> None:
+        """Put the bodies where they are."""
+        data = self._data
+        if car.qpos is not None:
+            data.qpos[:] = car.qpos
+        elif car.pose is not None:
+            x, y, yaw = car.pose
+            data.qpos[self._root : self._root + 2] = x, y
+            data.qpos[self._root + 3], data.qpos[self._root + 6] = np.cos(yaw / 2), np.sin(yaw / 2)
+        mujoco.mj_kinematics(self._model, data)
+        for body, handle in self._handles.items():
+            handle.position, handle.wxyz = data.xpos[body], data.xquat[body]
+
+    def remove(self) -> None:
+        """Take the car out of the scene."""
+        for handle in self._handles.values():
+            handle.remove()
