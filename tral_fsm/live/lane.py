@@ -14,7 +14,12 @@ from tral_fsm.live.frame import CarFrame
 from tral_fsm.runtime.machine import Transit
 from tral_fsm.runtime.policy import MachinePolicy
 
-_OUTCOMES = (("success", "arrived"), ("crash", "crash"), ("collision", "touched something"), ("missed_gate", "missed a gate"))
+_OUTCOMES = (
+    ("success", "arrived"),
+    ("crash", "crash"),
+    ("collision", "touched something"),
+    ("missed_gate", "missed a gate"),
+)
 
 
 class Lane:

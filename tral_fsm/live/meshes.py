@@ -65,9 +65,7 @@ def _mesh(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh:
     mesh = model.mesh(model.geom_dataid[geom])
     first, count = int(mesh.vertadr[0]), int(mesh.vertnum[0])
     face, faces = int(mesh.faceadr[0]), int(mesh.facenum[0])
-    return trimesh.Trimesh(
-        model.mesh_vert[first : first + count], model.mesh_face[face : face + faces], process=False
-    )
+    return trimesh.Trimesh(model.mesh_vert[first : first + count], model.mesh_face[face : face + faces], process=False)
 
 
 def _ellipsoid(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh:
@@ -94,9 +92,7 @@ def course_mesh(plan: Plan) -> trimesh.Trimesh:
     """Walls, doors, frames, boxes and posts of a course as one mesh in the course's frame."""
     colours = _box_colours()
     meshes = []
-    for position, yaw, half, kind in zip(
-        plan.box_position, plan.box_yaw, plan.box_size, plan.box_kind, strict=True
-    ):
+    for position, yaw, half, kind in zip(plan.box_position, plan.box_yaw, plan.box_size, plan.box_kind, strict=True):
         name = BOX_KINDS[kind]
         bands = _BANDS if name == "wall" else ((0.0, 1.0, colours[name]),)
         meshes += [_box(position, yaw, half, low, high, colour) for low, high, colour in bands]
