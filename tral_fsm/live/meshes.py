@@ -128,7 +128,7 @@ def floor_mesh(plan: Plan) -> trimesh.Trimesh:
     flat = (corner[:, None, :] + square) * _SQUARE_M
     vertices = np.concatenate([flat, np.zeros((*flat.shape[:2], 1))], axis=2).reshape(-1, 3)
     first = 4 * np.arange(len(corner))[:, None]
-    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
+    faces = np.concatenate([np.add(first, [0, 1, 2]), np.add(first, [0, 2, 3])])
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     tone = np.array(_FLOOR, np.uint8)[corner.sum(axis=1) % 2]
     mesh.visual = ColorVisuals(mesh, vertex_colors=np.repeat(tone, 4, axis=0))

@@ -62,4 +62,5 @@ class Pace:
         """What is said where the drive is slower than it should be; empty: it keeps time."""
         if self.speed == float("inf") or self.achieved >= 0.97 * self.speed:
             return ""
-        return f"too slow for this computer: {self.achieved:.2f} s of the drive a second, {1000 * self.worst_s:.0f} ms late"
+        late = f"{1000 * self.worst_s:.0f} ms late"
+        return f"real time is not kept: {self.achieved:.2f} s of the drive in a second, a tick was {late}"

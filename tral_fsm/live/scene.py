@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import mujoco
 import numpy as np
-import trimesh
 import viser
 from numpy.typing import NDArray
 
@@ -16,8 +16,11 @@ from tral_env.course.plan import Plan
 from tral_env.course.scene import PREFIX, Pool, place
 from tral_fsm.live import meshes
 from tral_fsm.live.frame import CarFrame, Frame
+from tral_fsm.live.overlays import Belief, Colour, Fans, Path
 
 Array = NDArray[np.float64]
+PATHS: tuple[Colour, ...] = ((30, 90, 200), (220, 120, 0), (120, 60, 180), (0, 130, 90))
+"""Colours of the paths of cars whose drivers have no states."""
 
 
 class Scene:
@@ -31,8 +34,18 @@ class Scene:
         self._cars: list[_Car] = []
         server.scene.configure_fog(8.0, 30.0, color=(216, 222, 230), enabled=False)
 
-    def show(self, frame: Frame) -> None:
-        """Draw a frame."""
+    def restart(self) -> None:
+        """A new drive begins: forget the paths."""
+        for car in self._cars:
+            car.path.clear()
+
+    def show(self, frame: Frame, tones: Mapping[str, str]) -> None:
+        """Draw a frame.
+
+        Args:
+            frame: the moment.
+            tones: colour of each state of the first car by its name, such as "#0b5cad".
+        """
         if frame.plan is not self._plan:
             self._lay(frame.plan)
         while len(self._cars) > len(frame.cars):
@@ -40,7 +53,7 @@ class Scene:
         while len(self._cars) < len(frame.cars):
             self._cars.append(_Car(self._scene, len(self._cars)))
         for car, seen in zip(self._cars, frame.cars, strict=True):
-            car.show(seen)
+            car.show(seen, frame.plan, tones)
 
     def _lay(self, plan: Plan | None) -> None:
         """Draw another course."""
@@ -74,18 +87,22 @@ class Scene:
 
 
 class _Car:
-    """One car of the scene."""
+    """One car of the scene, with what is drawn over the course for it."""
 
     def __init__(self, scene: viser.SceneApi, number: int) -> None:
         self._model = meshes.car_model()
         self._data = mujoco.MjData(self._model)
         self._root = int(self._model.joint(f"{PREFIX}root").qposadr[0])
         self._handles = {}
+        self._tone = PATHS[number % len(PATHS)]
         for name, mesh in meshes.body_meshes(self._model).items():
             handle = scene.add_mesh_trimesh(f"/car_{number}/{name.removeprefix(PREFIX)}", mesh)
             self._handles[int(self._model.body(name).id)] = handle
+        self._fans = Fans(scene, f"/car_{number}/car")
+        self._belief = Belief(scene, f"/belief_{number}")
+        self.path = Path(scene, f"/path_{number}")
 
-    def show(self, car: CarFrame) -> None:
+    def show(self, car: CarFrame, plan: Plan | None, tones: Mapping[str, str]) -> None:
         """Put the bodies where they are."""
         data = self._data
         if car.qpos is not None:
@@ -97,8 +114,19 @@ class _Car:
         mujoco.mj_kinematics(self._model, data)
         for body, handle in self._handles.items():
             handle.position, handle.wxyz = data.xpos[body], data.xquat[body]
+        self._fans.show(car.readings)
+        if car.pose is not None:
+            self.path.show(car.pose, _rgb(tones[car.state]) if car.state in tones else self._tone)
+        self._belief.show(car, None if plan is None else tuple(plan.start.tolist()))
 
     def remove(self) -> None:
         """Take the car out of the scene."""
         for handle in self._handles.values():
             handle.remove()
+        self._belief.remove()
+        self.path.clear()
+
+
+def _rgb(colour: str) -> Colour:
+    """A colour such as "#0b5cad" as three numbers."""
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)

@@ -169,19 +169,17 @@ class Machine:
             MachineRunError: the code of a state or a condition fails.
         """
         if _shape(definition) != _shape(self.definition):
-            raise MachineError(
-                "the machine that runs has other states, transitions or types: start the new one instead"
-            )
+            raise MachineError("the machine that runs has other states, transitions or types: start the new one")
         for index, spec in enumerate(definition.states):
             with self._blaming(spec, "when it got other parameters"):
                 self._states[index].retune(spec)
             if isinstance(spec.inner, MachineDefinition):
                 self._inner[index].retune(spec.inner)
         mine = {transition.spec.id: transition for transition in itertools.chain(*self._transitions)}
-        for spec in definition.transitions:
-            with self._blaming(spec, "when it got other parameters"):
-                mine[spec.id].condition.retune(spec.when)
-            mine[spec.id].spec = spec
+        for each in definition.transitions:
+            with self._blaming(each, "when it got other parameters"):
+                mine[each.id].condition.retune(each.when)
+            mine[each.id].spec = each
         self.definition = definition
 
     def shadow(self, estimate: CarEstimate) -> None:

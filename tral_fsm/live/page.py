@@ -1,0 +1,205 @@
+"""The page: a server that shows frames to any number of browsers, and hands their wishes on."""
+
+from __future__ import annotations
+
+import math
+import secrets
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from tral_env.errors import RenderError
+from tral_fsm.live.charts import Charts
+from tral_fsm.live.controls import Controls
+from tral_fsm.live.drawing import Drawing
+from tral_fsm.live.frame import Frame
+from tral_fsm.live.numbers import Numbers
+from tral_fsm.live.scene import Scene
+
+Image = NDArray[np.uint8]
+RATE_HZ = 25.0
+"""The scene is sent so often."""
+_CHARTS_EVERY, _TEXT_EVERY = 12, 3
+"""Charts and words are sent with every so many scenes."""
+_IDLE_S = 0.2
+"""Without a browser the page looks so often whether one has come."""
+_VIEWS = ("behind the car", "around the car", "above the car", "free")
+_TURN = 0.12
+"""Share of the car's turn by which the view from behind follows in each scene."""
+
+
+class Source(Protocol):
+    """Where frames come from."""
+
+    @property
+    def frame(self) -> Frame:
+        """The moment that is shown."""
+        ...
+
+
+class Page:
+    """Shows a source until it is closed, from a thread of its own."""
+
+    def __init__(
+        self,
+        source: Any,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        token: str | None = None,
+        drivers: Sequence[str] = (),
+        annotate: Callable[[Image], Image] | None = None,
+    ) -> None:
+        """Serve the page.
+
+        Args:
+            source: gives frames; one that takes orders is a `LiveDrive`.
+            host: address to listen on.
+            port: the first port to try; 0: any.
+            token: what a browser must show; None: nothing, where only this computer can reach the page.
+            drivers: names of the policies that can be chosen.
+            annotate: draws into the camera's picture what is seen in it.
+        """
+        self._source, self._annotate = source, annotate
+        self.server = viser.ViserServer(host, port, label="tral live", verbose=False)
+        self.scene = Scene(self.server)
+        self._build(drivers)
+        self._episode = -1
+        self._picture: Any = None
+        self._yaw = 0.0
+        self._ends = threading.Event()
+        self._count = 0
+        self._thread = threading.Thread(target=self._paint, name="tral live", daemon=True)
+        self._thread.start()
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+
+    def _build(self, drivers: Sequence[str]) -> None:
+        """Make the panels."""
+        gui, frame = self.server.gui, self._source.frame
+        gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
+        order = getattr(self._source, "order", None)
+        self.status = gui.add_markdown("")
+        self.view = gui.add_dropdown("view", _VIEWS)
+        tabs = gui.add_tab_group()
+        self.controls: Controls | None = None
+        self.numbers: Numbers | None = None
+        if order is not None:
+            with tabs.add_tab("Drive"):
+                self.controls = Controls(gui, order, frame, drivers)
+        left = gui.add_panel()
+        left.dock_left()
+        left.set_width(400)
+        with left.add_tab("Machine"):
+            self.drawing = Drawing(gui)
+            if order is not None:
+                self.numbers = Numbers(gui, order)
+        with left.add_tab("Charts"):
+            self.charts = Charts(gui)
+        with left.add_tab("Camera"):
+            self.camera = gui.add_image(
+                np.zeros((240, 320, 3), np.uint8), label="what the car's camera shows", jpeg_quality=75
+            )
+
+    def _paint(self) -> None:
+        while not self._ends.is_set():
+            begun = time.monotonic()
+            if self.server.get_clients():
+                self.show(self._source.frame)
+                self._ends.wait(max(1.0 / RATE_HZ - (time.monotonic() - begun), 0.005))
+            else:
+                self._ends.wait(_IDLE_S)
+
+    def show(self, frame: Frame) -> None:
+        """Show a moment to every browser."""
+        self._count += 1
+        first = frame.cars[0]
+        if frame.episode != self._episode:
+            self._episode = frame.episode
+            self._yaw = first.pose[2] if first.pose is not None else 0.0
+            self.scene.restart()
+        if frame.as_loaded is not self._drawn or self._count == 1:
+            self._drawn = frame.as_loaded
+            self.drawing.draw(frame.as_loaded)
+        self.charts.history.add(first)
+        with self.server.atomic():
+            self.scene.show(frame, self.drawing.tones)
+            if self._count % _TEXT_EVERY == 0:
+                self.status.content = status(frame)
+                self.drawing.show(first)
+                self._show_camera(frame)
+            if self._count % _CHARTS_EVERY == 0:
+                self.charts.show()
+        if self.controls is not None:
+            self.controls.show(frame)
+        if self.numbers is not None:
+            self.numbers.show(frame)
+        self._follow(frame)
+
+    _drawn: Any = None
+
+    def _show_camera(self, frame: Frame) -> None:
+        if frame.picture is None or frame.picture is self._picture:
+            return
+        self._picture = frame.picture
+        try:
+            image = frame.picture()
+        except RenderError:
+            return
+        self.camera.image = image if self._annotate is None else self._annotate(image)
+
+    def _follow(self, frame: Frame) -> None:
+        """Move the eyes of the browsers along with the car."""
+        pose, view = frame.cars[0].pose, self.view.value
+        if pose is None or view == "free":
+            return
+        x, y, yaw = pose
+        self._yaw += _TURN * ((yaw - self._yaw + math.pi) % (2.0 * math.pi) - math.pi)
+        cos, sin = math.cos(self._yaw), math.sin(self._yaw)
+        for client in self.server.get_clients().values():
+            eye = client.camera
+            if view == "behind the car":
+                look, place = (x + 0.8 * cos, y + 0.8 * sin, 0.1), (x - 1.3 * cos, y - 1.3 * sin, 0.95)
+            elif view == "above the car":
+                look, place = (x, y, 0.0), (x - 0.01 * cos, y - 0.01 * sin, 7.0)
+            else:
+                look = (x, y, 0.1)
+                place = tuple(np.asarray(eye.position) - np.asarray(eye.look_at) + look)
+            eye.position, eye.look_at = place, look
+
+    def close(self) -> None:
+        """Stop serving."""
+        self._ends.set()
+        self._thread.join(2.0)
+        self.server.stop()
+
+
+def status(frame: Frame) -> str:
+    """The moment in words, as Markdown."""
+    lines = [f"**{frame.title}**"]
+    for car in frame.cars:
+        told = [f"{car.time_s:.1f} s", *([car.state] if car.state else [])]
+        if not math.isnan(car.speed_mps):
+            told.append(f"{car.speed_mps:.2f} m/s")
+        if not math.isnan(car.progress):
+            told.append(f"{car.progress:.0%} of the way")
+        if car.gates[1]:
+            told.append(f"gate {car.gates[0]} of {car.gates[1]}")
+        lines.append(f"{car.name}: {', '.join(told)}{f' - **{car.ended}**' if car.ended else ''}")
+    if frame.paused:
+        lines.append("**paused**")
+    lines += [text for text in (frame.lateness, frame.notice) if text]
+    return "\n\n".join(lines)
+
+
+def new_token() -> str:
+    """A token that nobody guesses."""
+    return secrets.token_urlsafe(12)
