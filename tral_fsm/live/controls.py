@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import viser
@@ -53,10 +54,10 @@ class Controls:
 
     def _add_clock(self) -> None:
         gui = self._gui
-        self.pause = gui.add_button("Pause", icon="player-pause")
+        self.pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE)
         self.step = gui.add_button_group("step", ("1 tick", "10", "80"))
         self.speed = gui.add_dropdown("clock", tuple(SPEEDS), initial_value="real time")
-        self.again = gui.add_button("Restart", icon="refresh")
+        self.again = gui.add_button("Restart", icon=viser.Icon.REFRESH)
         self.pause.on_click(lambda _: self.order(lambda drive: drive.pause(not drive.paused)))
         self.step.on_click(lambda event: self._step(event.target.value))
         self.speed.on_update(lambda event: self._set_speed(event.target.value))
@@ -86,7 +87,7 @@ class Controls:
         self.seed = gui.add_number("seed", course.seed, min=0, step=1)
         levels = LEVELS if course.randomization in LEVELS else (*LEVELS, course.randomization)
         self.level = gui.add_dropdown("cars differ", levels, initial_value=course.randomization)
-        self.drive = gui.add_button("Drive this course", icon="road")
+        self.drive = gui.add_button("Drive this course", icon=viser.Icon.ROAD)
         self.drive.on_click(lambda _: self.choose())
 
     def choose(self) -> None:
@@ -105,11 +106,11 @@ class Controls:
         names = tuple(dict.fromkeys([*(car.name for car in frame.cars), *drivers]))
         self.driver = gui.add_dropdown("driver", names, initial_value=frame.cars[0].name)
         self.path = gui.add_text("or its file", "")
-        self.take = gui.add_button("Take over now", icon="steering-wheel")
+        self.take = gui.add_button("Take over now", icon=viser.Icon.STEERING_WHEEL)
         self.beside = gui.add_dropdown(
             "beside it", ("nobody", *names), initial_value=frame.cars[1].name if len(frame.cars) > 1 else "nobody"
         )
-        self.race = gui.add_button("Drive side by side", icon="cars")
+        self.race = gui.add_button("Drive side by side", icon=viser.Icon.CAR)
         self.take.on_click(lambda _: self.take_over())
         self.race.on_click(lambda _: self.side_by_side())
 
@@ -128,12 +129,12 @@ class Controls:
         gui = self._gui
         self.push = gui.add_button_group("push", ("left", "right", "on", "back"))
         self.push.on_click(lambda event: self._push(event.target.value))
-        self.silent = {}
+        self.silent: dict[str, Any] = {}
         for side in SIDES:
             self.silent[side] = box = gui.add_checkbox(f"take the {side} ultrasonic away", False)
-            box.on_update(lambda event, side=side: self._silence(event, side))
-        self.friction = gui.add_slider("friction", 0.2, 1.4, 0.05, 0.9, marks=((0.9, "0.9"),))
-        self.battery = gui.add_slider("battery [V]", 5.5, 8.4, 0.1, 7.2, marks=((7.2, "7.2"),))
+            box.on_update(partial(self._silence, side))
+        self.friction: Any = gui.add_slider("friction", 0.2, 1.4, 0.05, 0.9, marks=((0.9, "0.9"),))
+        self.battery: Any = gui.add_slider("battery [V]", 5.5, 8.4, 0.1, 7.2, marks=((7.2, "7.2"),))
         self.friction.on_update(lambda event: self._change(event, "friction"))
         self.battery.on_update(lambda event: self._change(event, "battery_v"))
 
@@ -141,7 +142,7 @@ class Controls:
         forward, left = {"left": (0.0, 1.0), "right": (0.0, -1.0), "on": (1.0, 0.0), "back": (-1.0, 0.0)}[where]
         self.order(lambda drive: drive.each(lambda lane: lane.push(forward * _PUSH_MPS, left * _PUSH_MPS)))
 
-    def _silence(self, event: Any, side: str) -> None:
+    def _silence(self, side: str, event: Any) -> None:
         silent = bool(event.target.value)
         if event.client is not None:
             self.order(lambda drive: drive.each(lambda lane: lane.silence(side, silent)))
@@ -155,7 +156,9 @@ class Controls:
         """Follow what became of the orders."""
         if frame.paused != self._paused:
             self._paused = frame.paused
-            self.pause.label, self.pause.icon = ("Go on", "player-play") if frame.paused else ("Pause", "player-pause")
+            self.pause.label, self.pause.icon = (
+                ("Go on", viser.Icon.PLAYER_PLAY) if frame.paused else ("Pause", viser.Icon.PLAYER_PAUSE)
+            )
         for side, box in self.silent.items():
             if box.value != (silent := side in frame.cars[0].silent):
                 box.value = silent

@@ -55,7 +55,8 @@ class Lane:
         self._info: dict[str, Any] = {}
         self._silent: dict[str, int] = {}
         """Ultrasonic that was taken away -> ticks since then."""
-        self.ended, self.transit = "", None
+        self.ended = ""
+        self.transit: Transit | None = None
         self.take_driver(driver)
 
     def take_driver(self, driver: str) -> None:
@@ -68,7 +69,7 @@ class Lane:
         check_readings(policy, self.env)
         policy.reset(1)
         self.driver, self.policy = driver, policy
-        self.transit: Transit | None = None
+        self.transit = None
         if isinstance(policy, MachinePolicy):
             policy.trace = self._note
             self.as_loaded = policy.definition

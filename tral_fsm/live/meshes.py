@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -38,7 +39,13 @@ def body_meshes(model: mujoco.MjModel) -> dict[str, trimesh.Trimesh]:
         name = model.body(model.geom_bodyid[geom]).name
         if name.startswith(PREFIX):
             parts.setdefault(name, []).append(_geom_mesh(model, int(geom)))
-    return {name: trimesh.util.concatenate(meshes) for name, meshes in parts.items()}
+    return {name: _joined(meshes) for name, meshes in parts.items()}
+
+
+def _joined(parts: list[trimesh.Trimesh]) -> trimesh.Trimesh:
+    joined: Any = trimesh.util.concatenate(parts)
+    mesh: trimesh.Trimesh = joined
+    return mesh
 
 
 def _geom_mesh(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh:
@@ -50,10 +57,10 @@ def _geom_mesh(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh:
     mesh.apply_transform(place)
     material = int(model.geom_matid[geom])
     rgba = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
-    return _painted(mesh, tuple(round(255 * float(share)) for share in rgba))
+    return _painted(mesh, _bytes(rgba))
 
 
-def _painted(mesh: trimesh.Trimesh, colour: tuple[int, ...]) -> trimesh.Trimesh:
+def _painted(mesh: trimesh.Trimesh, colour: Colour) -> trimesh.Trimesh:
     """The mesh in one colour; few faces share no corner, so that their edges look sharp."""
     if len(mesh.faces) <= _SHARP_FACES:
         mesh.unmerge_vertices()
@@ -69,7 +76,7 @@ def _mesh(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh:
 
 
 def _ellipsoid(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh:
-    ball = trimesh.creation.icosphere(subdivisions=2)
+    ball: trimesh.Trimesh = trimesh.creation.icosphere(subdivisions=2)
     ball.apply_scale(model.geom_size[geom])
     return ball
 
@@ -96,13 +103,14 @@ def course_mesh(plan: Plan) -> trimesh.Trimesh:
         name = BOX_KINDS[kind]
         bands = _BANDS if name == "wall" else ((0.0, 1.0, colours[name]),)
         meshes += [_box(position, yaw, half, low, high, colour) for low, high, colour in bands]
-    return trimesh.util.concatenate(meshes)
+    return _joined(meshes)
 
 
 def _box(position: Array, yaw: float, half: Array, low: float, high: float, colour: Colour) -> trimesh.Trimesh:
     """A part of a box, from a share of its height to another one."""
     extents = 2.0 * np.array([half[0], half[1], half[2] * (high - low)])
-    place = trimesh.transformations.rotation_matrix(yaw, [0.0, 0.0, 1.0])
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    place = np.array([[cos, -sin, 0.0, 0.0], [sin, cos, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     place[:3, 3] = position[0], position[1], position[2] + half[2] * (low + high - 1.0)
     return _painted(trimesh.creation.box(extents, place), colour)
 
@@ -110,10 +118,12 @@ def _box(position: Array, yaw: float, half: Array, low: float, high: float, colo
 def _box_colours() -> dict[str, Colour]:
     """Kind of a box -> colour of its material."""
     model = build_model(Pool(0), car=False)
-    return {
-        kind: tuple(round(255 * float(share)) for share in model.mat_rgba[model.material(kind).id])
-        for kind in BOX_KINDS
-    }
+    return {kind: _bytes(model.mat_rgba[model.material(kind).id]) for kind in BOX_KINDS}
+
+
+def _bytes(rgba: Array) -> Colour:
+    red, green, blue, alpha = (round(255 * float(share)) for share in rgba)
+    return red, green, blue, alpha
 
 
 def floor_mesh(plan: Plan) -> trimesh.Trimesh:
@@ -142,4 +152,4 @@ def tape_mesh(plan: Plan, width: float) -> trimesh.Trimesh | None:
         length, yaw = float(np.hypot(x1 - x0, y1 - y0)), float(np.arctan2(y1 - y0, x1 - x0))
         middle = np.array([(x0 + x1) / 2, (y0 + y1) / 2, 0.001])
         strips.append(_box(middle, yaw, np.array([length / 2, width / 2, 0.001]), 0.0, 1.0, (15, 15, 18, 255)))
-    return trimesh.util.concatenate(strips) if strips else None
+    return _joined(strips) if strips else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import math
 from collections.abc import Callable
 from typing import Any
@@ -11,7 +12,7 @@ import viser
 from tral_fsm.definition.machine import MachineDefinition, StateSpec
 from tral_fsm.formats import write
 from tral_fsm.live.drive import LiveDrive, Order
-from tral_fsm.live.frame import Frame
+from tral_fsm.live.frame import CarFrame, Frame
 from tral_fsm.tuning.listing import Listed, listing
 from tral_fsm.tuning.parameters import Value
 from tral_fsm.tuning.ranges import limits
@@ -19,6 +20,9 @@ from tral_fsm.tuning.ranges import limits
 _ACTIVE = "the active state"
 _STEPS = 200
 FILE = "machine.json"
+_HEADING = '<div style="font-size:12px;font-weight:600;padding:8px 10px 0">%s</div>'
+_SETTLED_S = 0.7
+"""A state that is active for so long gets its sliders."""
 
 
 class Numbers:
@@ -35,8 +39,8 @@ class Numbers:
         self._part = gui.add_dropdown("numbers of", (_ACTIVE,), hint="a state, with the transitions that leave it")
         self._folder = gui.add_folder("Numbers")
         self._changes = gui.add_markdown("")
-        self._save = gui.add_button("Save as machine file", icon="download")
-        self._back = gui.add_button("As the file has it", icon="arrow-back-up")
+        self._save = gui.add_button("Save as machine file", icon=viser.Icon.DOWNLOAD)
+        self._back = gui.add_button("As the file has it", icon=viser.Icon.ARROW_BACK_UP)
         self._save.on_click(self._download)
         self._back.on_click(lambda _: order(_as_loaded))
         self._machine: MachineDefinition | None = None
@@ -45,14 +49,18 @@ class Numbers:
         self.inputs: dict[str, Any] = {}
         """Path of a number -> what a person changes it with."""
         self._parts: list[Any] = []
+        self._active = "", 0.0, ""
+        """The active state, since when, and the one whose numbers are shown."""
 
     def show(self, frame: Frame) -> None:
         """Follow the machine and, where that is asked for, its active state."""
         machine, loaded = frame.machine, frame.as_loaded
         if loaded is not self._loaded:
             self._loaded = loaded
-            self._part.options = (_ACTIVE, *(() if loaded is None else part_names(loaded)))
-        active = frame.cars[0].state if self._part.value == _ACTIVE else ""
+            names = () if loaded is None else part_names(loaded)
+            self._part.options = (*names, _ACTIVE)
+            self._part.value = self._part.options[0]
+        active = self._settled(frame.cars[0]) if self._part.value == _ACTIVE else ""
         wanted = (id(loaded), self._part.value, active)
         if machine is None or loaded is None:
             self._clear()
@@ -65,6 +73,16 @@ class Numbers:
             self._machine = machine
             self._follow(machine, loaded)
 
+    def _settled(self, car: CarFrame) -> str:
+        """The active state, once it has been active for a while."""
+        state, since, shown = self._active
+        if car.state != state or car.time_s < since:
+            state, since = car.state, car.time_s
+        if not shown or car.time_s - since >= _SETTLED_S:
+            shown = state
+        self._active = state, since, shown
+        return shown
+
     def _clear(self) -> None:
         for part in self._parts:
             part.remove()
@@ -76,7 +94,7 @@ class Numbers:
         before = {one.path: one.value for one in listing(loaded)}
         with self._folder:
             for heading, numbers in parts(machine, part):
-                self._parts.append(self._gui.add_markdown(f"*{heading}*"))
+                self._parts.append(self._gui.add_html(_HEADING % html.escape(heading)))
                 for number in numbers:
                     handle = self._input(number, before.get(number.path, number.value))
                     self.inputs[number.path] = handle

@@ -132,10 +132,12 @@ class Belief:
 
     def show(self, car: CarFrame, start: Pose | None) -> None:
         """Show an estimate; the frame of dead reckoning began at `start`."""
-        known = car.estimate is not None and start is not None and car.estimate.tick > 0
-        self._lines.visible = known
-        if known:
-            lines = list(believed(car.estimate, start))
+        estimate = car.estimate
+        if estimate is None or start is None or estimate.tick == 0:
+            self._lines.visible = False
+        else:
+            self._lines.visible = True
+            lines = list(believed(estimate, start))
             self._lines.points = np.array([points for points, _ in lines], np.float32)
             self._lines.colors = np.array([[colour] * 2 for _, colour in lines], np.uint8)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import math
 import secrets
 import threading
@@ -66,7 +68,8 @@ class Page:
             annotate: draws into the camera's picture what is seen in it.
         """
         self._source, self._annotate = source, annotate
-        self.server = viser.ViserServer(host, port, label="tral live", verbose=False)
+        with contextlib.redirect_stdout(io.StringIO()):  # it greets
+            self.server = viser.ViserServer(host, port, label="tral live", verbose=False)
         self.scene = Scene(self.server)
         self._build(drivers)
         self._episode = -1
@@ -179,7 +182,8 @@ class Page:
         """Stop serving."""
         self._ends.set()
         self._thread.join(2.0)
-        self.server.stop()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self.server.stop()
 
 
 def status(frame: Frame) -> str:

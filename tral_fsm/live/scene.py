@@ -32,7 +32,8 @@ class Scene:
         self._plan: Plan | None = None
         self._course: list[Any] = []
         self._cars: list[_Car] = []
-        server.scene.configure_fog(8.0, 30.0, color=(216, 222, 230), enabled=False)
+        server.scene.configure_environment_map(None)
+        server.scene.configure_default_lights(True, cast_shadow=False)
 
     def restart(self) -> None:
         """A new drive begins: forget the paths."""

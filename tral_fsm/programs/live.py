@@ -29,7 +29,7 @@ def require_viser() -> None:
     try:
         import viser  # noqa: F401
     except ImportError as error:
-        raise MissingExtraError("the page in the browser needs viser: pip install 'tral-env[live]'") from error
+        raise MissingExtraError("viser", "live", "the page in the browser") from error
 
 
 def drive(
