@@ -14,6 +14,7 @@ from tral_env.course.layout import example_names
 from tral_fsm.live.drive import Order
 from tral_fsm.live.frame import Frame
 from tral_fsm.live.lane import SIDES
+from tral_fsm.live.replay import Replay
 
 SPEEDS = {
     "0.1 x": 0.1,
@@ -27,7 +28,14 @@ SPEEDS = {
 LEVELS = ("none", "default", "hard")
 _GENERATED = "generated"
 _PUSH_MPS = 0.4
-_STEP_TICKS = 1
+_SLIDER_S = 0.3
+"""The slider of a recording follows in such steps."""
+
+
+def _label(button: viser.GuiButtonHandle, paused: bool) -> None:
+    """Say on a button what it will do."""
+    button.label = "Go on" if paused else "Pause"
+    button.icon = viser.Icon.PLAYER_PLAY if paused else viser.Icon.PLAYER_PAUSE
 
 
 class Controls:
@@ -156,12 +164,37 @@ class Controls:
         """Follow what became of the orders."""
         if frame.paused != self._paused:
             self._paused = frame.paused
-            self.pause.label, self.pause.icon = (
-                ("Go on", viser.Icon.PLAYER_PLAY) if frame.paused else ("Pause", viser.Icon.PLAYER_PAUSE)
-            )
+            _label(self.pause, frame.paused)
         for side, box in self.silent.items():
             if box.value != (silent := side in frame.cars[0].silent):
                 box.value = silent
         for name, slider in (("friction", self.friction), ("battery_v", self.battery)):
             if name in frame.parameters and not math.isclose(frame.parameters[name], slider.value, abs_tol=1e-3):
                 slider.value = round(float(min(max(frame.parameters[name], slider.min), slider.max)), 3)
+
+
+class ReplayControls:
+    """The buttons of a recorded drive."""
+
+    def __init__(self, gui: viser.GuiApi, replay: Replay) -> None:
+        """Make them."""
+        self._replay = replay
+        self.pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE)
+        self.speed = gui.add_dropdown("clock", tuple(SPEEDS)[:-1], initial_value="real time")
+        self.time: Any = gui.add_slider("time [s]", 0.0, max(replay.duration_s, 0.1), 0.05, 0.0)
+        self.pause.on_click(lambda _: replay.pause(not replay.frame.paused))
+        self.speed.on_update(lambda event: replay.set_speed(SPEEDS[event.target.value]))
+        self.time.on_update(self._move)
+        self._paused, self._shown_s = False, 0.0
+
+    def _move(self, event: Any) -> None:
+        if event.client is not None:
+            self._replay.go_to(float(event.target.value))
+
+    def show(self, frame: Frame) -> None:
+        """Follow the clock."""
+        if frame.paused != self._paused:
+            self._paused = frame.paused
+            _label(self.pause, frame.paused)
+        if abs(frame.cars[0].time_s - self._shown_s) >= _SLIDER_S:
+            self._shown_s = self.time.value = round(frame.cars[0].time_s, 2)

@@ -77,7 +77,7 @@ def _mesh(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh:
 
 def _ellipsoid(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh:
     ball: trimesh.Trimesh = trimesh.creation.icosphere(subdivisions=2)
-    ball.apply_scale(model.geom_size[geom])
+    ball.apply_transform(np.diag([*model.geom_size[geom], 1.0]))
     return ball
 
 

@@ -36,7 +36,7 @@ class Numbers:
             order: has something done by the thread that drives.
         """
         self._gui, self._order = gui, order
-        self._part = gui.add_dropdown("numbers of", (_ACTIVE,), hint="a state, with the transitions that leave it")
+        self._part: Any = gui.add_dropdown("numbers of", (_ACTIVE,), hint="a state, with the transitions that leave it")
         self._folder = gui.add_folder("Numbers")
         self._changes = gui.add_markdown("")
         self._save = gui.add_button("Save as machine file", icon=viser.Icon.DOWNLOAD)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import math
-import secrets
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -17,10 +16,12 @@ from numpy.typing import NDArray
 
 from tral_env.errors import RenderError
 from tral_fsm.live.charts import Charts
-from tral_fsm.live.controls import Controls
+from tral_fsm.live.controls import Controls, ReplayControls
 from tral_fsm.live.drawing import Drawing
 from tral_fsm.live.frame import Frame
+from tral_fsm.live.guard import address, guard
 from tral_fsm.live.numbers import Numbers
+from tral_fsm.live.replay import Replay
 from tral_fsm.live.scene import Scene
 
 Image = NDArray[np.uint8]
@@ -70,6 +71,9 @@ class Page:
         self._source, self._annotate = source, annotate
         with contextlib.redirect_stdout(io.StringIO()):  # it greets
             self.server = viser.ViserServer(host, port, label="tral live", verbose=False)
+        guard(self.server, token)
+        self.url = address(host, self.server.get_port(), token)
+        """What is typed into a browser."""
         self.scene = Scene(self.server)
         self._build(drivers)
         self._episode = -1
@@ -80,11 +84,6 @@ class Page:
         self._thread = threading.Thread(target=self._paint, name="tral live", daemon=True)
         self._thread.start()
 
-    @property
-    def url(self) -> str:
-        """Address of the page."""
-        return f"http://{self.server.get_host()}:{self.server.get_port()}"
-
     def _build(self, drivers: Sequence[str]) -> None:
         """Make the panels."""
         gui, frame = self.server.gui, self._source.frame
@@ -93,11 +92,13 @@ class Page:
         self.status = gui.add_markdown("")
         self.view = gui.add_dropdown("view", _VIEWS)
         tabs = gui.add_tab_group()
-        self.controls: Controls | None = None
+        self.controls: Controls | ReplayControls | None = None
         self.numbers: Numbers | None = None
-        if order is not None:
-            with tabs.add_tab("Drive"):
+        with tabs.add_tab("Drive"):
+            if order is not None:
                 self.controls = Controls(gui, order, frame, drivers)
+            elif isinstance(self._source, Replay):
+                self.controls = ReplayControls(gui, self._source)
         left = gui.add_panel()
         left.dock_left()
         left.set_width(400)
@@ -202,8 +203,3 @@ def status(frame: Frame) -> str:
         lines.append("**paused**")
     lines += [text for text in (frame.lateness, frame.notice) if text]
     return "\n\n".join(lines)
-
-
-def new_token() -> str:
-    """A token that nobody guesses."""
-    return secrets.token_urlsafe(12)

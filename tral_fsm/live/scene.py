@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 PATHS: tuple[Colour, ...] = ((30, 90, 200), (220, 120, 0), (120, 60, 180), (0, 130, 90))
 """Colours of the paths of cars whose drivers have no states."""
 
+_AMBIENT = 1.6
+"""Light from everywhere, so that no side of a wall is black."""
+
 
 class Scene:
     """Draws frames; a part is sent when it is new."""
@@ -34,6 +37,7 @@ class Scene:
         self._cars: list[_Car] = []
         server.scene.configure_environment_map(None)
         server.scene.configure_default_lights(True, cast_shadow=False)
+        server.scene.add_light_ambient("/light", intensity=_AMBIENT)
 
     def restart(self) -> None:
         """A new drive begins: forget the paths."""
