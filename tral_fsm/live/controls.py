@@ -169,8 +169,10 @@ class Controls:
             if box.value != (silent := side in frame.cars[0].silent):
                 box.value = silent
         for name, slider in (("friction", self.friction), ("battery_v", self.battery)):
-            if name in frame.parameters and not math.isclose(frame.parameters[name], slider.value, abs_tol=1e-3):
-                slider.value = round(float(min(max(frame.parameters[name], slider.min), slider.max)), 3)
+            value = frame.parameters.get(name, slider.value)
+            told = round(float(min(max(value, slider.min), slider.max)), 3)
+            if told != slider.value:
+                slider.value = told
 
 
 class ReplayControls:

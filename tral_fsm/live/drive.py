@@ -21,6 +21,8 @@ from tral_fsm.runtime.policy import MachinePolicy
 
 _IDLE_S = 0.02
 """A drive that stands looks for orders so often."""
+_FRAME_S = 0.02
+"""A frame is made so often at the most: pages look 25 times a second."""
 _PICTURE_TICKS = 16
 """A picture of the camera is offered so often: five a second."""
 PICTURE = 320, 240
@@ -160,7 +162,8 @@ class LiveDrive:
         self._ticks += 1
         if self.shows_camera and self._ticks % _PICTURE_TICKS == 0:
             self._look()
-        self._publish()
+        if self._stands or self._clock.now() >= self._shown_until:
+            self._publish()
 
     def _obey(self) -> None:
         while not self._orders.empty():
@@ -183,6 +186,7 @@ class LiveDrive:
             self.notice, self.shows_camera = str(error), False
 
     def _publish(self) -> None:
+        self._shown_until = self._clock.now() + _FRAME_S
         first = self.lanes[0]
         is_machine = isinstance(first.policy, MachinePolicy)
         self.frame = Frame(

@@ -1,4 +1,4 @@
-"""Who may talk to the page: a browser that shows the token or, where none is asked for, a page of this server itself."""
+"""Who may talk to the page: a browser that shows the token or, where none is asked for, a page of this server."""
 
 from __future__ import annotations
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Callable
 from typing import Any
@@ -20,7 +19,6 @@ from tral_fsm.tuning.ranges import limits
 _ACTIVE = "the active state"
 _STEPS = 200
 FILE = "machine.json"
-_HEADING = '<div style="font-size:12px;font-weight:600;padding:8px 10px 0">%s</div>'
 _SETTLED_S = 0.7
 """A state that is active for so long gets its sliders."""
 
@@ -93,12 +91,13 @@ class Numbers:
         self._clear()
         before = {one.path: one.value for one in listing(loaded)}
         with self._folder:
-            for heading, numbers in parts(machine, part):
-                self._parts.append(self._gui.add_html(_HEADING % html.escape(heading)))
-                for number in numbers:
-                    handle = self._input(number, before.get(number.path, number.value))
-                    self.inputs[number.path] = handle
-                    self._parts.append(handle)
+            for place, (heading, numbers) in enumerate(parts(machine, part)):
+                folder = self._gui.add_folder(heading, expand_by_default=place == 0)
+                self._parts.append(folder)
+                with folder:
+                    for number in numbers:
+                        before_it = before.get(number.path, number.value)
+                        self.inputs[number.path] = self._input(number, before_it)
 
     def _input(self, number: Listed, before: Value) -> Any:
         """A slider, a checkbox or a list, by what the number is."""
@@ -148,7 +147,7 @@ def _as_loaded(drive: LiveDrive) -> None:
 
 def machine_file(machine: MachineDefinition) -> bytes:
     """A machine as the content of a file that every command takes."""
-    return write(machine, FILE).encode()
+    return write(machine, "json").encode()
 
 
 def part_names(machine: MachineDefinition) -> list[str]:
