@@ -135,6 +135,7 @@ def test_trouble(browser: Browser, shown: Shown) -> None:
 
 
 def test_two_cars_side_by_side(browser: Browser, shown: Shown) -> None:
+    browser.set("driver", "corners")
     browser.set("beside it", "office")
     browser.press("Drive side by side")
     browser.until(lambda: "/car_1/car" in browser.scene)

@@ -100,6 +100,7 @@ class _Car:
         self._root = int(self._model.joint(f"{PREFIX}root").qposadr[0])
         self._handles = {}
         self._tone = PATHS[number % len(PATHS)]
+        self._all = scene.add_frame(f"/car_{number}", show_axes=False)
         for name, mesh in meshes.body_meshes(self._model).items():
             handle = scene.add_mesh_trimesh(f"/car_{number}/{name.removeprefix(PREFIX)}", mesh)
             self._handles[int(self._model.body(name).id)] = handle
@@ -126,8 +127,7 @@ class _Car:
 
     def remove(self) -> None:
         """Take the car out of the scene."""
-        for handle in self._handles.values():
-            handle.remove()
+        self._all.remove()
         self._belief.remove()
         self.path.clear()
 
