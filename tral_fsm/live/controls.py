@@ -13,6 +13,7 @@ from tral_env.course.generate import SCENARIOS
 from tral_env.course.layout import example_names
 from tral_fsm.live.drive import Order
 from tral_fsm.live.frame import Frame
+from tral_fsm.live.hands import BY_HAND, KEYS, Keys
 from tral_fsm.live.lane import SIDES
 from tral_fsm.live.replay import Replay
 
@@ -32,6 +33,11 @@ _SLIDER_S = 0.3
 """The slider of a recording follows in such steps."""
 
 
+def _press(keys: Keys, key: str, event: Any) -> None:
+    del event
+    keys.press(key)
+
+
 def _label(button: viser.GuiButtonHandle, paused: bool) -> None:
     """Say on a button what it will do."""
     button.label = "Go on" if paused else "Pause"
@@ -41,7 +47,9 @@ def _label(button: viser.GuiButtonHandle, paused: bool) -> None:
 class Controls:
     """The buttons of a simulated drive."""
 
-    def __init__(self, gui: viser.GuiApi, order: Callable[[Order], None], frame: Frame, drivers: Sequence[str]) -> None:
+    def __init__(
+        self, gui: viser.GuiApi, order: Callable[[Order], None], frame: Frame, drivers: Sequence[str], keys: Keys
+    ) -> None:
         """Make them.
 
         Args:
@@ -49,9 +57,14 @@ class Controls:
             order: has something done by the thread that drives.
             frame: the drive as it is.
             drivers: names that can be chosen.
+            keys: what a person presses while driving.
         """
         self._gui, self.order = gui, order
         self._add_clock()
+        for key, what in KEYS.items():
+            gui.add_command(what, description="with the driver `by hand`", hotkey=key).on_trigger(
+                partial(_press, keys, key)
+            )
         with gui.add_folder("Course"):
             self._add_course(frame)
         with gui.add_folder("Driver"):
@@ -111,7 +124,7 @@ class Controls:
 
     def _add_driver(self, drivers: Sequence[str], frame: Frame) -> None:
         gui = self._gui
-        names = tuple(dict.fromkeys([*(car.name for car in frame.cars), *drivers]))
+        names = tuple(dict.fromkeys([*(car.name for car in frame.cars), *drivers, BY_HAND]))
         self.driver = gui.add_dropdown("driver", names, initial_value=frame.cars[0].name)
         self.path = gui.add_text("or its file", "")
         self.take = gui.add_button("Take over now", icon=viser.Icon.STEERING_WHEEL)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tral_env.errors import RenderError, TralError
 from tral_fsm.evaluation.own_policy import find_policy
 from tral_fsm.live.frame import Course, Frame
+from tral_fsm.live.hands import Keys
 from tral_fsm.live.lane import Find, Lane
 from tral_fsm.live.pace import Clock, Pace
 from tral_fsm.runtime.policy import MachinePolicy
@@ -40,7 +41,13 @@ class LiveDrive:
     """
 
     def __init__(
-        self, course: Course, drivers: Sequence[str], *, clock: Clock | None = None, find: Find = find_policy
+        self,
+        course: Course,
+        drivers: Sequence[str],
+        *,
+        clock: Clock | None = None,
+        find: Find = find_policy,
+        keys: Keys | None = None,
     ) -> None:
         """Put the cars at the start.
 
@@ -49,11 +56,12 @@ class LiveDrive:
             drivers: names or paths of the policies, one for each car.
             clock: how time is told and waited for.
             find: gives a policy by its name.
+            keys: keys that a person presses in the page.
 
         Raises:
             TralError: an unknown name, or a policy that cannot drive.
         """
-        self.course, self.find = course, find
+        self.course, self.find, self.keys = course, find, keys or Keys()
         self._clock = clock or Clock()
         self.pace = Pace(self._clock)
         self._orders: queue.SimpleQueue[Order] = queue.SimpleQueue()

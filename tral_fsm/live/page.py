@@ -96,7 +96,7 @@ class Page:
         self.numbers: Numbers | None = None
         with tabs.add_tab("Drive"):
             if order is not None:
-                self.controls = Controls(gui, order, frame, drivers)
+                self.controls = Controls(gui, order, frame, drivers, self._source.keys)
             elif isinstance(self._source, Replay):
                 self.controls = ReplayControls(gui, self._source)
         left = gui.add_panel()

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tral_env.errors import ConfigError, MissingExtraError
+from tral_env.errors import ConfigError
+from tral_fsm.live import require_viser
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,18 +24,6 @@ class LiveArguments:
 
 Tell = Callable[[str], None]
 """Is told the address of the page."""
-
-
-def require_viser() -> None:
-    """Refuse to start where the library of the page is missing.
-
-    Raises:
-        MissingExtraError: it is.
-    """
-    try:
-        import viser  # noqa: F401
-    except ImportError as error:
-        raise MissingExtraError("viser", "live", "the page in the browser") from error
 
 
 def drive(arguments: LiveArguments, course: dict[str, Any], drivers: Sequence[str], tell: Tell) -> None:
@@ -53,8 +42,10 @@ def drive(arguments: LiveArguments, course: dict[str, Any], drivers: Sequence[st
     from tral_fsm.evaluation.contenders import built_in_names
     from tral_fsm.live.drive import LiveDrive
     from tral_fsm.live.frame import Course
+    from tral_fsm.live.hands import Keys, finder
 
-    with contextlib.closing(LiveDrive(Course(**course), drivers)) as live:
+    keys = Keys()
+    with contextlib.closing(LiveDrive(Course(**course), drivers, find=finder(keys), keys=keys)) as live:
         _serve(live, arguments, tell, lambda: live.run(arguments.seconds), built_in_names())
 
 
