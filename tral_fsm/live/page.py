@@ -95,7 +95,11 @@ class Page:
         self.controls: Controls | ReplayControls | None = None
         self.numbers: Numbers | None = None
         with tabs.add_tab("Drive"):
-            if order is not None:
+            if (stop := getattr(self._source, "emergency_stop", None)) is not None:
+                self.stop = gui.add_button("STOP THE CAR", color="red", icon=viser.Icon.HAND_STOP)
+                self.stop.on_click(lambda _: stop())
+                gui.add_command("stop the car", hotkey="space").on_trigger(lambda _: stop())
+            elif order is not None:
                 self.controls = Controls(gui, order, frame, drivers, self._source.keys)
             elif isinstance(self._source, Replay):
                 self.controls = ReplayControls(gui, self._source)
