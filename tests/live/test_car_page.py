@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from browser import Browser
+from websockets.exceptions import ConnectionClosed
 
 from tral_env.interface import CORE_LAYOUT
 from tral_fsm import load_policy
@@ -45,8 +46,10 @@ class Car:
         end = time.monotonic() + 30.0
         while True:
             try:
-                return Browser(f"http://127.0.0.1:{self.port}")
-            except OSError:
+                browser = Browser(f"http://127.0.0.1:{self.port}")
+                browser.take(0.3)
+                return browser
+            except (OSError, ConnectionClosed):
                 assert time.monotonic() < end, "the page never came"
                 time.sleep(0.1)
 
