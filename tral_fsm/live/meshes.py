@@ -64,8 +64,29 @@ def _painted(mesh: trimesh.Trimesh, colour: Colour) -> trimesh.Trimesh:
     """The mesh in one colour; few faces share no corner, so that their edges look sharp."""
     if len(mesh.faces) <= _SHARP_FACES:
         mesh.unmerge_vertices()
-    mesh.visual = ColorVisuals(mesh, vertex_colors=np.tile(np.array(colour, np.uint8), (len(mesh.vertices), 1)))
+    mesh.visual = ColorVisuals(mesh, vertex_colors=np.tile(linear(colour), (len(mesh.vertices), 1)))
     return mesh
+
+
+def linear(colour: Colour) -> NDArray[np.uint8]:
+    """A colour of a screen (sRGB) as the one that a glTF file wants for a corner: proportional to the light."""
+    share = np.array(colour) / 255.0
+    share[:3] = share[:3] ** 2.2
+    return np.rint(255.0 * share).astype(np.uint8)
+
+
+def glb(mesh: trimesh.Trimesh) -> bytes:
+    """The mesh as a binary glTF file, with a matt surface."""
+    data: Any = mesh.export(file_type="glb", tree_postprocessor=_matt)
+    return bytes(data)
+
+
+def _matt(tree: dict[str, Any]) -> None:
+    """Give all parts of a glTF file a surface: without one, they would be of metal."""
+    tree["materials"] = [{"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.9}}]
+    for mesh in tree["meshes"]:
+        for part in mesh["primitives"]:
+            part["material"] = 0
 
 
 def _mesh(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh:
@@ -140,7 +161,7 @@ def floor_mesh(plan: Plan) -> trimesh.Trimesh:
     first = 4 * np.arange(len(corner))[:, None]
     faces = np.concatenate([np.add(first, [0, 1, 2]), np.add(first, [0, 2, 3])])
     mesh = trimesh.Trimesh(vertices, faces, process=False)
-    tone = np.array(_FLOOR, np.uint8)[corner.sum(axis=1) % 2]
+    tone = np.array([linear(each) for each in _FLOOR])[corner.sum(axis=1) % 2]
     mesh.visual = ColorVisuals(mesh, vertex_colors=np.repeat(tone, 4, axis=0))
     return mesh
 

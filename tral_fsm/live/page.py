@@ -30,7 +30,7 @@ RATE_HZ = 25.0
 _CHARTS_EVERY, _TEXT_EVERY = 12, 3
 """Charts and words are sent with every so many scenes."""
 _IDLE_S = 0.2
-"""Without a browser the page looks so often whether one has come."""
+"""Without a browser the page is renewed so often, so that one that comes sees the path."""
 _VIEWS = ("behind the car", "around the car", "above the car", "free")
 _TURN = 0.12
 """Share of the car's turn by which the view from behind follows in each scene."""
@@ -120,11 +120,9 @@ class Page:
     def _paint(self) -> None:
         while not self._ends.is_set():
             begun = time.monotonic()
-            if self.server.get_clients():
-                self.show(self._source.frame)
-                self._ends.wait(max(1.0 / RATE_HZ - (time.monotonic() - begun), 0.005))
-            else:
-                self._ends.wait(_IDLE_S)
+            self.show(self._source.frame)
+            period = 1.0 / RATE_HZ if self.server.get_clients() else _IDLE_S
+            self._ends.wait(max(period - (time.monotonic() - begun), 0.005))
 
     def show(self, frame: Frame) -> None:
         """Show a moment to every browser."""
@@ -155,7 +153,7 @@ class Page:
     _drawn: Any = None
 
     def _show_camera(self, frame: Frame) -> None:
-        if frame.picture is None or frame.picture is self._picture:
+        if frame.picture is None or frame.picture is self._picture or not self.server.get_clients():
             return
         self._picture = frame.picture
         try:
@@ -175,7 +173,7 @@ class Page:
         for client in self.server.get_clients().values():
             eye = client.camera
             if view == "behind the car":
-                look, place = (x + 0.8 * cos, y + 0.8 * sin, 0.1), (x - 1.3 * cos, y - 1.3 * sin, 0.95)
+                look, place = (x + 0.8 * cos, y + 0.8 * sin, 0.1), (x - 1.9 * cos, y - 1.9 * sin, 1.35)
             elif view == "above the car":
                 look, place = (x, y, 0.0), (x - 0.01 * cos, y - 0.01 * sin, 7.0)
             else:

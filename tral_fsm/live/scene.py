@@ -68,10 +68,10 @@ class Scene:
         if plan is None:
             return
         scene = self._scene
-        self._course.append(scene.add_mesh_trimesh("/course/boxes", meshes.course_mesh(plan), cast_shadow=False))
-        self._course.append(scene.add_mesh_trimesh("/course/floor", meshes.floor_mesh(plan), cast_shadow=False))
+        self._course.append(scene.add_glb("/course/boxes", meshes.glb(meshes.course_mesh(plan)), cast_shadow=False))
+        self._course.append(scene.add_glb("/course/floor", meshes.glb(meshes.floor_mesh(plan)), cast_shadow=False))
         if (tape := meshes.tape_mesh(plan, LineConfig().tape_width)) is not None:
-            self._course.append(scene.add_mesh_trimesh("/course/tape", tape))
+            self._course.append(scene.add_glb("/course/tape", meshes.glb(tape)))
         self._course += [self._marker(plan, k) for k in range(len(plan.marker_id))]
 
     def _marker(self, plan: Plan, k: int) -> Any:
@@ -102,7 +102,7 @@ class _Car:
         self._tone = PATHS[number % len(PATHS)]
         self._all = scene.add_frame(f"/car_{number}", show_axes=False)
         for name, mesh in meshes.body_meshes(self._model).items():
-            handle = scene.add_mesh_trimesh(f"/car_{number}/{name.removeprefix(PREFIX)}", mesh)
+            handle = scene.add_glb(f"/car_{number}/{name.removeprefix(PREFIX)}", meshes.glb(mesh))
             self._handles[int(self._model.body(name).id)] = handle
         self._fans = Fans(scene, f"/car_{number}/car")
         self._belief = Belief(scene, f"/belief_{number}")
