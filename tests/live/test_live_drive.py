@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -198,6 +199,19 @@ def test_an_unknown_policy_is_refused_and_the_old_one_drives_on(live: LiveDrive)
     assert live.frame.cars[0].name == "corners"
     with pytest.raises(ConfigError):
         Course(scenario="nowhere")
+
+
+def test_a_policy_that_fails_ends_its_drive_and_the_page_says_why(tmp_path: Path) -> None:
+    own = tmp_path / "own.py"
+    own.write_text("class Failing:\n    def act(self, observation):\n        raise RuntimeError('no idea')\n")
+    live = LiveDrive(COURSE, [f"{own}:Failing"], clock=Hand().clock)
+    turns(live, 3)
+    assert "no idea" in live.frame.cars[0].ended
+    live.order(lambda drive: drive.lanes[0].take_driver("corners"))
+    live.order(lambda drive: drive.restart())
+    turns(live, 3)
+    assert live.frame.cars[0].ended == ""
+    live.close()
 
 
 def test_the_pace_is_real_time_and_tells_when_it_is_not_kept() -> None:

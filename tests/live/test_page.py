@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -50,6 +51,26 @@ def browser(shown: Shown) -> Iterator[Browser]:
         yield browser
         browser.take(0.2)
         assert browser.errors == []
+
+
+def test_a_drive_that_is_watched_is_bit_for_bit_the_one_that_is_not() -> None:
+    alone = LiveDrive(Course(scenario="gates", seed=5), ["gate"])
+    watched = LiveDrive(Course(scenario="gates", seed=5), ["gate"])
+    page = Page(watched, port=0)
+    for live in (alone, watched):
+        live.shows_camera = False
+        live.set_speed(math.inf)
+    with Browser(page.url) as browser:
+        browser.until(lambda: "/car_0/car" in browser.scene)
+        for _ in range(480):
+            alone.turn()
+            watched.turn()
+            assert watched.lanes[0].frame().pose == alone.lanes[0].frame().pose
+            assert watched.lanes[0].frame().action == alone.lanes[0].frame().action
+        browser.until(lambda: "6.0 s" in browser.words)
+    page.close()
+    watched.close()
+    alone.close()
 
 
 def test_it_shows_the_course_the_car_and_the_machine(browser: Browser) -> None:

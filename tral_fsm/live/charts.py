@@ -76,6 +76,7 @@ class Charts:
                 series,
                 title=title,
                 scales={"x": uplot.Scale(time=False)},
+                legend=uplot.Legend(live=False),
                 height=170,
             )
             self._charts.append((handle, slice(at, at + len(curves))))

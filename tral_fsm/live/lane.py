@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.checks import one_of
-from tral_env.errors import ConfigError
+from tral_env.errors import ConfigError, TralError
 from tral_env.interface import CONTROL_PERIOD_S, MAX_AGE_S, Policy, check_readings
 from tral_env.se2 import Pose
 from tral_env.simulation.sim import CHANGEABLE
@@ -107,9 +107,15 @@ class Lane:
         self.transit, self.ended = None, ""
 
     def tick(self) -> None:
-        """Drive for one tick; a car whose drive has ended stands."""
+        """Drive for one tick; a car whose drive has ended stands, and an error of its policy ends it."""
         if self.ended:
             return
+        try:
+            self._tick()
+        except TralError as error:
+            self.ended = f"an error: {error}"
+
+    def _tick(self) -> None:
         self._action = np.asarray(self.policy.act(np.array(self._observation)), np.float32)
         observation, _, terminated, truncated, self._info = self.env.step(self._action.copy())
         self._observation = self._silenced(observation) if self._silent else observation
