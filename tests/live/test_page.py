@@ -65,6 +65,7 @@ def test_a_drive_that_is_watched_is_bit_for_bit_the_one_that_is_not() -> None:
         for _ in range(480):
             alone.turn()
             watched.turn()
+            browser.take(0.001)
             assert watched.lanes[0].frame().pose == alone.lanes[0].frame().pose
             assert watched.lanes[0].frame().action == alone.lanes[0].frame().action
         browser.until(lambda: "6.0 s" in browser.words)
@@ -120,6 +121,20 @@ def test_pause_and_step(browser: Browser, shown: Shown) -> None:
     assert shown.live.frame.cars[0].time_s == pytest.approx(before + 10 / 80)
     browser.press("Go on")
     browser.until(lambda: shown.live.frame.cars[0].time_s > before + 0.3)
+
+
+def test_the_path_of_the_drive_before_stays_until_the_course_changes(browser: Browser) -> None:
+    def paths() -> set[str]:
+        return {name for name in browser.scene if name.startswith("/path_0/")}
+
+    browser.until(lambda: bool(paths()))
+    first = paths()
+    browser.press("Restart")
+    browser.until(lambda: bool(paths() - first))
+    assert first & paths()
+    browser.set("seed", 12)
+    browser.press("Drive this course")
+    browser.until(lambda: not first & paths())
 
 
 def test_another_seed(browser: Browser, shown: Shown) -> None:

@@ -37,6 +37,8 @@ _GUESS: Colour = (150, 190, 255)
 _WALL_LENGTH_M = 2.0
 _POINTS_M = 0.05
 """Points of the path are so far apart."""
+_PALE = 170
+"""Grey of the path of an earlier drive."""
 _PIECE = 60
 """So many points of the path are sent at a time."""
 
@@ -92,6 +94,9 @@ class Path:
         """Nothing driven yet."""
         self._scene, self._name = scene, name
         self._pieces: list[Any] = []
+        self._before: list[Any] = []
+        """Path of the drive before."""
+        self._count = 0
         self._points: list[tuple[float, float, Colour]] = []
 
     def show(self, pose: Pose, colour: Colour) -> None:
@@ -104,7 +109,7 @@ class Path:
             return
         if len(self._points) > _PIECE or not self._pieces:
             self._points = self._points[-2:]
-            name = f"{self._name}/{len(self._pieces)}"
+            name, self._count = f"{self._name}/{self._count}", self._count + 1
             self._pieces.append(self._scene.add_line_segments(name, *self._segments(), thickness=0.02))
         else:
             piece = self._pieces[-1]
@@ -115,11 +120,19 @@ class Path:
         colours = np.array([colour for _, _, colour in self._points[1:]], np.uint8)
         return np.stack([points[:-1], points[1:]], axis=1), np.repeat(colours[:, None], 2, axis=1)
 
-    def clear(self) -> None:
-        """Begin anew."""
-        for piece in self._pieces:
+    def fade(self) -> None:
+        """Begin anew; the path so far stays as a pale one, and the one before it goes."""
+        for piece in self._before:
             piece.remove()
-        self._pieces, self._points = [], []
+        self._before, self._pieces, self._points = self._pieces, [], []
+        for piece in self._before:
+            piece.colors = np.full_like(piece.colors, _PALE)
+
+    def clear(self) -> None:
+        """Begin anew, without any path."""
+        for piece in (*self._before, *self._pieces):
+            piece.remove()
+        self._before, self._pieces, self._points = [], [], []
 
 
 class Belief:

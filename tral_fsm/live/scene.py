@@ -40,9 +40,9 @@ class Scene:
         server.scene.add_light_ambient("/light", intensity=_AMBIENT)
 
     def restart(self) -> None:
-        """A new drive begins: forget the paths."""
+        """A new drive begins: the paths so far turn pale."""
         for car in self._cars:
-            car.path.clear()
+            car.path.fade()
 
     def show(self, frame: Frame, tones: Mapping[str, str]) -> None:
         """Draw a frame.
@@ -51,8 +51,10 @@ class Scene:
             frame: the moment.
             tones: colour of each state of the first car by its name, such as "#0b5cad".
         """
-        if frame.plan is not self._plan:
+        if not is_same(frame.plan, self._plan):
             self._lay(frame.plan)
+            for car in self._cars:
+                car.path.clear()
         while len(self._cars) > len(frame.cars):
             self._cars.pop().remove()
         while len(self._cars) < len(frame.cars):
@@ -89,6 +91,14 @@ class Scene:
             wxyz=placed.geom_quat[geom],
             position=plan.marker_position[k] + 0.002 * normal,
         )
+
+
+def is_same(one: Plan | None, other: Plan | None) -> bool:
+    """Whether two courses look the same."""
+    if one is None or other is None:
+        return one is other
+    pairs = ((one.box_position, other.box_position), (one.box_size, other.box_size), (one.route, other.route))
+    return one is other or all(np.array_equal(mine, its) for mine, its in pairs)
 
 
 class _Car:
