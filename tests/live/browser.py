@@ -13,7 +13,7 @@ import zstandard
 from viser import _messages as messages
 from websockets.sync.client import connect
 
-_PATIENCE_S = 20.0
+_PATIENCE_S = 60.0
 
 
 class Browser:

@@ -24,6 +24,8 @@ CHARTS: dict[str, tuple[tuple[str, str], ...]] = {
     "clearance error, m": (("error", _FRONT),),
 }
 """Title of a chart -> its curves with their colours."""
+_SPANS = ((0.0, 5.0), (0.0, 2.0), (-1.0, 1.0), (-0.5, 0.5))
+"""What the charts show: the library finds no span by itself where a value is NaN."""
 
 
 def values(car: CarFrame) -> tuple[float, ...]:
@@ -68,14 +70,14 @@ class Charts:
         self.history = History()
         self._charts = []
         at = 1
-        for title, curves in CHARTS.items():
+        for (title, curves), span in zip(CHARTS.items(), _SPANS, strict=True):
             series = (uplot.Series(label="s"), *(_series(name, colour) for name, colour in curves))
             columns = self.history.columns()
             handle = gui.add_uplot(
                 (columns[0], *columns[at : at + len(curves)]),
                 series,
                 title=title,
-                scales={"x": uplot.Scale(time=False)},
+                scales={"x": uplot.Scale(time=False), "y": uplot.Scale(range=span)},
                 legend=uplot.Legend(live=False),
                 height=170,
             )

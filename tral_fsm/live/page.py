@@ -184,7 +184,7 @@ class Page:
     def close(self) -> None:
         """Stop serving."""
         self._ends.set()
-        self._thread.join(2.0)
+        self._thread.join(20.0)
         with contextlib.redirect_stdout(io.StringIO()):
             self.server.stop()
 
