@@ -83,6 +83,10 @@ class Browser:
             assert time.monotonic() < end, f"it never came; there is {sorted(map(str, self.labels))}"
             self.take(0.05)
 
+    def until_open(self) -> None:
+        """Take what comes until there is something to see."""
+        self.until(lambda: bool(self.parts))
+
     @property
     def labels(self) -> list[str]:
         """What stands on the buttons, sliders and lists."""

@@ -47,7 +47,7 @@ class Car:
         while True:
             try:
                 browser = Browser(f"http://127.0.0.1:{self.port}")
-                browser.take(0.3)
+                browser.until_open()
                 return browser
             except (OSError, ConnectionClosed):
                 assert time.monotonic() < end, "the page never came"

@@ -7,6 +7,7 @@ import io
 import math
 import threading
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
@@ -69,6 +70,7 @@ class Page:
             annotate: draws into the camera's picture what is seen in it.
         """
         self._source, self._annotate = source, annotate
+        warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
         with contextlib.redirect_stdout(io.StringIO()):  # it greets
             self.server = viser.ViserServer(host, port, label="tral live", verbose=False)
         guard(self.server, token)
@@ -179,7 +181,8 @@ class Page:
             else:
                 look = (x, y, 0.1)
                 place = tuple(np.asarray(eye.position) - np.asarray(eye.look_at) + look)
-            eye.position, eye.look_at = place, look
+            with contextlib.suppress(UserWarning):  # the browser has just gone
+                eye.position, eye.look_at = place, look
 
     def close(self) -> None:
         """Stop serving."""
