@@ -134,6 +134,7 @@ class CarView:
     def emergency_stop(self) -> None:
         """Ask the program that drives to stop the car."""
         self._stopped = True
+        self._show(self.frame.cars[0])
         with suppress(OSError):
             self._line.send(STOP)
 
