@@ -11,7 +11,6 @@ import pytest
 from browser import Browser
 
 from tral_fsm import load_machine
-from tral_fsm.evaluation.contenders import built_in_names
 from tral_fsm.formats import read as read_machine
 from tral_fsm.live.drive import LiveDrive
 from tral_fsm.live.frame import Course
@@ -24,7 +23,7 @@ class Shown:
     def __init__(self, scenario: str = "corners", seed: int = 3, drivers: tuple[str, ...] = ("corners",)) -> None:
         self.live = LiveDrive(Course(scenario=scenario, seed=seed), drivers)
         self.live.shows_camera = False
-        self.page = Page(self.live, port=0, drivers=built_in_names())
+        self.page = Page(self.live, port=0, drivers=("corners", "office", "wall", "student"))
         self._thread = threading.Thread(target=self.live.run, daemon=True)
         self._thread.start()
 

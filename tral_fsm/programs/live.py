@@ -39,14 +39,15 @@ def drive(arguments: LiveArguments, course: dict[str, Any], drivers: Sequence[st
         TralError: a name is unknown, or a policy cannot drive.
     """
     require_viser()
-    from tral_fsm.evaluation.contenders import built_in_names
+    from tral_fsm.definition import packaged
     from tral_fsm.live.drive import LiveDrive
     from tral_fsm.live.frame import Course
     from tral_fsm.live.hands import Keys, finder
+    from tral_fsm.policies import trained
 
     keys = Keys()
     with contextlib.closing(LiveDrive(Course(**course), drivers, find=finder(keys), keys=keys)) as live:
-        _serve(live, arguments, tell, lambda: live.run(arguments.seconds), built_in_names())
+        _serve(live, arguments, tell, lambda: live.run(arguments.seconds), [*packaged.names(), *trained.names()])
 
 
 def replay(arguments: LiveArguments, path: Path, tell: Tell) -> None:
