@@ -19,6 +19,7 @@ from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
 from tral_env.decisions import Decisions
 from tral_env.errors import ConfigError
+from tral_env.human import open_human_view
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, action_space, as_command
 from tral_env.options import CorridorConfig, JsonSpec, is_count, option_parameters, takes
 from tral_env.world import Stills, World, check_pictures
@@ -134,7 +135,7 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
 
     | argument | default | meaning |
     | --- | --- | --- |
-    | `render_mode` | `None` | `"rgb_array"`: `render()` gives a picture. `None`: it gives none. |
+    | `render_mode` | `None` | `"rgb_array"`: `render()` gives a picture. `"human"`: a page in the browser shows the drive, in real time; it needs the extra `live`. `None`: nothing is shown. |
     | `view` | `'chase'` | What `render()` shows: `"chase"`, `"top"`, or `"onboard"`, the image of the car's camera with its lens, mounting error and faults. |
     | `width` | `640` | Width of the picture, px. |
     | `height` | `480` | Height of the picture, px. |
@@ -175,7 +176,7 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
     * v0: the first version.
     """  # noqa: E501
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": int(CONTROL_RATE_HZ)}  # noqa: RUF012 (Gymnasium declares it so)
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": int(CONTROL_RATE_HZ)}  # noqa: RUF012 (Gymnasium declares it so)
 
     _image_size: tuple[int, int] | None = None
     """Width and height of the image in the observation, px."""
@@ -190,7 +191,7 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
         **options: Any,
     ) -> None:
         EzPickle.__init__(self, render_mode=render_mode, view=view, width=width, height=height, **options)
-        check_pictures(render_mode, view, width, height)
+        check_pictures(render_mode, view, width, height, self.metadata["render_modes"])
         self.render_mode, self._view, self._size = render_mode, view, (width, height)
         config = CorridorConfig.of(
             options, allowed=inspect.signature(type(self)).parameters, image_size=self._image_size
@@ -198,6 +199,7 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
         self.metadata = {**type(self).metadata, "render_fps": round(config.decision_hz)}
         self.world = World(1, config)
         self._decisions = Decisions(self.world)
+        self._human = open_human_view() if render_mode == "human" else None
         self.action_space = action_space()
         self.observation_space: spaces.Space[Any] = self._decisions.space()
 
@@ -222,6 +224,8 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
         car = self._decisions.reset(request, [self.np_random])
         info = self._info(self.world.info())
         info["car"] = {name: float(values[0]) for name, values in car.items()}
+        if self._human is not None:
+            self._human.show(self.world)
         return self._observation(self._decisions.observation()[0]), info
 
     def step(self, action: NDArray[np.floating]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -240,6 +244,8 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
         terminated, truncated = number(step.terminated), number(step.truncated)
         if terminated or truncated:
             info["is_success"] = info["success"]
+        if self._human is not None:
+            self._human.show(self.world)
         return self._observation(step.observation[0]), number(step.reward), terminated, truncated, info
 
     def _observation(self, readings: NDArray[np.float32]) -> Any:
@@ -292,8 +298,8 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
         return course
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The chosen view, (height, width, 3) uint8; None without a render mode."""
-        return None if self.render_mode is None else self.render_view(self._view, *self._size)
+        """The chosen view, (height, width, 3) uint8; None without a render mode, and where a page shows the drive."""
+        return self.render_view(self._view, *self._size) if self.render_mode == "rgb_array" else None
 
     def render_view(self, view: str, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
         """Render any view at any time.
@@ -318,8 +324,10 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
         return self.world.stills(0)
 
     def close(self) -> None:
-        """Free what OpenGL holds."""
+        """Free what OpenGL holds, and close the page."""
         self.world.close()
+        if self._human is not None:
+            self._human.close()
 
 
 if TralCorridorEnv.__doc__:  # absent under python -OO

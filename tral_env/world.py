@@ -56,14 +56,16 @@ class ResetRequest:
     """Boxes of that course that may be near a car."""
 
 
-def check_pictures(render_mode: str | None, view: str, width: object, height: object) -> None:
-    """Refuse what no picture can be rendered with.
+def check_pictures(
+    render_mode: str | None, view: str, width: object, height: object, modes: Sequence[str] = ("rgb_array",)
+) -> None:
+    """Refuse what no picture can be rendered with; `modes` are the render modes that there are beside None.
 
     Raises:
         ConfigError: an unknown render mode or view, or a size that is none.
     """
-    if render_mode not in (None, "rgb_array"):
-        raise ConfigError(f"unknown render_mode {render_mode!r}. Allowed: None, 'rgb_array'")
+    if render_mode is not None and render_mode not in modes:
+        raise ConfigError(f"unknown render_mode {render_mode!r}. Allowed: None, {', '.join(map(repr, modes))}")
     one_of("view", view, VIEWS)
     check_counts(width=width, height=height)
 

@@ -42,6 +42,8 @@ CHEAPER = {
     "python benchmarks/gate_accuracy.py --out runs/gate_accuracy.json": "--views 12",
     "python benchmarks/detector_fit.py": "--views 48",
     "python benchmarks/recorder.py --out runs/recorder.json": "--seconds 0.5 --kills 1 --no-images",
+    "tral live --policy office --scenario office --seed 7": "--seconds 1 --port 0",
+    "tral live --replay docs/recordings/short.mcap": "--seconds 1 --port 0",
     "tral twin up --scenario corners --seed 3": "--name page-of-tests --bus 906 --seconds 0.5",
 }
 """Shell examples that would take too long -> options that come after theirs and win."""
@@ -88,10 +90,11 @@ IN_CHECKOUT = ("ruff", "mypy")
 FOLLOWED_ELSEWHERE = "docs/tutorial.md"
 """Its examples are files and commands that need one another: test_tutorial_page.py follows it in order."""
 
-SKIPS_WITHOUT = {"lerobot": "pyarrow", "train": "torch", "tpe": "optuna", "bag": "cyclonedds"}
+SKIPS_WITHOUT = {"lerobot": "pyarrow", "train": "torch", "tpe": "optuna", "bag": "cyclonedds", "live": "viser"}
 
 PAGE_SKIPS_WITHOUT = {
     "docs/learning.md": ("stable_baselines3",),
+    "docs/live.md": ("viser",),
     "docs/recording.md": ("pyarrow",),
     "docs/ros.md": ("cyclonedds",),
 }

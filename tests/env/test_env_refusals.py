@@ -41,7 +41,7 @@ from tral_env.vector_env import TralCorridorVectorEnv
         ({"task": {"nominal_sped": 1}}, "did you mean 'nominal_speed'"),
         ({"car": CarConfig(wheelbase=0.3)}, "wheelbase = 0.3: the car of assets/car.xml has 0.258"),
         ({"view": "chaze"}, "did you mean 'chase'"),
-        ({"render_mode": "human"}, "Allowed: None, 'rgb_array'"),
+        ({"render_mode": "ansi"}, "Allowed: None, 'human', 'rgb_array'"),
     ],
 )
 def test_bad_arguments_are_answered_with_the_nearest(arguments: dict, message: str) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Array, Index, Rows, everyone
+from tral_env.checks import one_of
 from tral_env.config import CameraConfig, CarConfig, UltrasonicConfig
 from tral_env.course.plan import Plan
 from tral_env.course.scene import Pool
@@ -19,6 +20,8 @@ from tral_env.interface import STEERING, THROTTLE, Layout
 from tral_env.noise import NoiseTape
 from tral_env.perception.degrade import ImageCorruption
 from tral_env.perception.false_sightings import FalseSightings
+from tral_env.randomization import LEVELS
+from tral_env.se2 import rotate
 from tral_env.sensors.optional import OptionalReadings
 from tral_env.simulation.actuators import Actuators
 from tral_env.simulation.cameras import Cameras
@@ -29,6 +32,9 @@ from tral_env.simulation.pixels import Pixels
 from tral_env.simulation.sonars import Sonars
 from tral_env.simulation.truth import GroundTruth
 from tral_env.simulation.vision import ProjectedVision, RenderedVision, Vision
+
+CHANGEABLE = ("friction", "battery_v", "latency_s", "steering_offset_deg")
+"""Parameters of `Randomization` that may change while a car drives."""
 
 
 class Simulation:
@@ -156,6 +162,27 @@ class Simulation:
         self.cameras.update(moving)
         if self.optional.groups:
             self.optional.update(moving, self.pose, self.physics.motion(), battery_v)
+
+    def push(self, row: int, forward: float, left: float) -> None:
+        """Shove a car: add to its velocity, m/s along its own axes."""
+        yaw, root = float(self.pose[row, 2]), self.physics.handles.root_dof
+        self.physics.qvel[row, root : root + 2] += rotate(np.cos(yaw), np.sin(yaw), forward, left)
+
+    def change(self, row: int, **values: float) -> None:
+        """Change parameters of a car while it drives.
+
+        Args:
+            row: which car.
+            values: each of `CHANGEABLE` by name.
+
+        Raises:
+            ConfigError: another name, or a value that no car has.
+        """
+        for name in values:
+            one_of("parameter", name, CHANGEABLE)
+        LEVELS["none"].fixed(**values)
+        drawn = {name: float(each[row]) for name, each in self.car_parameters.drawn.items()}
+        self.car_parameters.apply(np.array([row]), [{**drawn, **values}])
 
     def images(self) -> NDArray[np.uint8]:
         """The last images that have arrived, (n, height, width, 3).

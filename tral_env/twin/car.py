@@ -9,6 +9,7 @@ import numpy as np
 
 from tral_env.arrays import Array, is_any, number
 from tral_env.config import HallConfig
+from tral_env.course.layout import Course
 from tral_env.course.plan import Plan
 from tral_env.interface import CONTROL_PERIOD_S, NO_ECHO_M
 from tral_env.options import CorridorConfig
@@ -97,6 +98,18 @@ class TwinCar:
         plan = self._world.plans[0]
         assert plan is not None, "reset comes first"
         return plan
+
+    @property
+    def course(self) -> Course:
+        """The course as its file would say it."""
+        course = self._world.courses[0]
+        assert course is not None, "reset comes first"
+        return course
+
+    @property
+    def readings(self) -> dict[str, float]:
+        """What the simulated environment would tell a policy, by name."""
+        return dict(zip(self._world.layout.names, self._world.observation()[0].tolist(), strict=True))
 
     @property
     def qpos(self) -> Array:

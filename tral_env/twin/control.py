@@ -10,7 +10,7 @@ import json
 import socket
 import threading
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -81,27 +81,61 @@ class ControlServer:
             return {"error": str(error)}
 
 
+class Line:
+    """A connection to a twin, for one request after the other."""
+
+    def __init__(self, folder: Path) -> None:
+        """Connect to the twin whose files lie in a folder.
+
+        Raises:
+            HardwareError: no twin answers there.
+        """
+        self._folder, self._socket = folder, socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._socket.settimeout(_PATIENCE_S)
+        try:
+            self._socket.connect(str(folder / SOCKET))
+        except OSError as error:
+            self._socket.close()
+            raise self._silent(error) from error
+        self._answers = self._socket.makefile("rb")
+
+    def _silent(self, error: OSError) -> HardwareError:
+        return HardwareError(f"no twin answers at {self._folder} ({error.strerror}): start one by `tral twin up`")
+
+    def ask(self, **request: Any) -> Any:
+        """Ask the twin.
+
+        Raises:
+            HardwareError: it does not answer any more.
+            ConfigError: it refuses.
+        """
+        try:
+            self._socket.sendall(json.dumps(request).encode() + b"\n")
+            text = self._answers.readline()
+        except OSError as error:
+            raise self._silent(error) from error
+        if not text:
+            raise HardwareError(f"the twin at {self._folder} has ended")
+        answer = json.loads(text)
+        if isinstance(answer, dict) and "error" in answer:
+            raise ConfigError(answer["error"])
+        return answer
+
+    def close(self) -> None:
+        """Disconnect."""
+        self._answers.close()
+        self._socket.close()
+
+
 def ask(folder: Path, **request: Any) -> Any:
     """Ask the twin whose files lie in a folder.
 
     Raises:
-        HardwareError: no twin answers there.
+        HardwareError: no twin answers there, or it ends.
         ConfigError: it refuses.
     """
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as line:
-        line.settimeout(_PATIENCE_S)
-        try:
-            line.connect(str(folder / SOCKET))
-            line.sendall(json.dumps(request).encode() + b"\n")
-            text = line.makefile("rb").readline()
-        except OSError as error:
-            raise HardwareError(
-                f"no twin answers at {folder} ({error.strerror}): start one by `tral twin up`"
-            ) from error
-    answer = json.loads(text or b'{"error": "the twin ended"}')
-    if isinstance(answer, dict) and "error" in answer:
-        raise ConfigError(answer["error"])
-    return answer
+    with closing(Line(folder)) as line:
+        return line.ask(**request)
 
 
 def _answers(path: Path) -> bool:

@@ -91,6 +91,8 @@ def _commands(twin: Twin, ended: threading.Event) -> dict[str, Answer]:
         "fault": fault,
         "status": lambda request: twin.status(),
         "outcome": lambda request: twin.outcome(),
+        "look": lambda request: twin.look(),
+        "course": lambda request: twin.car.course.to_json(),
         "reset": reset,
         "down": down,
     }

@@ -169,6 +169,21 @@ class Twin(Physical):
         outcome = self.car.outcome
         return None if outcome is None else asdict(outcome)
 
+    def look(self) -> dict[str, Any]:
+        """The car at this moment, for a page that shows it."""
+        with self._lock:
+            return {
+                "seed": self.seed,
+                "qpos": self.car.qpos.tolist(),
+                "truth": dict(self.car.info),
+                "readings": self.car.readings,
+                "outcome": self.outcome(),
+                "failure": self.failure,
+                "faults": list(self.faults.active),
+                "armed": self.controller.armed,
+                "lost_s": self.lateness.lost_s,
+            }
+
     def status(self) -> dict[str, Any]:
         """What the twin is and how it does, for people and tests."""
         with self._lock:

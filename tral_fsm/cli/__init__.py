@@ -20,6 +20,7 @@ from tral_fsm.cli.detect import command as detect_command
 from tral_fsm.cli.doctor import command as doctor_command
 from tral_fsm.cli.drive import command as drive_command
 from tral_fsm.cli.fsm import app as fsm_app
+from tral_fsm.cli.live import command as live_command
 from tral_fsm.cli.print import app as print_app
 from tral_fsm.cli.replay import command as replay_command
 from tral_fsm.cli.ros import app as ros_app
@@ -37,6 +38,7 @@ app = typer.Typer(
     epilog="Exit codes: 0 success, 1 an episode failed or a file is bad, 2 bad usage, 3 the computer lacks something.",
 )
 app.command("drive")(drive_command)
+app.command("live")(live_command)
 app.command("deploy")(deploy_command)
 app.command("teleop")(teleop_command)
 app.command("replay")(replay_command)

@@ -17,6 +17,9 @@ Arm = Annotated[bool, typer.Option("--arm", help="Drive at once, without an act 
 Seconds = Annotated[float, typer.Option(min=0.1, help="The drive ends after this time, s.")]
 Out = Annotated[Path, typer.Option(file_okay=False, help="Folder of the files; it replaces those of an earlier drive.")]
 Record = Annotated[bool, typer.Option(help="Write drive.mcap.")]
+View = Annotated[bool, typer.Option("--view", help="Show the drive in the browser, with a stop (extra `live`).")]
+Host = Annotated[str, typer.Option(help="Address that the page listens on; other than this, its link has a token.")]
+Port = Annotated[int, typer.Option(min=0, max=65535, help="Port of the page; if it is taken, the next free one.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print summary.json and nothing else on stdout.")]
 
 
@@ -30,6 +33,9 @@ def command(
     seconds: Seconds = 60.0,
     out: Out = Path("runs/deploy"),
     record: Record = True,
+    view: View = False,
+    host: Host = "127.0.0.1",
+    port: Port = 8080,
     as_json: AsJson = False,
 ) -> None:
     """Let a policy drive the real car.
@@ -40,7 +46,8 @@ def command(
     from tral_fsm.teleop.keyboard import StopKeys
 
     arguments = DeployArguments(
-        policy=policy, config=config, dry=dry, arm=arm, max_duration_s=seconds, record=record
+        policy=policy, config=config, dry=dry, arm=arm, max_duration_s=seconds, record=record,
+        view=view, host=host, port=port,
     )  # fmt: skip
     has_pad = gamepad or gamepad_file is not None
     with hands.devices(gamepad, gamepad_file, StopKeys) as devices:

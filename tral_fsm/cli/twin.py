@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from typing import Annotated, Any, Literal
 
 import typer
@@ -27,6 +29,9 @@ def up(
     board: Annotated[Board, typer.Option(help="Who is wired to servo and motor controller.")] = "pca9685",
     camera: Annotated[bool, typer.Option(help="Serve the camera's images, which needs OpenGL.")] = False,
     bus: Annotated[int, typer.Option(min=0, max=999, help="Number N of the bus: root gets /dev/i2c-N.")] = 7,
+    view: Annotated[
+        bool, typer.Option("--view", help="Show the car in the browser, as `tral live --twin` does.")
+    ] = False,
     seconds: Annotated[float | None, typer.Option(help="The twin ends by itself after so long.")] = None,
     name: Name = "twin",
 ) -> None:
@@ -45,7 +50,23 @@ def up(
         camera=camera,
         bus=bus,
     )
-    serve(settings, _show_start, seconds=seconds)
+    if view:
+        from tral_fsm.live import require_viser
+
+        require_viser()
+
+    def ready(status: dict[str, Any]) -> None:
+        _show_start(status)
+        if view:
+            _open_page(name)
+
+    serve(settings, ready, seconds=seconds)
+
+
+def _open_page(name: str) -> None:
+    """Start `tral live --twin` as a process of its own, which ends with the twin and takes no time from it."""
+    run = "import os; os.nice(10); from tral_fsm.cli import app; app()"
+    subprocess.Popen([sys.executable, "-c", run, "live", "--twin", name], stdin=subprocess.DEVNULL)
 
 
 @app.command("status")

@@ -38,6 +38,10 @@ class Condition(Runtime[C]):
     def restart(self) -> None:
         """Forget everything: a new drive begins."""
 
+    def retune(self, spec: C) -> None:
+        """Go on with other parameters, in the middle of the state; see `Runtime.adopt`."""
+        self.adopt(type(self)(self.spec, self.owner), type(self)(spec, self.owner))
+
     def triggered(self, estimate: CarEstimate) -> bool:
         """Whether the transition fires. The machine asks once a tick, after the owner's tick."""
         raise NotImplementedError

@@ -38,9 +38,19 @@ class Combination(Condition[C]):
     def __init__(self, spec: C, owner: State[Any]) -> None:
         super().__init__(spec, owner)
         self.parts = [build(part, owner) for part in spec.of]
+        self._sort()
+
+    def _sort(self) -> None:
         self.counting = [(part, part.triggered) for part in self.parts if part.counts]
         self.others = [(part, part.triggered) for part in self.parts if not part.counts]
         self.counts = bool(self.counting)
+
+    def retune(self, spec: C) -> None:
+        """All parts go on with other parameters."""
+        for part, its in zip(self.parts, spec.of, strict=True):
+            part.retune(its)
+        self.spec = spec
+        self._sort()
 
     def on_enter(self, estimate: CarEstimate) -> None:
         """All parts start again."""

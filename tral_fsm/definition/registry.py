@@ -24,6 +24,27 @@ class Runtime(Generic[T]):
                 if isinstance(argument, type) and issubclass(argument, Spec):
                     cls.spec_type = argument
 
+    def adopt(self, before: Runtime[T], after: Runtime[T]) -> None:
+        """Go on with other parameters. What this object remembers of the drive stays.
+
+        An attribute that still is as the old parameters made it becomes what the new ones make.
+
+        Args:
+            before: a new object with the parameters that this one has.
+            after: a new object with the parameters that it shall have.
+        """
+        old = vars(before)
+        for name, value in vars(after).items():
+            if name in old and _same(getattr(self, name), old[name]):
+                setattr(self, name, value)
+
+
+def _same(one: Any, other: Any) -> bool:
+    try:
+        return one is other or bool(one == other)
+    except ValueError:  # arrays
+        return False
+
 
 R = TypeVar("R", bound=type[Runtime[Any]])
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from tral_env.errors import MachineError
 from tral_fsm.definition.machine import MachineDefinition, StateSpec
+from tral_fsm.definition.validated import Id
 from tral_fsm.draw import text
 
 TONES = (
@@ -70,20 +71,74 @@ def state_tones(machine: MachineDefinition, resolve: Resolve | None = None) -> d
     Raises:
         MachineError: the machine names another one, and `resolve` is None.
     """
-    shown = {panel.key: panel for panel in panels(machine, resolve)}
+    return {name: leaf.tone for name, leaf in _leaves(machine, resolve).items()}
 
-    def walk(panel: Panel, before: str) -> Iterator[tuple[str, str]]:
+
+def marks_of_states(machine: MachineDefinition, resolve: Resolve | None = None) -> dict[str, tuple[str, ...]]:
+    """Names of the outlines in the machine's picture that stand for a state, by its name in a drive.
+
+    Args:
+        machine: a checked definition.
+        resolve: as in `panels`.
+
+    Returns:
+        Name -> `Outline.name` of the outermost state and of those within it: "corner/turn left" -> ("1:corner",
+        "2:turn left").
+    """
+    return {name: leaf.marks for name, leaf in _leaves(machine, resolve).items()}
+
+
+def marks_of_transitions(
+    machine: MachineDefinition, resolve: Resolve | None = None
+) -> dict[tuple[tuple[Id, ...], Id], str]:
+    """Names of the lines in the machine's picture: ids of the states around a transition, and its own id -> name."""
+    numbers = _numbers(panels(machine, resolve))
+
+    def walk(panel: Panel, path: tuple[Id, ...]) -> Iterator[tuple[tuple[tuple[Id, ...], Id], str]]:
+        number = numbers[panel.key][0]
+        for transition in panel.machine.transitions:
+            yield (path, transition.id), mark_name(number, transition.id)
+        for state in panel.machine.states:
+            if state.inner is not None:
+                yield from walk(numbers[_key(state)][1], (*path, state.id))
+
+    return dict(walk(numbers[None][1], ()))
+
+
+def mark_name(number: int, id: Id) -> str:
+    """Name of what stands for a state or a transition in the panel of a number, 1 for the first."""
+    return f"{number}:{id}"
+
+
+@dataclass(frozen=True)
+class _Leaf:
+    """A state without a machine within it."""
+
+    tone: str
+    marks: tuple[str, ...]
+
+
+def _leaves(machine: MachineDefinition, resolve: Resolve | None) -> dict[str, _Leaf]:
+    """The states by their names in a drive; of states with the same name the first."""
+    numbers = _numbers(panels(machine, resolve))
+
+    def walk(panel: Panel, before: str, marks: tuple[str, ...]) -> Iterator[tuple[str, _Leaf]]:
+        number = numbers[panel.key][0]
         for state, tone in zip(panel.machine.states, panel.tones, strict=True):
-            name = before + (state.label or str(state.id))
+            name, here = before + (state.label or str(state.id)), (*marks, mark_name(number, state.id))
             if state.inner is None:
-                yield name, tone
+                yield name, _Leaf(tone, here)
             else:
-                yield from walk(shown[_key(state)], f"{name}/")
+                yield from walk(numbers[_key(state)][1], f"{name}/", here)
 
-    named: dict[str, str] = {}
-    for name, tone in walk(shown[None], ""):
-        named.setdefault(name, tone)
+    named: dict[str, _Leaf] = {}
+    for name, leaf in walk(numbers[None][1], "", ()):
+        named.setdefault(name, leaf)
     return named
+
+
+def _numbers(shown: list[Panel]) -> dict[Key, tuple[int, Panel]]:
+    return {panel.key: (number, panel) for number, panel in enumerate(shown, 1)}
 
 
 def _key(state: StateSpec) -> Key:

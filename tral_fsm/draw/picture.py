@@ -11,7 +11,7 @@ from tral_fsm.draw import text
 from tral_fsm.draw.layered.content import ordinals
 from tral_fsm.draw.layered.shapes import Arrangement, Direction, Point
 from tral_fsm.draw.layout import layout
-from tral_fsm.draw.panels import Panel, Resolve, panels
+from tral_fsm.draw.panels import Panel, Resolve, mark_name, panels
 
 INK, PALE, INNER = "#22272e", "#f6f8fa", "#eef4ff"
 _MARGIN = 20
@@ -38,6 +38,8 @@ class Line:
     colour: str
     title: str = ""
     """Full text, which viewers show on request."""
+    names: tuple[str, ...] = ()
+    """Of the transitions that it stands for, see `panels.mark_name`."""
 
     def moved(self, down: int) -> Line:
         """The line, some px further down."""
@@ -56,6 +58,8 @@ class Outline:
     colour: str = INK
     strong: bool = False
     title: str = ""
+    name: str = ""
+    """Of the state that it stands for, see `panels.mark_name`."""
 
     def moved(self, down: int) -> Outline:
         """The outline, some px further down."""
@@ -122,13 +126,13 @@ def picture(machine: MachineDefinition, resolve: Resolve | None = None, directio
         if len(shown) > 1:
             marks.append(Words((_MARGIN, top + _HEADING - _HEADING_DESCENT), text.printable(heading), bold=True))
             top += _HEADING - _BELOW_HEADING
-        marks += [mark.moved(top) for mark in _marks(panel, laid)]
+        marks += [mark.moved(top) for mark in _marks(panel, laid, number)]
         width = max(width, laid.width, text.width(heading, bold=True) + 2 * _MARGIN if len(shown) > 1 else 0)
         height = top + laid.height + (_BETWEEN if number < len(shown) else 0)
     return Picture(width, height, tuple(marks), text.printable(shown[0].heading))
 
 
-def _marks(panel: Panel, laid: Arrangement) -> Iterator[Mark]:
+def _marks(panel: Panel, laid: Arrangement, number: int) -> Iterator[Mark]:
     machine = panel.machine
     tone = {state.id: tone for state, tone in zip(machine.states, panel.tones, strict=True)}
     place = ordinals(machine)
@@ -140,23 +144,24 @@ def _marks(panel: Panel, laid: Arrangement) -> Iterator[Mark]:
         transitions = [machine.transitions[i] for i in route.transitions]
         colour = tone[transitions[0].source]
         title = text.printable("; ".join(f"{t.id}: {t.source} to {t.target}" for t in transitions))
-        yield Line(route.points, colour, title=title)
+        yield Line(route.points, colour, title, tuple(mark_name(number, each.id) for each in transitions))
         y = route.label.y
         for i, transition in zip(route.transitions, transitions, strict=True):
             for line in text.transition_lines(transition, place[i]):
                 y += text.LINE
                 words.append(Words((route.label.x, y - _DESCENT), line, colour))
-    yield from _boxes(machine, laid, tone)
+    yield from _boxes(machine, laid, tone, number)
     yield from words
 
 
-def _boxes(machine: MachineDefinition, laid: Arrangement, tone: dict[int | str, str]) -> Iterator[Mark]:
+def _boxes(machine: MachineDefinition, laid: Arrangement, tone: dict[int | str, str], number: int) -> Iterator[Mark]:
     left = {transition.source for transition in machine.transitions}
     for state, box in zip(machine.states, laid.boxes, strict=True):
         inner = state.inner is not None
         title = " ".join((type(state).__doc__ or "").split())
         fill, colour = INNER if inner else PALE, tone[state.id]
-        yield Outline(box.x, box.y, box.w, box.h, fill, colour, state.id == machine.root, title)
+        name = mark_name(number, state.id)
+        yield Outline(box.x, box.y, box.w, box.h, fill, colour, state.id == machine.root, title, name)
         if state.may_end and state.id not in left:
             # A final state has a second outline.
             yield Outline(box.x + _INSET, box.y + _INSET, box.w - 2 * _INSET, box.h - 2 * _INSET, "none", colour)

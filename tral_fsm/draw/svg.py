@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from urllib.parse import quote
 from xml.etree import ElementTree as ET
 
 from tral_fsm.draw.picture import INK, Dot, Line, Mark, Outline, Picture, arrow_head
@@ -43,12 +45,14 @@ def _draw(root: ET.Element, mark: Mark) -> None:
         points = _points(mark.points)
         # The white line below tells crossings from turns.
         _add(root, "polyline", points=points, fill="none", stroke="white", stroke_width=4)
-        _add(root, "polyline", mark.title, points=points, fill="none", stroke=mark.colour, stroke_width=1.2)
+        named = {"data_transitions": " ".join(map(_word, mark.names))} if mark.names else {}
+        _add(root, "polyline", mark.title, points=points, fill="none", stroke=mark.colour, stroke_width=1.2, **named)
         _add(root, "polygon", points=_points(arrow_head(mark)), fill=mark.colour)
     elif isinstance(mark, Outline):
+        named = {"data_state": _word(mark.name)} if mark.name else {}
         _add(
             root, "rect", mark.title, x=mark.x, y=mark.y, width=mark.w, height=mark.h, rx=6, fill=mark.fill,
-            stroke=mark.colour, stroke_width=1.8 if mark.strong else 1.0,
+            stroke=mark.colour, stroke_width=1.8 if mark.strong else 1.0, **named,
         )  # fmt: skip
     elif isinstance(mark, Dot):
         _add(root, "circle", cx=mark.centre[0], cy=mark.centre[1], r=mark.radius, fill=INK)
@@ -57,6 +61,23 @@ def _draw(root: ET.Element, mark: Mark) -> None:
         style = {"font_weight": "bold"} if mark.bold else {}
         _add(root, "text", x=x, y=y, fill=mark.colour, text_anchor=mark.align.replace("left", "start"), **style)
         root[-1].text = mark.text
+
+
+def _word(name: str) -> str:
+    """A name without spaces, so that a list of names can hold it."""
+    return quote(name, safe=":")
+
+
+def lit(states: Iterable[str] = (), transitions: Iterable[str] = ()) -> str:
+    """Style sheet that lights states and transitions of a picture in a page that holds its SVG.
+
+    Args:
+        states: names, see `panels.marks_of_states`.
+        transitions: names, see `panels.marks_of_transitions`.
+    """
+    rules = [f'rect[data-state="{_word(name)}"]{{fill:#ffd84d;stroke-width:3}}' for name in states]
+    rules += [f'polyline[data-transitions~="{_word(name)}"]{{stroke-width:4}}' for name in transitions]
+    return "\n".join(rules)
 
 
 def _points(points: tuple[tuple[int, int], ...]) -> str:

@@ -22,6 +22,10 @@ _POLL_S = 0.02
 """Before the drive, all devices are polled this often, s."""
 
 
+Show = Callable[[Mapping[str, float], tuple[float, float]], None]
+"""Is told the readings and the steering and throttle of a tick."""
+
+
 class Console(Protocol):
     """Where a drive tells what happens."""
 
@@ -125,10 +129,21 @@ class CarDrive:
         console: Console,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
+        show: Show | None = None,
     ) -> None:
-        """Prepare a drive; nothing moves."""
+        """Prepare a drive; nothing moves.
+
+        Args:
+            seat: in the car.
+            policy: drives.
+            overseer: hears the people.
+            console: where the drive tells what happens.
+            clock: clock of the drive, s.
+            sleep: waits some seconds.
+            show: is told the readings and the answer of each tick; it must not wait.
+        """
         self._seat, self._policy, self._overseer, self._console = seat, policy, overseer, console
-        self._clock, self._sleep = clock, sleep
+        self._clock, self._sleep, self._show = clock, sleep, show
         self.tally = Tally()
 
     def run(self, how_to_arm: str) -> End:
@@ -172,8 +187,11 @@ class CarDrive:
         while True:
             if end := self._overseer.look():
                 return end
-            moment = self._seat.step(self._policy.act(observation))
+            action = self._policy.act(observation)
+            moment = self._seat.step(action)
             observation, now_s = moment.observation, self._clock()
+            if self._show is not None:
+                self._show(moment.readings, (float(action[0]), float(action[1])))
             states = getattr(self._policy, "active_states", None) or [""]
             for warning in self.tally.add(now_s, states[0], moment):
                 self._console.say(warning)

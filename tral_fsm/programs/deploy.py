@@ -7,18 +7,22 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tral_env.checks import check_number
 from tral_env.errors import ConfigError, HardwareError, problem_list
 from tral_env.hardware.bringup.preflight import Finding, check_car
 from tral_env.hardware.car_file import CarFile, load_car
 from tral_env.interface import check_readings
+from tral_fsm.live import require_viser
 from tral_fsm.programs.car_drive import CarDrive, Console, report_of
 from tral_fsm.programs.drive import RECORDING, SUMMARY
 from tral_fsm.programs.seat import AskedOfCar, CarSeat, open_car
 from tral_fsm.teleop.hands import Device
 from tral_fsm.teleop.overseer import Overseer, Signals
+
+if TYPE_CHECKING:
+    from tral_fsm.live.car import CarPage
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +39,11 @@ class DeployArguments:
     """Whether it is armed without an act of a person."""
     max_duration_s: float = 60.0
     record: bool = True
+    view: bool = False
+    """Whether a page in the browser shows the drive, and can stop it."""
+    host: str = "127.0.0.1"
+    """Address that the page listens on."""
+    port: int = 8080
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -97,14 +106,27 @@ def run(
         PolicyError: the policy failed; the car was stopped.
     """
     require_hands(devices, arguments.arm)
+    if arguments.view:
+        require_viser()
     car, (policy, files) = load_car(arguments.config), _policy(arguments.policy)
     preflight(car, arguments, check, console)
     record = prepare(out, arguments.record)
-    with Signals() as signals, contextlib.closing(open_car(car, arguments, record, clock, sleep, options)) as env:
+    with contextlib.ExitStack() as stack:
+        signals = stack.enter_context(Signals())
+        env = stack.enter_context(contextlib.closing(open_car(car, arguments, record, clock, sleep, options)))
         check_readings(policy, env)
-        overseer = Overseer(devices, clock, signals, must_hold=must_hold)
-        drive = CarDrive(CarSeat(env, files), policy, overseer, console, clock, sleep)
+        page = stack.enter_context(contextlib.closing(_page(arguments, policy))) if arguments.view else None
+        overseer = Overseer([*devices, *([] if page is None else [page])], clock, signals, must_hold=must_hold)
+        show = None if page is None else page.show
+        drive = CarDrive(CarSeat(env, files), policy, overseer, console, clock, sleep, show)
         return finish(asdict(arguments), out, drive, "" if arguments.arm else how_to_arm(devices, must_hold), record)
+
+
+def _page(arguments: DeployArguments, policy: Any) -> CarPage:
+    """The page of a drive, in a process of its own."""
+    from tral_fsm.live.car import CarPage
+
+    return CarPage(policy, arguments.policy, arguments.host, arguments.port)
 
 
 def _policy(name: str) -> tuple[Any, dict[str, bytes]]:

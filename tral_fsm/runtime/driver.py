@@ -39,6 +39,7 @@ class Driver:
             FormatError: the definition cannot run.
         """
         load = load or packaged.load
+        self._load = load
         self.machine = Machine(definition, trace, load=load, checked=checked)
         self.watch = Watch(needed_readings(definition, load))
         self._shadows = False
@@ -57,6 +58,13 @@ class Driver:
         self._throttle = 0.0
         """Throttle that the car was told by this driver; 0 while another one drives."""
         self._direction = 1.0
+
+    def retune(self, definition: MachineDefinition) -> None:
+        """Go on with other parameters of the machine; see `Machine.retune`."""
+        before = needed_readings(self.machine.definition, self._load)
+        self.machine.retune(definition)
+        if (needed := needed_readings(definition, self._load)) != before:
+            self.watch = Watch(needed)
 
     def shadow(self, shadows: bool) -> None:
         """Leave the car to another one from now on, or drive it again.

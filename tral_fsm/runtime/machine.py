@@ -13,7 +13,7 @@ from tral_env.errors import MachineError, MachineRunError, reason
 from tral_fsm.conditions.base import Condition, build
 from tral_fsm.control.command import Command, is_command
 from tral_fsm.definition.checks import FormatError, check
-from tral_fsm.definition.conditions import CONDITIONS
+from tral_fsm.definition.conditions import CONDITIONS, ConditionSpec
 from tral_fsm.definition.machine import STATES, Load, MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.definition.validated import Id
 from tral_fsm.estimation.detections import Detection
@@ -158,6 +158,30 @@ class Machine:
         for inner in self._inner.values():
             inner.watch(trace)
 
+    def retune(self, definition: MachineDefinition) -> None:
+        """Go on with other parameters from the next tick on; nothing starts again.
+
+        Args:
+            definition: a machine that `check` accepts, with the same states, transitions and types.
+
+        Raises:
+            MachineError: it has others.
+            MachineRunError: the code of a state or a condition fails.
+        """
+        if _shape(definition) != _shape(self.definition):
+            raise MachineError("the machine that runs has other states, transitions or types: start the new one")
+        for index, spec in enumerate(definition.states):
+            with self._blaming(spec, "when it got other parameters"):
+                self._states[index].retune(spec)
+            if isinstance(spec.inner, MachineDefinition):
+                self._inner[index].retune(spec.inner)
+        mine = {transition.spec.id: transition for transition in itertools.chain(*self._transitions)}
+        for each in definition.transitions:
+            with self._blaming(each, "when it got other parameters"):
+                mine[each.id].condition.retune(each.when)
+            mine[each.id].spec = each
+        self.definition = definition
+
     def shadow(self, estimate: CarEstimate) -> None:
         """Tell the active state before a tick that another policy drives the car."""
         if self._active >= 0:
@@ -257,6 +281,19 @@ class Machine:
             with self._blaming(transition.spec, now):
                 transition.condition.on_enter(estimate)
         return state.own_target
+
+
+def _shape(machine: MachineDefinition) -> object:
+    """A machine without its parameters: what `Machine.retune` cannot change."""
+    states = [
+        (state.id, state.type, _shape(inner) if isinstance(inner := state.inner, MachineDefinition) else inner)
+        for state in machine.states
+    ]
+    return machine.root, states, [(t.id, t.source, t.target, _kinds(t.when)) for t in machine.transitions]
+
+
+def _kinds(condition: ConditionSpec) -> tuple[Any, ...]:
+    return condition.type, *map(_kinds, condition.parts)
 
 
 def _at(estimate: CarEstimate) -> str:

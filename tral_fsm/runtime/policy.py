@@ -11,7 +11,9 @@ from tral_env.checks import check_number, check_rows
 from tral_env.errors import ConfigError, MachineError
 from tral_env.interface import CORE_LAYOUT
 from tral_fsm.definition import packaged
+from tral_fsm.definition.checks import FormatError, check
 from tral_fsm.definition.machine import MachineDefinition, needed_readings
+from tral_fsm.estimation.estimate import CarEstimate
 from tral_fsm.runtime.driver import Driver
 from tral_fsm.runtime.machine import Trace
 from tral_fsm.runtime.observations import as_array, checked_rows
@@ -68,6 +70,25 @@ class MachinePolicy:
         check_rows("rows to reset", rows, len(self._drivers), MachineError)
         for row in np.flatnonzero(rows):
             self._drivers[row].reset()
+
+    def retune(self, definition: MachineDefinition) -> None:
+        """Go on with other parameters of the machine, in the middle of a drive.
+
+        What states and conditions remember of the drive stays, and so does the active state.
+
+        Args:
+            definition: a machine with the same states and transitions.
+
+        Raises:
+            FormatError: the definition cannot run.
+            MachineError: its states, transitions or types are others.
+        """
+        if problems := check(definition, packaged.load):
+            raise FormatError(definition.name or "machine", problems)
+        for driver in self._drivers:
+            driver.retune(definition)
+        self.definition = definition
+        self.needed_readings = needed_readings(definition, packaged.load)
 
     def shadow(self, rows: NDArray[np.bool_]) -> None:
         """Leave the cars where `rows` (n,) is true to another policy from now on, and drive the others.
@@ -155,6 +176,11 @@ class MachinePolicy:
     def active_states(self) -> list[str]:
         """Name of the active state of each car, or "stopped: " and why the watch has stopped it."""
         return [driver.active_path for driver in self._drivers]
+
+    @property
+    def estimates(self) -> list[CarEstimate]:
+        """What the machine of each car was given last, in the frame of its dead reckoning."""
+        return [driver.estimate for driver in self._drivers]
 
     @property
     def wanted_clearance(self) -> NDArray[np.float64]:

@@ -104,6 +104,10 @@ class State(Runtime[S]):
     def on_exit(self, estimate: CarEstimate) -> None:
         """End: the machine leaves the state."""
 
+    def retune(self, spec: S) -> None:
+        """Go on with other parameters, in the middle of the state; see `Runtime.adopt`."""
+        self.adopt(type(self)(self.spec), type(self)(spec))
+
     def on_shadow(self, estimate: CarEstimate) -> None:
         """Another policy drives the car: before each tick, forget what holds only if the car obeys this state."""
 

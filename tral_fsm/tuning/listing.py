@@ -18,6 +18,7 @@ _SPEED = "speed"
 class Listed:
     """A parameter of a machine that a search may change."""
 
+    site: Site
     path: str
     name: str
     """The path with labels instead of ids."""
@@ -41,6 +42,7 @@ def listing(machine: MachineDefinition) -> list[Listed]:
             continue
         found.append(
             Listed(
+                site=site,
                 path=site.path,
                 name=site.names[-1],
                 where=type_name(site.spec),

@@ -1,0 +1,241 @@
+"""Sliders for the numbers of the machine that drives: each change holds from the next tick on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import viser
+
+from tral_fsm.definition.machine import MachineDefinition, StateSpec
+from tral_fsm.formats import write
+from tral_fsm.live.drive import LiveDrive, Order
+from tral_fsm.live.frame import CarFrame, Frame
+from tral_fsm.tuning.listing import Listed, listing
+from tral_fsm.tuning.parameters import Value
+from tral_fsm.tuning.ranges import limits
+
+_ACTIVE = "the active state"
+_STEPS = 200
+FILE = "machine.json"
+_SETTLED_S = 0.7
+"""A state that is active for so long gets its sliders."""
+
+
+class Numbers:
+    """A panel with the numbers of one state, and of the transitions that leave it."""
+
+    def __init__(self, gui: viser.GuiApi, order: Callable[[Order], None]) -> None:
+        """Show nothing yet.
+
+        Args:
+            gui: where the panel is.
+            order: has something done by the thread that drives.
+        """
+        self._gui, self._order = gui, order
+        self._part: Any = gui.add_dropdown("numbers of", (_ACTIVE,), hint="a state, with the transitions that leave it")
+        self._folder = gui.add_folder("Numbers")
+        self._changes = gui.add_markdown("")
+        self._save = gui.add_button("Save as machine file", icon=viser.Icon.DOWNLOAD)
+        self._back = gui.add_button("As the file has it", icon=viser.Icon.ARROW_BACK_UP)
+        self._save.on_click(self._download)
+        self._back.on_click(lambda _: order(_as_loaded))
+        self._machine: MachineDefinition | None = None
+        self._loaded: MachineDefinition | None = None
+        self._shown: Any = None
+        self.inputs: dict[str, Any] = {}
+        """Path of a number -> what a person changes it with."""
+        self._parts: list[Any] = []
+        self._active = "", 0.0, ""
+        """The active state, since when, and the one whose numbers are shown."""
+
+    def show(self, frame: Frame) -> None:
+        """Follow the machine and, where that is asked for, its active state."""
+        machine, loaded = frame.machine, frame.as_loaded
+        if loaded is not self._loaded:
+            self._loaded = loaded
+            names = () if loaded is None else part_names(loaded)
+            self._part.options = (*names, _ACTIVE)
+            self._part.value = self._part.options[0]
+        active = self._settled(frame.cars[0]) if self._part.value == _ACTIVE else ""
+        wanted = (id(loaded), self._part.value, active)
+        if machine is None or loaded is None:
+            self._clear()
+            self._shown = self._machine = None
+            return
+        if wanted != self._shown:
+            self._shown = wanted
+            self._build(machine, loaded, active or self._part.value)
+        if machine is not self._machine:
+            self._machine = machine
+            self._follow(machine, loaded)
+
+    def _settled(self, car: CarFrame) -> str:
+        """The active state, once it has been active for a while."""
+        state, since, shown = self._active
+        if car.state != state or car.time_s < since:
+            state, since = car.state, car.time_s
+        if not shown or car.time_s - since >= _SETTLED_S:
+            shown = state
+        self._active = state, since, shown
+        return shown
+
+    def _clear(self) -> None:
+        for part in self._parts:
+            part.remove()
+        self._parts, self.inputs = [], {}
+
+    def _build(self, machine: MachineDefinition, loaded: MachineDefinition, part: str) -> None:
+        """Make the sliders of a part."""
+        self._clear()
+        before = {one.path: one.value for one in listing(loaded)}
+        with self._folder:
+            for place, (heading, numbers) in enumerate(parts(machine, part)):
+                folder = self._gui.add_folder(heading, expand_by_default=place == 0)
+                self._parts.append(folder)
+                with folder:
+                    for number in numbers:
+                        before_it = before.get(number.path, number.value)
+                        self.inputs[number.path] = self._input(number, before_it)
+
+    def _input(self, number: Listed, before: Value) -> Any:
+        """A slider, a checkbox or a list, by what the number is."""
+        gui, value = self._gui, number.value
+        label, hint = label_of(number), hint_of(number, before)
+        handle: Any
+        if isinstance(value, bool):
+            handle = gui.add_checkbox(label, value, hint=hint)
+        elif isinstance(value, str):
+            choices = number.parameter.choices if number.parameter is not None else (value,)
+            handle = gui.add_dropdown(label, tuple(map(str, choices)), initial_value=value, hint=hint)
+        else:
+            low, high, step = span_of_slider(number)
+            marks = ((float(before), f"{before:g}"),) if isinstance(before, int | float) else None
+            handle = gui.add_slider(label, low, high, step, float(value), marks=marks, hint=hint)
+        path, whole = number.path, isinstance(value, int) and not isinstance(value, bool)
+        handle.on_update(lambda event: self._change(event, path, whole))
+        return handle
+
+    def _change(self, event: Any, path: str, whole: bool) -> None:
+        if event.client is None:
+            return  # this program set the slider
+        value = event.target.value
+        self.change(path, round(value) if whole else value)
+
+    def change(self, path: str, value: Value) -> None:
+        """Let the machine of the first car go on with another value."""
+        self._order(lambda drive: drive.lanes[0].retune(path, value))
+
+    def _follow(self, machine: MachineDefinition, loaded: MachineDefinition) -> None:
+        """Show the values of a machine that was changed, and what differs from its file."""
+        values = {one.path: one for one in listing(machine)}
+        for path, handle in self.inputs.items():
+            if path in values and values[path].value != handle.value:
+                value = values[path].value
+                handle.value = value if isinstance(value, bool | str) else float(value)
+        self._changes.content = changes(machine, loaded)
+
+    def _download(self, event: Any) -> None:
+        if self._machine is not None and event.client is not None:
+            event.client.send_file_download(FILE, machine_file(self._machine))
+
+
+def _as_loaded(drive: LiveDrive) -> None:
+    drive.lanes[0].retune_all()
+
+
+def machine_file(machine: MachineDefinition) -> bytes:
+    """A machine as the content of a file that every command takes."""
+    return write(machine, "json").encode()
+
+
+def part_names(machine: MachineDefinition) -> list[str]:
+    """Names of the states as a drive tells them."""
+    return [_name(state) for state in machine.states]
+
+
+def _name(state: StateSpec) -> str:
+    return state.label or str(state.id)
+
+
+def parts(machine: MachineDefinition, name: str) -> list[tuple[str, list[Listed]]]:
+    """Numbers of a state and of the transitions that leave it, under headings.
+
+    Args:
+        machine: the machine.
+        name: of the state in a drive; that of an inner state, "corner/turn left", gives those of both.
+    """
+    found = []
+    numbers = listing(machine)
+    outer, _, inner = name.partition("/")
+    for state in machine.states:
+        if _name(state) != outer:
+            continue
+        prefix = f"state[{state.id}]"
+        own = [one for one in numbers if one.path.startswith(f"{prefix}.")]
+        found.append((f"{_name(state)}: {state.type}", own))
+        for transition in machine.transitions:
+            if transition.source == state.id:
+                its = [one for one in numbers if one.path.startswith(f"transition[{transition.id}].")]
+                found.append((f"to {transition.target}, by {transition.id}: {transition.when.type}", its))
+        if inner and isinstance(state.inner, MachineDefinition):
+            for heading, within in parts(state.inner, inner):
+                paths = {f"{prefix}/{one.path}" for one in within}
+                found.append((heading, [one for one in numbers if one.path in paths]))
+    return [(heading, of) for heading, of in found if of]
+
+
+def label_of(number: Listed) -> str:
+    """Name of a number with its unit."""
+    name = number.path.rpartition("].")[2]
+    return f"{name} [{number.unit}]" if number.unit else name
+
+
+def hint_of(number: Listed, before: Value) -> str:
+    """What a number means, what its definition allows, and what it was."""
+    site = _field(number)
+    told = [site.description or "", f"in the file: {before}"]
+    if isinstance(number.value, float | int) and not isinstance(number.value, bool):
+        low, high = limits_of(number)
+        told.insert(1, f"allowed: {low:g} to {high:g} {number.unit}".rstrip())
+    return "; ".join(part for part in told if part)
+
+
+def _field(number: Listed) -> Any:
+    return number.site.spec.model_fields[number.site.name]
+
+
+def limits_of(number: Listed) -> tuple[float, float]:
+    """Limits of a number in its definition."""
+    return limits(number.site.spec, number.site.name)
+
+
+def span_of_slider(number: Listed) -> tuple[float, float, float]:
+    """Ends and step of a slider: where a search would look, within the limits of the definition."""
+    value = float(number.value)
+    low, high = limits_of(number)
+    if number.parameter is not None:
+        low, high = max(low, number.parameter.low), min(high, number.parameter.high)
+    low = value - 1.0 if math.isinf(low) else low
+    high = max(value, low) + 1.0 if math.isinf(high) else high
+    if isinstance(number.value, int):
+        return float(min(low, value)), float(max(high, value)), 1.0
+    return min(low, value), max(high, value), round_step((high - low) / _STEPS)
+
+
+def round_step(step: float) -> float:
+    """The next smaller of 1, 2, 5, 10 and so on."""
+    power = 10.0 ** math.floor(math.log10(step))
+    return max(size * power for size in (1.0, 2.0, 5.0) if size * power <= step * 1.0001)
+
+
+def changes(machine: MachineDefinition, loaded: MachineDefinition) -> str:
+    """What differs from the file, as Markdown."""
+    before = {one.path: one.value for one in listing(loaded)}
+    lines = [
+        f"| `{one.name}` | {before[one.path]} | {one.value} {one.unit} |"
+        for one in listing(machine)
+        if one.path in before and one.value != before[one.path]
+    ]
+    return "\n".join(["| changed | file | now |", "| --- | --- | --- |", *lines]) if lines else "Nothing is changed."
