@@ -14,6 +14,22 @@ def is_device(path: Path) -> bool:
     return path.exists() and not path.is_file() and not path.is_dir()
 
 
+@contextmanager
+def _part(path: Path) -> Iterator[Path]:
+    """A file that takes the place of another one at the end of the block; an error names that other one."""
+    whole = path.resolve()
+    part = whole.with_name(f"{whole.name}.{secrets.token_hex(4)}.part")
+    try:
+        yield part
+        part.replace(whole)
+    except OSError as error:
+        if error.filename in (None, str(part)):  # that of a full disk has no name
+            error.filename, error.filename2 = str(path), None
+        raise
+    finally:
+        part.unlink(missing_ok=True)
+
+
 def write_bytes(path: Path, content: bytes) -> None:
     """Replace a file as a whole, also when two programs write it at once. A link stays one; a device is written to.
 
@@ -23,13 +39,8 @@ def write_bytes(path: Path, content: bytes) -> None:
     if is_device(path):
         path.write_bytes(content)
         return
-    path = path.resolve()
-    part = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
-    try:
+    with _part(path) as part:
         part.write_bytes(content)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -39,11 +50,5 @@ def whole_file(path: Path) -> Iterator[IO[bytes]]:
     Raises:
         OSError: the file cannot be written; the old one is still there.
     """
-    path = path.resolve()
-    part = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
-    try:
-        with part.open("wb") as stream:
-            yield stream
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    with _part(path) as part, part.open("wb") as stream:
+        yield stream

@@ -33,6 +33,14 @@ def read(path: str | Path) -> str:
     return content.decode(next(marked, "utf-8"))
 
 
+def unread(error: Exception) -> str:
+    """Why `read` failed, as the end of an error message."""
+    if isinstance(error, UnicodeDecodeError):
+        where = f"{error.reason} at byte {error.start}"
+        return f"not {error.encoding.upper()} text: {where}: save it as UTF-8, which an editor offers as the encoding"
+    return getattr(error, "strerror", None) or str(error)
+
+
 class NotJsonError(ValueError):
     """A text is no JSON, or none that can be read."""
 

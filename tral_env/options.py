@@ -290,5 +290,5 @@ def _unreadable(course: str | Path, error: BaseException) -> str:
     """Why a course file cannot be opened; the name of a family is no path."""
     told = f"course = {str(course)[:200]!r}: cannot be read: {getattr(error, 'strerror', error)}"
     if str(course) in tuple(SCENARIOS):
-        return f"{told}. It is a family: scenario={str(course)!r}"
+        return f"{told}. It is a family: scenario={str(course)!r}, or --scenario {course} on the command line"
     return f"{told}. Expected a Course, the path of its file, or its name: {nearest(course, example_names())}"

@@ -231,7 +231,7 @@ def _content(path: Path) -> dict[str, Any]:
     try:
         text = raw.decode("utf-8")
     except UnicodeDecodeError as error:
-        raise PolicyFileError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from error
+        raise PolicyFileError(f"{path}: {json_text.unread(error)}") from error
     content = json_text.loads(text, str(path), PolicyFileError)
     try:
         json.dumps(content, allow_nan=False)  # NaN and numbers such as 1e999 are no JSON that others could read

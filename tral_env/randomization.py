@@ -277,8 +277,7 @@ def _content(path: str | Path) -> dict[str, Any]:
     try:
         text = json_text.read(path)
     except (OSError, UnicodeDecodeError) as error:
-        told = getattr(error, "strerror", None) or error
-        raise ConfigError(f"randomization {path}: cannot be read: {told}") from error
+        raise ConfigError(f"randomization {path}: cannot be read: {json_text.unread(error)}") from error
     is_json = str(path).lower().endswith(".json")
     content = json_text.loads(text, str(path), BadFileError) if is_json else _yaml(text, path)
     if not isinstance(content, dict) or not content:

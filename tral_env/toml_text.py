@@ -56,7 +56,7 @@ def read(path: str | Path, failure: type[TralError]) -> TomlText:
     try:
         text = json_text.read(path)
     except (OSError, UnicodeDecodeError) as error:
-        raise failure(f"cannot read '{path}': {error}") from error
+        raise failure(f"cannot read '{path}': {json_text.unread(error)}") from error
     return parse(text, str(path), failure)
 
 

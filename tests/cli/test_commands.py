@@ -179,7 +179,9 @@ def test_a_drive_that_was_interrupted_leaves_a_summary_and_the_next_does_not_cla
 
     with monkeypatch.context() as patch:
         patch.setattr("tral_fsm.evaluation.rollout.drive", interrupted)
-        assert tral("drive", *CALM, "--no-video", "--out", tmp_path).exit_code == 130
+        stopped = tral("drive", *CALM, "--no-video", "--out", tmp_path)
+    assert stopped.exit_code == 130
+    assert f"Stopped. The episodes that had ended are in {tmp_path}\n" in stopped.stderr
     left = json.loads((tmp_path / "summary.json").read_text())
     assert (left["complete"], left["episodes"]) == (False, [])
     result = tral("drive", *STEADY, "--course", short, "--no-video", "--json", "--out", tmp_path)

@@ -1,12 +1,14 @@
 """A file is replaced as a whole, or not at all."""
 
+import errno
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
-from tral_env.atomic import is_device, write_bytes
+from tral_env.atomic import is_device, whole_file, write_bytes
 
 
 def names(folder: Path) -> list[str]:
@@ -48,3 +50,22 @@ def test_a_device_is_written_to() -> None:
     assert is_device(Path(os.devnull))
     write_bytes(Path(os.devnull), b"new")
     assert is_device(Path(os.devnull))
+
+
+@pytest.mark.parametrize("write", [lambda path: write_bytes(path, b"new"), lambda path: piecewise(path)])
+def test_a_full_disk_is_told_with_the_file(tmp_path: Path, write: Callable[[Path], None]) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Path, "open", full)
+        with pytest.raises(OSError, match="No space left on device") as caught:
+            write(tmp_path / "found.json")
+    assert caught.value.filename == str(tmp_path / "found.json")
+    assert names(tmp_path) == []
+
+
+def full(*_: object, **__: object) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def piecewise(path: Path) -> None:
+    with whole_file(path) as stream:
+        stream.write(b"new")

@@ -83,7 +83,7 @@ def read_camera_info(path: str | Path) -> CameraConfig:
     try:
         text = json_text.read(path)
     except (OSError, ValueError) as error:  # a name with a null is a ValueError
-        told = f"cannot read the lens {str(path)!r}: {getattr(error, 'strerror', error)}"
+        told = f"cannot read the lens {str(path)!r}: {json_text.unread(error)}"
         if isinstance(error, UnicodeDecodeError):
             raise CalibrationError(told) from error
         raise UnreadableCalibrationError(told) from error

@@ -189,9 +189,9 @@ class Course(Part):
         try:
             text = json_text.read(path)
         except UnicodeDecodeError as error:
-            raise CourseError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None
+            raise CourseError(f"{path}: {json_text.unread(error)}") from None
         except (OSError, ValueError) as error:  # a name with a null is a ValueError
-            raise UnreadableCourseError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from error
+            raise UnreadableCourseError(f"{path}: cannot be read: {json_text.unread(error)}") from error
         return cls.parse(text, source=str(path))
 
     @classmethod

@@ -13,7 +13,7 @@ from tral_fsm.cli.bench import app as bench_app
 from tral_fsm.cli.calibrate import command as calibrate_command
 from tral_fsm.cli.car import app as car_app
 from tral_fsm.cli.compare import command as compare_command
-from tral_fsm.cli.console import Guarded
+from tral_fsm.cli.console import Guarded, takes
 from tral_fsm.cli.courses import command as courses_command
 from tral_fsm.cli.deploy import command as deploy_command
 from tral_fsm.cli.detect import command as detect_command
@@ -37,15 +37,15 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     epilog="Exit codes: 0 success, 1 an episode failed or a file is bad, 2 bad usage, 3 the computer lacks something.",
 )
-app.command("drive")(drive_command)
-app.command("live")(live_command)
-app.command("deploy")(deploy_command)
+app.command("drive", cls=takes("--policy"))(drive_command)
+app.command("live", cls=takes("--policy"))(live_command)
+app.command("deploy", cls=takes("--policy"))(deploy_command)
 app.command("teleop")(teleop_command)
 app.command("replay")(replay_command)
-app.command("courses")(courses_command)
-app.command("compare")(compare_command)
-app.command("tune")(tune_command)
-app.command("train")(train_command)
+app.command("courses", cls=takes("--course"))(courses_command)
+app.command("compare", cls=takes("--policies"))(compare_command)
+app.command("tune", cls=takes("--policy"))(tune_command)
+app.command("train", cls=takes("--scenario"))(train_command)
 app.command("calibrate")(calibrate_command)
 app.command("detect")(detect_command)
 app.command("doctor")(doctor_command)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import codecs
+import errno
 import io
 import sys
 from typing import Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from tral_env.errors import (
     BadFileError,
@@ -33,6 +34,24 @@ FAILED, BAD_USAGE, MACHINE_LACKS = 1, 2, 3
 """Exit codes: an episode failed or a file is bad, the usage is bad, the computer lacks something."""
 
 
+def takes(option: str) -> type[TyperCommand]:
+    """Class of a command that tells a word without an option to which one it most likely belongs.
+
+    Args:
+        option: its name, with the dashes.
+    """
+
+    class Command(TyperCommand):
+        def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+            ctx.allow_extra_args = True
+            rest = super().parse_args(ctx, args)
+            if rest and not ctx.resilient_parsing:
+                ctx.fail(f"Got {' '.join(rest)} without an option. Did you mean {option} {rest[0]}?")
+            return rest
+
+    return Command
+
+
 class Guarded(TyperGroup):
     """A group of commands that prints an error of the project as a line on stderr, without a traceback."""
 
@@ -45,16 +64,34 @@ class Guarded(TyperGroup):
         return super().main(*args, **kwargs)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command; at a `TralError`, SIGTERM or SIGHUP leave with its exit code."""
+        """Run the command; at a `TralError`, at a disk that takes nothing, at SIGTERM or SIGHUP leave with an exit code."""
         try:
             with ending_cleanly():
                 return super().invoke(ctx)
         except ToldToEnd as told:
             raise typer.Exit(told.exit_code) from None
         except TralError as error:
-            typer.secho("Error: ", err=True, fg="red", bold=True, nl=False)
-            typer.echo(str(error), err=True)
-            raise typer.Exit(_exit_code(error)) from None
+            raise _told(str(error), _exit_code(error)) from None
+        except OSError as error:
+            if error.errno not in _DISK:
+                raise
+            told = f"{error.filename or 'a file'}: cannot be written: {error.strerror}: {_DISK[error.errno]}"
+            raise _told(told, BAD_USAGE) from None
+
+
+def _told(text: str, code: int) -> typer.Exit:
+    """Print an error, and give the exit with its code."""
+    typer.secho("Error: ", err=True, fg="red", bold=True, nl=False)
+    typer.echo(text, err=True)
+    return typer.Exit(code)
+
+
+_DISK = {
+    errno.ENOSPC: "make room, or choose another folder",
+    errno.EDQUOT: "make room, or choose another folder",
+    errno.EROFS: "choose another folder",
+}
+"""Error number of a disk that takes nothing -> the remedy."""
 
 
 _OTHER_CHARACTERS = "tral_other_characters"

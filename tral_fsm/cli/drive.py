@@ -52,7 +52,11 @@ def command(
         record=record,
         car=options.car_parameters(car or []),
     )
-    report = run(arguments, out, DriveProgress)
+    try:
+        report = run(arguments, out, DriveProgress)
+    except KeyboardInterrupt:
+        typer.echo(f"Stopped. The episodes that had ended are in {out}", err=True)
+        raise
     if as_json:
         typer.echo(json.dumps(report, indent=2))
     else:

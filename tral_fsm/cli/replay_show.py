@@ -59,7 +59,7 @@ def _table_of_residuals(report: Mapping[str, Any]) -> Table:
 
 
 def _table_of_answers(report: Mapping[str, Any]) -> Table:
-    drove = "the machine that drove" if report["drove"] else "another one drove"
+    drove = "the machine that drove" if report["drove"] else "another policy drove"
     table = narrow_table(f"answers of {report['policy']} minus the recorded ones", drove)
     for heading in ("command", "RMS", "largest", "ticks that differ"):
         table.add_column(heading, justify="left" if heading == "command" else "right", no_wrap=True)

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Literal
 
 from tral_env.course.generate import SCENARIOS
+from tral_env.course.layout import example_names
 from tral_env.errors import ConfigError, nearest
 
 Camera = Literal["projected", "rendered"]
@@ -21,8 +22,15 @@ def check_families(names: Iterable[str]) -> list[str]:
     chosen = list(names)
     for name in chosen:
         if name not in SCENARIOS:
-            raise ConfigError(f"unknown scenario '{name}': {nearest(name, SCENARIOS)}")
+            raise ConfigError(f"unknown scenario '{name}': {_instead(name)}")
     return chosen
+
+
+def _instead(name: str) -> str:
+    """What to write instead of a name that is no family; a course with a name is none."""
+    if name in example_names():
+        return f"it is a course, so write --course {name}. Families: {', '.join(SCENARIOS)}"
+    return nearest(name, SCENARIOS)
 
 
 def listed(text: str) -> list[str]:

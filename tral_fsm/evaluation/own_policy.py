@@ -252,7 +252,8 @@ def _module(path: Path) -> ModuleType:
     try:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
-        raise PolicyError(f"Python file {path} cannot be loaded: {reason(error, str(path.resolve()))}") from error
+        hint = ": save it as UTF-8" if isinstance(error, SyntaxError) and "codec can't decode" in str(error) else ""
+        raise PolicyError(f"Python file {path} cannot be loaded: {reason(error, str(path.resolve()))}{hint}") from error
     return module
 
 

@@ -6,7 +6,7 @@ import re
 from typing import Any
 
 from tral_env.errors import nearest
-from tral_env.json_text import BYTE_ORDER_MARKS
+from tral_env.json_text import BYTE_ORDER_MARKS, unread
 from tral_fsm.formats import tral_json, xml_tree
 from tral_fsm.formats.plain import Problems
 from tral_fsm.formats.scxml.reader import W3C
@@ -31,7 +31,7 @@ def decoded(content: bytes) -> str:
     try:
         return content.decode(encoding)
     except UnicodeDecodeError as error:
-        raise xml_tree.XMLError(f"not {encoding.upper()} text: {error.reason} at byte {error.start}") from error
+        raise xml_tree.XMLError(unread(error)) from error
 
 
 def parsed(text: str, suffix: str, problems: Problems) -> tuple[str, Any]:

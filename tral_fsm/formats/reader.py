@@ -18,7 +18,7 @@ from tral_fsm.definition.checks import FormatError, Problem, check_level, unknow
 from tral_fsm.definition.conditions import ConditionSpec
 from tral_fsm.definition.machine import MachineDefinition, StateSpec, TransitionSpec
 from tral_fsm.definition.plugins import load_plugins, where_own_types_come_from
-from tral_fsm.definition.validated import Id, Spec
+from tral_fsm.definition.validated import Id, Spec, unit_of
 from tral_fsm.formats.plain import MAX_PROBLEMS, EnoughProblemsError, Plain, Problems, condensed, located
 from tral_fsm.states import STATES
 
@@ -229,13 +229,20 @@ class Reader:
         elif fault["type"] == "value_error":
             self.complain(at, _of_validator(fault))
         elif not any(p.pointer == at for p in self.problems.found):
-            self.complain(at, f"got {_show(got)}: expected {_allowed(annotation, fault)}{_hint(got)}")
+            allowed = _allowed(annotation, fault) + _unit(spec, steps)
+            self.complain(at, f"got {_show(got)}: expected {allowed}{_hint(got)}")
 
 
 def _allowed(annotation: Any, fault: Mapping[str, Any]) -> str:
     if MachineDefinition in validation_text.members(annotation):
         return "a machine or a name"
     return validation_text.allowed(annotation, fault)
+
+
+def _unit(spec: type[Spec], steps: tuple[int | str, ...]) -> str:
+    """Unit of a parameter, as the end of what is expected; empty: it has none."""
+    unit = unit_of(spec, str(steps[0])) if len(steps) == 1 and steps[0] in spec.model_fields else ""
+    return f", in {unit}" if unit else ""
 
 
 def _id(value: Any) -> Id | None:
