@@ -64,12 +64,12 @@ class Guarded(TyperGroup):
         return super().main(*args, **kwargs)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command; at a `TralError`, at a disk that takes nothing, at SIGTERM or SIGHUP leave with an exit code."""
+        """Run the command; at an error, a disk that takes nothing, SIGTERM or SIGHUP leave with an exit code."""
         try:
             with ending_cleanly():
                 return super().invoke(ctx)
-        except ToldToEnd as told:
-            raise typer.Exit(told.exit_code) from None
+        except ToldToEnd as ended:
+            raise typer.Exit(ended.exit_code) from None
         except TralError as error:
             raise _told(str(error), _exit_code(error)) from None
         except OSError as error:
