@@ -223,9 +223,10 @@ def test_courses_of_a_seed_are_told_without_a_picture() -> None:
     assert told.exit_code == 0
     course = seeded_course("gates", 7)
     gates = sum(len(segment.gates) for segment in course.segments)
+    turns = sum(segment.then in ("left", "right") for segment in course.segments)
     row = next(line for line in told.stdout.splitlines() if line.startswith("│ gates"))
     assert [cell.strip() for cell in row.strip("│").split("│")] == [
-        "gates", f"{build_plan(course).length:.1f} m", "0", "0", "0", "0", str(gates),
+        "gates", f"{build_plan(course).length:.1f} m", str(turns), "0", "0", "0", str(gates),
     ]  # fmt: skip
     assert "tral courses --scenario gates --seed 7 --out gates.png" in told.stdout
     every = tral("courses", "--seed", 7).stdout

@@ -58,7 +58,7 @@ def why_refused(path: str, headers: Mapping[str, str], token: str | None) -> str
 
 def guard(server: viser.ViserServer, token: str | None) -> None:
     """Let nobody in whom `why_refused` refuses, and let no browser publish the page elsewhere."""
-    # Parts of viser that it does not document: it has no door for this. tests/live/test_guard.py holds them.
+    # Parts of viser that it does not document: it has no door for this. tests/live/test_page_guard.py holds them.
     connections: Any = server._websock_server
     for message in (viser._messages.ShareUrlRequest, viser._messages.ShareUrlDisconnect):
         connections.unregister_handler(message)

@@ -52,7 +52,7 @@ class Thread:
         self.kept, self.over = kept, False
         type(self).board = FakeBoard(Real())
         self.board.start()
-        type(self).worker = Worker(settings(), self.board, self.commands, kept)
+        type(self).worker = Worker(settings(hang_s=0.5), self.board, self.commands, kept)
         self.thread = threading.Thread(target=self.run)
         self.thread.start()
 

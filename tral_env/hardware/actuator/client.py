@@ -286,14 +286,12 @@ class ActuatorProcess(Physical):
         until_s = time.monotonic() + _ANSWER_S
         while time.monotonic() < until_s:
             self._send(0.0, 0.0, flags)
-            readable, _, _ = select.select([self._socket], [], [], 4 * _HEARTBEAT_S)
-            while readable:
+            while select.select([self._socket], [], [], 4 * _HEARTBEAT_S)[0]:
                 self._hear()
                 if self._reply is not None and self._reply.reason is Reason.WORKER:
                     raise self._lost()
                 if self._reply is not None and self._reply.sequence == self._sequence:
                     return self._reply
-                readable, _, _ = select.select([self._socket], [], [], 4 * _HEARTBEAT_S)
         raise HardwareError(f"the actuator's process does not answer. {_POWER}")
 
     def _lost(self) -> HardwareError:
