@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tral_env.interface import CORE_FIELDS, MAX_AGE_S, NO_ECHO_M, Layout
 from tral_env.ros import topics
-from tral_env.ros.msg.sensor import Range
+from tral_env.ros.msg.sensor import JointState, Range
 from tral_env.ros.msg.vision import Detection3DArray
 from tral_env.ros.readings import MessageReadings, ReadingMessages, detections_of, yaw_of, yaw_quaternion
 from tral_env.ros.times import nanoseconds, stamp
@@ -102,3 +102,21 @@ def _header(time_ns: int):  # type: ignore[no-untyped-def]
     from tral_env.ros.msg.std import Header
 
     return Header(stamp(time_ns), "ultrasonic_left")
+
+
+@pytest.mark.parametrize(("told", "heard_m"), [(math.inf, NO_ECHO_M), (-math.inf, 0.03), (math.nan, 1.0), (0.5, 0.5)])
+def test_a_range_that_is_no_number_is_heard_as_rep_117_means_it(told: float, heard_m: float) -> None:
+    heard = MessageReadings()
+    heard.hear(Range(header=_header(NOW_NS), range=1.0))
+    heard.hear(Range(header=_header(NOW_NS + 1), min_range=0.03, range=told))
+    assert heard.readings(NOW_NS)["ultrasonic_left"] == heard_m
+
+
+@pytest.mark.parametrize(
+    "others",
+    [JointState(name=["gripper"], position=[1.0], velocity=[1.0]), JointState(name=[topics.HALL_WHEEL], position=[0.0])],
+)
+def test_joints_of_another_node_are_passed_over(others: JointState) -> None:
+    heard = MessageReadings()
+    heard.hear(others)
+    assert heard.readings(NOW_NS) == {}

@@ -12,7 +12,7 @@ from tral_env.errors import BadFileError, ConfigError
 from tral_env.ros.parameters import read_parameters
 from tral_fsm.cli import app
 from tral_fsm.cli.console import BAD_USAGE
-from tral_fsm.programs.ros.nodes import Asked
+from tral_fsm.programs.ros.nodes import Asked, car_node, has_images
 
 PACKAGED = Path(__file__).parents[2] / "tral_env/ros/config/tral.yaml"
 
@@ -67,3 +67,35 @@ def test_a_namespace_that_is_none_is_refused() -> None:
     result = tral("fsm", "--policy", "wall", "--namespace", "/car 1")
     assert result.exit_code == BAD_USAGE
     assert "namespace" in result.stderr
+
+
+CAMERA = '[camera]\ndevice = "/dev/no-such-camera"\n'
+
+
+def car_file(folder: Path, text: str) -> str:
+    path = folder / "car.toml"
+    assert CliRunner().invoke(app, ["car", "init", str(path), "--board", "log"]).exit_code == 0
+    path.write_text(path.read_text().partition("[camera]")[0] + text)
+    return str(path)
+
+
+def test_the_node_car_leaves_the_camera_of_the_car_file_to_the_node_camera(tmp_path: Path) -> None:
+    asked = Asked(backend="car", config=car_file(tmp_path, CAMERA + 'lens = "default"\n'), dry=True)
+    assert has_images(asked)
+    node = car_node(asked)
+    node.body.rest()
+    node.close()
+
+
+def test_a_camera_without_a_lens_stays_off(tmp_path: Path) -> None:
+    assert not has_images(Asked(backend="car", config=car_file(tmp_path, CAMERA), dry=True))
+
+
+@pytest.mark.parametrize("options", [("--policy", "no_such_policy"), ("--policy", "wall", "--namespace", "/car 1")])
+def test_no_car_is_opened_when_another_option_is_wrong(
+    options: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[object] = []
+    monkeypatch.setattr("tral_fsm.programs.ros.nodes._body", opened.append)
+    assert tral("up", *options).exit_code == BAD_USAGE
+    assert opened == []

@@ -21,7 +21,7 @@ from tral_env.ros.commands import CommandLimits
 from tral_env.ros.definition import type_hash
 from tral_env.ros.msg.graph import ParticipantEntitiesInfo
 from tral_env.ros.msg.sensor import AckermannDrive, AckermannDriveStamped, Odometry
-from tral_env.ros.msg.std import Bool, String
+from tral_env.ros.msg.std import Bool, Int64, String
 from tral_env.ros.node import Node, check_namespace, domain_id
 from tral_env.ros.qos import COMMAND, LATCHED, STATE, Profile
 from tral_fsm import load_policy
@@ -160,6 +160,27 @@ def test_a_car_drives_by_speed_stops_without_commands_and_stays_until_it_is_arme
     car.ask(True)
     car.spin(120, speed=0.8)
     assert car.speed > 0.3
+
+
+def test_a_car_that_is_armed_again_goes_on_from_where_it_was_stopped(car: Clockless) -> None:
+    car.ask(True)
+    car.spin(120, speed=0.8)
+    car.ask(False)
+    until(lambda: car.node.spin() or car.speed == pytest.approx(0.0, abs=0.01))
+    before = car.node._reckoning.x
+    car.ask(True)
+    assert before > 0.1
+    assert car.node._reckoning.x == pytest.approx(before, abs=0.05)
+
+
+def test_a_seed_that_is_none_stops_the_car_and_the_node_goes_on(car: Clockless, probe: Node) -> None:
+    reset = probe.publisher(topics.RESET, Int64, STATE)
+    until(lambda: reset.listeners)
+    car.ask(True)
+    reset.publish(Int64(-1))
+    until(lambda: car.node.spin() or not car.node.gate.armed)
+    assert car.node.gate.why == "reset"
+    car.spin(2)
 
 
 def test_a_message_stops_the_car(car: Clockless) -> None:

@@ -102,7 +102,9 @@ class CarNode:
         self._now_ns, self._told_s, self._began_s = 0, -_DIAGNOSTICS_S, 0.0
         self._drives = False
         """Whether the body is armed."""
-        self.late_ticks = self.ticks = 0
+        self._over = False
+        """Whether the drive is over: the next one begins at the start. Else a car goes on where it was stopped."""
+        self.ticks = 0
 
     def run(self, ended: threading.Event) -> None:
         """Drive until the event is set; the car stops at the end."""
@@ -123,7 +125,8 @@ class CarNode:
             self._stop_body()
             self._tick = self.body.rest()
         self.ticks += 1
-        if self._tick.over and self.gate.armed:
+        if self._tick.over:
+            self._over = True
             self._disarm(self._tick.over)
         self._tell()
 
@@ -179,6 +182,10 @@ class CarNode:
     def _hear_orders(self) -> None:
         for message in self._resets.take():
             self._disarm("reset")
+            if message.data < 0:
+                self.node.log(f"not reset: the seed {message.data} is below 0", ERROR)
+                continue
+            self._over = False
             self.body.reset(message.data)
             self._messages.reset()
             self._reckoning.reset()
@@ -200,9 +207,10 @@ class CarNode:
             return
         for subscription, _ in self._commands:
             subscription.take()  # what was sent before is no command
-        self._reckoning.reset()
+        if self._over:
+            self._reckoning.reset()
         self._messages.reset()
-        self._drives = True
+        self._drives, self._over = True, False
         self._now_ns = self._time_ns()
         self.gate.arm(self._now_s())
         self._tell_armed()
@@ -227,7 +235,7 @@ class CarNode:
         self._drives = False
         try:
             self.body.stop()
-        except HardwareError as error:  # the actuator's process stops the car by itself then
+        except OSError as error:  # also a HardwareError; the actuator's process stops the car by itself then
             self.gate.why = str(error)
             self.node.log(f"the stop could not be commanded: {error}", ERROR)
 

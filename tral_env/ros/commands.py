@@ -60,7 +60,8 @@ class Received(NamedTuple):
 class CommandGate:
     """Lets commands through while the car is armed. What stops it latches: only `arm` undoes it.
 
-    - No new command for `timeout_s`, or only commands whose stamps are older than that.
+    - No new command for `timeout_s`, or only commands whose stamps are older than that, or as far in the future: the
+      age of a command by a wrong clock is not known.
     - Commands of two publishers.
     - A command that is no finite number.
     - `disarm`.
@@ -112,11 +113,11 @@ class CommandGate:
         if self._source is not None and received.source != self._source:
             return self.disarm("two publishers send commands: end one of them")
         self._source = received.source
-        if stamp_ns and now_ns - stamp_ns > self.limits.timeout_s * 1e9:
+        if stamp_ns and abs(now_ns - stamp_ns) > self.limits.timeout_s * 1e9:
             self.late += 1
             return None
         self.taken += 1
-        self.answers_ns = stamp_ns
+        self.answers_ns = stamp_ns or now_ns
         self._last, self._came_s = received, now_s
         return None
 

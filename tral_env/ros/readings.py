@@ -199,9 +199,7 @@ class MessageReadings:
                 for detection in message.detections:
                     self._hear_detection(detection)
             case JointState():
-                at = list(message.name).index(topics.HALL_WHEEL)
-                self._values["distance"] = message.position[at] * WHEEL_RADIUS_M
-                self._values["speed"] = abs(message.velocity[at]) * WHEEL_RADIUS_M
+                self._hear_joints(message)
             case AckermannDriveStamped():
                 self._values["steering"] = steering_of(message.drive)
                 self._values["throttle"] = throttle_of(message.drive)
@@ -227,9 +225,19 @@ class MessageReadings:
         return self._values | ages
 
     def _hear_range(self, message: Range) -> None:
+        """REP 117: infinite: no echo; minus infinite: too close to measure; NaN: no measurement."""
         name = message.header.frame_id
-        if self._newer(name, message.header):
-            self._values[name] = message.range if math.isfinite(message.range) else NO_ECHO_M
+        if math.isnan(message.range) or not self._newer(name, message.header):
+            return
+        instead = {math.inf: NO_ECHO_M, -math.inf: message.min_range}
+        self._values[name] = instead.get(message.range, message.range)
+
+    def _hear_joints(self, message: JointState) -> None:
+        """Other nodes tell joints on this topic too, often without a rate: they are passed over."""
+        told = dict(zip(message.name, zip(message.position, message.velocity, strict=False), strict=False))
+        if topics.HALL_WHEEL in told:
+            angle, rate = told[topics.HALL_WHEEL]
+            self._values["distance"], self._values["speed"] = angle * WHEEL_RADIUS_M, abs(rate) * WHEEL_RADIUS_M
 
     def _hear_detection(self, detection: Detection3D) -> None:
         if not detection.results:

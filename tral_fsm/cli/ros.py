@@ -158,10 +158,10 @@ def up(
     asked = _asked(locals())
     from tral_fsm.programs.ros.nodes import camera_node, car_node, fsm_node, has_images, run_all
 
-    nodes = [car_node(asked).run, fsm_node(asked).run]
+    others = [fsm_node(asked).run]
     if has_images(asked):
-        nodes.append(camera_node(asked).run)
-    run_all(nodes, _until_stopped())
+        others.append(camera_node(asked).run)
+    run_all([car_node(asked).run, *others], _until_stopped())  # the car last: it is opened when all else is in order
 
 
 @app.command("bag")
