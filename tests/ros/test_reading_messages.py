@@ -114,7 +114,10 @@ def test_a_range_that_is_no_number_is_heard_as_rep_117_means_it(told: float, hea
 
 @pytest.mark.parametrize(
     "others",
-    [JointState(name=["gripper"], position=[1.0], velocity=[1.0]), JointState(name=[topics.HALL_WHEEL], position=[0.0])],
+    [
+        JointState(name=["gripper"], position=[1.0], velocity=[1.0]),
+        JointState(name=[topics.HALL_WHEEL], position=[0.0]),
+    ],
 )
 def test_joints_of_another_node_are_passed_over(others: JointState) -> None:
     heard = MessageReadings()
