@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import runpy
+import sys
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
+import typer
 from typer.testing import CliRunner
 
 from tral_env.errors import BadFileError, ConfigError
@@ -61,6 +65,44 @@ def test_the_packaged_parameters_are_those_of_the_commands(node: str, tmp_path: 
     assert result.exit_code == BAD_USAGE
     for name in given:
         assert name in result.stderr
+
+
+class Launched:
+    """Stands in for the classes of `launch`: keeps what it is given."""
+
+    def __init__(self, *given: Any, **named: Any) -> None:
+        self.given, self.named = given, named
+
+
+def test_the_launch_file_starts_commands_that_there_are_with_a_file_that_there_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    names = {
+        "launch": ["LaunchDescription"],
+        "launch.actions": ["DeclareLaunchArgument", "ExecuteProcess"],
+        "launch.conditions": ["IfCondition"],
+        "launch.substitutions": ["LaunchConfiguration"],
+    }
+    for name, classes in names.items():
+        module = ModuleType(name)
+        for each in classes:
+            setattr(module, each, type(each, (Launched,), {}))
+        monkeypatch.setitem(sys.modules, name, module)
+    path = PACKAGED.parents[1] / "launch" / "tral.launch.py"
+    (actions,) = runpy.run_path(str(path))["generate_launch_description"]().given
+    declared = {each.given[0]: each.named["default_value"] for each in actions if "default_value" in each.named}
+    assert Path(declared["params_file"]).is_file()
+    started = [each.named["cmd"] for each in actions if "cmd" in each.named]
+    assert [command[2] for command in started] == ["car", "fsm", "camera"]
+    for _, group, node, *options in started:
+        known = {name for each in nodes_of(group)[node].params for name in each.opts}
+        assert {each for each in options if isinstance(each, str)} <= known
+        assert {each.given[0] for each in options if isinstance(each, Launched)} <= set(declared)
+
+
+def nodes_of(group: str) -> dict[str, Any]:
+    found: Any = typer.main.get_command(app)
+    return dict(found.commands[group].commands)
 
 
 def test_a_namespace_that_is_none_is_refused() -> None:
