@@ -123,3 +123,16 @@ def test_joints_of_another_node_are_passed_over(others: JointState) -> None:
     heard = MessageReadings()
     heard.hear(others)
     assert heard.readings(NOW_NS) == {}
+
+
+def test_a_new_range_is_told_after_a_late_tick_and_an_old_one_is_not() -> None:
+    messages = ReadingMessages()
+
+    def told(age_s: float, after_s: float) -> int:
+        readings = {"ultrasonic_left": 1.0, "ultrasonic_left_age": age_s}
+        return sum(each.topic == topics.RANGES["left"] for each in messages.of(readings, NOW_NS + round(after_s * 1e9)))
+
+    assert told(0.06, 0.0) == 1
+    assert told(0.0725, 0.0125) == 0
+    assert told(0.095, 0.1) == 1  # fired 0.065 s after the first one
+    assert told(0.2, 0.21) == 0  # the same, told 5 ms late

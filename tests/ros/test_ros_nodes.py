@@ -201,6 +201,24 @@ def test_who_needs_the_camera_stops_the_car_when_it_falls_silent(probe: Node) ->
     fsm.node.close()
 
 
+def test_a_policy_begins_anew_also_when_the_car_is_armed_again_at_once(probe: Node) -> None:
+    begun: list[int] = []
+
+    class Counts:
+        def reset(self, n: int) -> None:
+            begun.append(n)
+
+    fsm = FsmNode(Counts())
+    armed = probe.publisher(topics.ARMED, Bool, LATCHED)
+    until(lambda: armed.listeners)
+    armed.publish(Bool(True))
+    until(lambda: fsm.spin(0.0) or begun)
+    for told in (False, True):
+        armed.publish(Bool(told))
+    until(lambda: fsm.spin(0.1) or len(begun) == 2)
+    fsm.node.close()
+
+
 @pytest.mark.parametrize("text", ["233", "-1", "one"])
 def test_a_domain_that_is_none_is_refused(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", text)
