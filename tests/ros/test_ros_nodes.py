@@ -49,6 +49,12 @@ class Running:
         self._thread.join()
 
 
+def after(does: Callable[[], None], told: Callable[[], Any]) -> Any:
+    """What is told once something was done."""
+    does()
+    return told()
+
+
 def until(what: Callable[[], Any]) -> Any:
     end_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < end_s:
@@ -127,12 +133,12 @@ class Clockless:
             if speed is not None:
                 taken = gate.taken
                 self.command.publish(AckermannDriveStamped(drive=AckermannDrive(speed=speed)))
-                until(lambda: self.node._hear_commands() or not gate.armed or gate.taken > taken)  # noqa: B023
+                until(lambda: after(self.node._hear_commands, lambda: not gate.armed or gate.taken > taken))  # noqa: B023
             self.node.spin()
 
     def ask(self, arm: bool) -> None:
         self.arm.publish(Bool(arm))
-        until(lambda: self.node.spin() or self.node.gate.armed == arm)
+        until(lambda: after(self.node.spin, lambda: self.node.gate.armed == arm))
 
     @property
     def speed(self) -> float:
@@ -152,7 +158,7 @@ def test_a_car_drives_by_speed_stops_without_commands_and_stays_until_it_is_arme
     car.ask(True)
     car.spin(120, speed=0.8)
     assert car.speed > 0.3
-    until(lambda: car.node.spin() or not car.node.gate.armed)
+    until(lambda: after(car.node.spin, lambda: not car.node.gate.armed))
     assert car.node.gate.why == "no command for 0.15 s"
     car.spin(160, speed=0.8)
     assert car.speed == pytest.approx(0.0, abs=0.05)
@@ -166,7 +172,7 @@ def test_a_car_that_is_armed_again_goes_on_from_where_it_was_stopped(car: Clockl
     car.ask(True)
     car.spin(120, speed=0.8)
     car.ask(False)
-    until(lambda: car.node.spin() or car.speed == pytest.approx(0.0, abs=0.01))
+    until(lambda: after(car.node.spin, lambda: car.speed == pytest.approx(0.0, abs=0.01)))
     before = car.node._reckoning.x
     car.ask(True)
     assert before > 0.1
@@ -178,7 +184,7 @@ def test_a_seed_that_is_none_stops_the_car_and_the_node_goes_on(car: Clockless, 
     until(lambda: reset.listeners)
     car.ask(True)
     reset.publish(Int64(-1))
-    until(lambda: car.node.spin() or not car.node.gate.armed)
+    until(lambda: after(car.node.spin, lambda: not car.node.gate.armed))
     assert car.node.gate.why == "reset"
     car.spin(2)
 
@@ -212,10 +218,10 @@ def test_a_policy_begins_anew_also_when_the_car_is_armed_again_at_once(probe: No
     armed = probe.publisher(topics.ARMED, Bool, LATCHED)
     until(lambda: armed.listeners)
     armed.publish(Bool(True))
-    until(lambda: fsm.spin(0.0) or begun)
+    until(lambda: after(lambda: fsm.spin(0.0), lambda: begun))
     for told in (False, True):
         armed.publish(Bool(told))
-    until(lambda: fsm.spin(0.1) or len(begun) == 2)
+    until(lambda: after(lambda: fsm.spin(0.1), lambda: len(begun) == 2))
     fsm.node.close()
 
 

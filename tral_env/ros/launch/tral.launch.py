@@ -1,4 +1,4 @@
-"""Start the nodes `car`, `camera` and `fsm` from a ROS 2 launch system: `ros2 launch PATH/tral.launch.py policy:=wall`."""
+"""Start the nodes `car`, `camera` and `fsm`: `ros2 launch PATH/tral.launch.py policy:=wall`."""
 
 from pathlib import Path
 
