@@ -189,6 +189,31 @@ def test_a_seed_that_is_none_stops_the_car_and_the_node_goes_on(car: Clockless, 
     car.spin(2)
 
 
+def test_one_message_does_not_arm_two_cars_of_one_name(car: Clockless) -> None:
+    other = CarNode(body(), CarOptions(use_sim_time=True))
+    other._begin()
+    until(lambda: car.node._cars.alive == other._cars.alive == 2)
+    car.arm.publish(Bool(True))
+    until(lambda: after(car.node.spin, lambda: "two nodes are /car" in car.node.gate.why))
+    until(lambda: after(other.spin, lambda: "two nodes are /car" in other.gate.why))
+    assert not car.node.gate.armed
+    assert not other.gate.armed
+    other.close()
+    until(lambda: car.node._cars.alive == 1)
+    car.ask(True)
+
+
+def test_a_simulated_car_that_rests_keeps_to_the_clock_also_in_lock_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    slept: list[float] = []
+    monkeypatch.setattr("tral_fsm.programs.ros.simulation.time.sleep", slept.append)
+    resting = body()
+    resting.step(0.0, 0.3)
+    assert slept == []
+    resting.rest()
+    assert slept == [1 / 80]
+    resting.close()
+
+
 def test_a_message_stops_the_car(car: Clockless) -> None:
     car.ask(True)
     car.spin(60, speed=0.8)

@@ -33,7 +33,7 @@ from tral_env.ros.msg.std import (
 from tral_env.ros.msg.vision import Detection3DArray, MarkerArray
 from tral_env.ros.node import ERROR, WARN, Node, Publisher
 from tral_env.ros.odometry import DeadReckoning
-from tral_env.ros.qos import ANY_COMMAND, CLOCK, LATCHED, SEEN, SENSOR_DATA, STATE, Profile
+from tral_env.ros.qos import ANY_COMMAND, CLOCK, LATCHED, SEEN, SENSOR_DATA, STATE, WHO, Profile
 from tral_env.ros.readings import ReadingMessages
 from tral_env.ros.times import seconds_ns, stamp
 
@@ -59,7 +59,7 @@ PUBLISHED: dict[str, tuple[type[IdlStruct], Profile]] = {
     topics.DESCRIPTION: (String, LATCHED),
     topics.COURSE: (MarkerArray, LATCHED),
     topics.RESULT: (String, LATCHED),
-    topics.ARMED: (Bool, LATCHED),
+    topics.ARMED: (Bool, WHO),
 }
 """Topic -> type and profile; one is opened when its first message is told."""
 
@@ -95,6 +95,7 @@ class CarNode:
             (hear(topics.THROTTLE_COMMAND, AckermannDriveStamped, ANY_COMMAND, wakes=True), True),
         )
         self._arms = hear(topics.ARM, Bool, STATE, wakes=True)
+        self._cars = hear(topics.ARMED, Bool, LATCHED)
         self._resets = hear(topics.RESET, Int64, STATE, wakes=True)
         self._diagnostics = self.node.publisher(topics.DIAGNOSTICS, DiagnosticArray, STATE)
         self._clock = self.node.publisher(topics.CLOCK, Clock, CLOCK) if self.options.use_sim_time else None
@@ -199,6 +200,9 @@ class CarNode:
 
     def _arm(self) -> None:
         try:
+            if self._cars.alive > 1:
+                name = self.node.full_name
+                raise HardwareError(f"two nodes are {name}: end one, or give each car a --namespace of its own")
             self._tick = self.body.arm()
         except HardwareError as error:
             self.gate.why = str(error)

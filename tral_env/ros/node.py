@@ -95,6 +95,11 @@ class Subscription(Generic[M]):
         return len(self._reader.get_matched_publications())
 
     @property
+    def alive(self) -> int:
+        """Number of publishers that it hears now and whose process lives."""
+        return int(self._reader.get_liveliness_changed_status().alive_count)
+
+    @property
     def is_dead(self) -> bool:
         """Whether the processes of all its publishers are dead or cut off; one that left in order is not among them."""
         status = self._reader.get_liveliness_changed_status()
