@@ -189,6 +189,16 @@ def test_a_seed_that_is_none_stops_the_car_and_the_node_goes_on(car: Clockless, 
     car.spin(2)
 
 
+def test_a_node_tells_on_the_terminal_too_why_the_car_stands(car: Clockless, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    car.ask(True)
+    car.ask(False)
+    assert [(each.name, each.message) for each in caplog.records] == [
+        ("tral.ros.car", "armed"),
+        ("tral.ros.car", "stopped: stopped by a message on the topic arm"),
+    ]
+
+
 def test_one_message_does_not_arm_two_cars_of_one_name(car: Clockless) -> None:
     other = CarNode(body(), CarOptions(use_sim_time=True))
     other._begin()

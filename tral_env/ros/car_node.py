@@ -141,6 +141,8 @@ class CarNode:
         self._tell_latched()
         if self.options.arm:
             self._arm()
+        else:
+            self.node.log(f"waits until true comes on {self.node.resolve(topics.ARM)}")
         self._tick = self.body.rest()
         self._tell()
 

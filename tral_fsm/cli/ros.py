@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 import threading
 from pathlib import Path
@@ -76,6 +77,8 @@ def _require_dds() -> None:
 
 
 def _until_stopped() -> threading.Event:
+    """An event that a signal sets; until then the nodes tell on stderr what they tell on /rosout."""
+    logging.basicConfig(level=logging.INFO, format="[%(levelname)s] [%(name)s]: %(message)s")
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
