@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tral_env.interface import CORE_FIELDS, MAX_AGE_S, NO_ECHO_M, Layout
 from tral_env.ros import topics
-from tral_env.ros.msg.sensor import Range
+from tral_env.ros.msg.sensor import JointState, Range
 from tral_env.ros.msg.vision import Detection3DArray
 from tral_env.ros.readings import MessageReadings, ReadingMessages, detections_of, yaw_of, yaw_quaternion
 from tral_env.ros.times import nanoseconds, stamp
@@ -102,3 +102,37 @@ def _header(time_ns: int):  # type: ignore[no-untyped-def]
     from tral_env.ros.msg.std import Header
 
     return Header(stamp(time_ns), "ultrasonic_left")
+
+
+@pytest.mark.parametrize(("told", "heard_m"), [(math.inf, NO_ECHO_M), (-math.inf, 0.03), (math.nan, 1.0), (0.5, 0.5)])
+def test_a_range_that_is_no_number_is_heard_as_rep_117_means_it(told: float, heard_m: float) -> None:
+    heard = MessageReadings()
+    heard.hear(Range(header=_header(NOW_NS), range=1.0))
+    heard.hear(Range(header=_header(NOW_NS + 1), min_range=0.03, range=told))
+    assert heard.readings(NOW_NS)["ultrasonic_left"] == heard_m
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        JointState(name=["gripper"], position=[1.0], velocity=[1.0]),
+        JointState(name=[topics.HALL_WHEEL], position=[0.0]),
+    ],
+)
+def test_joints_of_another_node_are_passed_over(others: JointState) -> None:
+    heard = MessageReadings()
+    heard.hear(others)
+    assert heard.readings(NOW_NS) == {}
+
+
+def test_a_new_range_is_told_after_a_late_tick_and_an_old_one_is_not() -> None:
+    messages = ReadingMessages()
+
+    def told(age_s: float, after_s: float) -> int:
+        readings = {"ultrasonic_left": 1.0, "ultrasonic_left_age": age_s}
+        return sum(each.topic == topics.RANGES["left"] for each in messages.of(readings, NOW_NS + round(after_s * 1e9)))
+
+    assert told(0.06, 0.0) == 1
+    assert told(0.0725, 0.0125) == 0
+    assert told(0.095, 0.1) == 1  # fired 0.065 s after the first one
+    assert told(0.2, 0.21) == 0  # the same, told 5 ms late

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import runpy
+import sys
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
+import typer
 from typer.testing import CliRunner
 
 from tral_env.errors import BadFileError, ConfigError
 from tral_env.ros.parameters import read_parameters
 from tral_fsm.cli import app
 from tral_fsm.cli.console import BAD_USAGE
-from tral_fsm.programs.ros.nodes import Asked
+from tral_fsm.programs.ros.nodes import Asked, car_node, has_images
 
 PACKAGED = Path(__file__).parents[2] / "tral_env/ros/config/tral.yaml"
 
@@ -63,7 +67,77 @@ def test_the_packaged_parameters_are_those_of_the_commands(node: str, tmp_path: 
         assert name in result.stderr
 
 
+class Launched:
+    """Stands in for the classes of `launch`: keeps what it is given."""
+
+    def __init__(self, *given: Any, **named: Any) -> None:
+        self.given, self.named = given, named
+
+
+def test_the_launch_file_starts_commands_that_there_are_with_a_file_that_there_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    names = {
+        "launch": ["LaunchDescription"],
+        "launch.actions": ["DeclareLaunchArgument", "ExecuteProcess"],
+        "launch.conditions": ["IfCondition"],
+        "launch.substitutions": ["LaunchConfiguration"],
+    }
+    for name, classes in names.items():
+        module = ModuleType(name)
+        for each in classes:
+            setattr(module, each, type(each, (Launched,), {}))
+        monkeypatch.setitem(sys.modules, name, module)
+    path = PACKAGED.parents[1] / "launch" / "tral.launch.py"
+    (actions,) = runpy.run_path(str(path))["generate_launch_description"]().given
+    declared = {each.given[0]: each.named["default_value"] for each in actions if "default_value" in each.named}
+    assert Path(declared["params_file"]).is_file()
+    started = [each.named["cmd"] for each in actions if "cmd" in each.named]
+    assert [command[2] for command in started] == ["car", "fsm", "camera"]
+    for _, group, node, *options in started:
+        known = {name for each in nodes_of(group)[node].params for name in each.opts}
+        assert {each for each in options if isinstance(each, str)} <= known
+        assert {each.given[0] for each in options if isinstance(each, Launched)} <= set(declared)
+
+
+def nodes_of(group: str) -> dict[str, Any]:
+    found: Any = typer.main.get_command(app)
+    return dict(found.commands[group].commands)
+
+
 def test_a_namespace_that_is_none_is_refused() -> None:
     result = tral("fsm", "--policy", "wall", "--namespace", "/car 1")
     assert result.exit_code == BAD_USAGE
     assert "namespace" in result.stderr
+
+
+CAMERA = '[camera]\ndevice = "/dev/no-such-camera"\n'
+
+
+def car_file(folder: Path, text: str) -> str:
+    path = folder / "car.toml"
+    assert CliRunner().invoke(app, ["car", "init", str(path), "--board", "log"]).exit_code == 0
+    path.write_text(path.read_text().partition("[camera]")[0] + text)
+    return str(path)
+
+
+def test_the_node_car_leaves_the_camera_of_the_car_file_to_the_node_camera(tmp_path: Path) -> None:
+    asked = Asked(backend="car", config=car_file(tmp_path, CAMERA + 'lens = "default"\n'), dry=True)
+    assert has_images(asked)
+    node = car_node(asked)
+    node.body.rest()
+    node.close()
+
+
+def test_a_camera_without_a_lens_stays_off(tmp_path: Path) -> None:
+    assert not has_images(Asked(backend="car", config=car_file(tmp_path, CAMERA), dry=True))
+
+
+@pytest.mark.parametrize("options", [("--policy", "no_such_policy"), ("--policy", "wall", "--namespace", "/car 1")])
+def test_no_car_is_opened_when_another_option_is_wrong(
+    options: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[object] = []
+    monkeypatch.setattr("tral_fsm.programs.ros.nodes._body", opened.append)
+    assert tral("up", *options).exit_code == BAD_USAGE
+    assert opened == []

@@ -116,3 +116,23 @@ def test_a_command_that_is_no_number_stops_the_car(speed: float) -> None:
 def test_a_time_that_is_none_is_refused(seconds: float) -> None:
     with pytest.raises(ConfigError, match="timeout_s"):
         CommandLimits(timeout_s=seconds)
+
+
+def test_a_command_of_a_clock_that_is_ahead_is_no_command() -> None:
+    gate = armed()
+    gate.hear(command(age_s=-5.0), 0.0, NOW_NS)
+    assert gate.late == 1
+    assert gate.command(0.0, 0.0) == (0.0, 0.0)
+
+
+def test_a_command_without_a_stamp_answers_what_was_told_until_it_came() -> None:
+    gate = armed()
+    gate.hear(command(age_s=NOW_NS / 1e9), 0.0, NOW_NS)
+    assert gate.answers_ns == NOW_NS
+
+
+def test_who_sends_by_a_wrong_clock_is_told_so() -> None:
+    gate = armed()
+    gate.hear(command(age_s=3.0), 0.0, NOW_NS)
+    assert gate.command(0.0, 2.1) is None
+    assert gate.why == "no command for 2 s after arming; 1 came with stamps over 0.15 s off: compare both clocks"

@@ -21,7 +21,7 @@ from tral_env.ros.commands import CommandLimits
 from tral_env.ros.definition import type_hash
 from tral_env.ros.msg.graph import ParticipantEntitiesInfo
 from tral_env.ros.msg.sensor import AckermannDrive, AckermannDriveStamped, Odometry
-from tral_env.ros.msg.std import Bool, String
+from tral_env.ros.msg.std import Bool, Int64, String
 from tral_env.ros.node import Node, check_namespace, domain_id
 from tral_env.ros.qos import COMMAND, LATCHED, STATE, Profile
 from tral_fsm import load_policy
@@ -47,6 +47,12 @@ class Running:
     def end(self) -> None:
         self._ended.set()
         self._thread.join()
+
+
+def after(does: Callable[[], None], told: Callable[[], Any]) -> Any:
+    """What is told once something was done."""
+    does()
+    return told()
 
 
 def until(what: Callable[[], Any]) -> Any:
@@ -127,12 +133,12 @@ class Clockless:
             if speed is not None:
                 taken = gate.taken
                 self.command.publish(AckermannDriveStamped(drive=AckermannDrive(speed=speed)))
-                until(lambda: self.node._hear_commands() or not gate.armed or gate.taken > taken)  # noqa: B023
+                until(lambda: after(self.node._hear_commands, lambda: not gate.armed or gate.taken > taken))  # noqa: B023
             self.node.spin()
 
     def ask(self, arm: bool) -> None:
         self.arm.publish(Bool(arm))
-        until(lambda: self.node.spin() or self.node.gate.armed == arm)
+        until(lambda: after(self.node.spin, lambda: self.node.gate.armed == arm))
 
     @property
     def speed(self) -> float:
@@ -152,7 +158,7 @@ def test_a_car_drives_by_speed_stops_without_commands_and_stays_until_it_is_arme
     car.ask(True)
     car.spin(120, speed=0.8)
     assert car.speed > 0.3
-    until(lambda: car.node.spin() or not car.node.gate.armed)
+    until(lambda: after(car.node.spin, lambda: not car.node.gate.armed))
     assert car.node.gate.why == "no command for 0.15 s"
     car.spin(160, speed=0.8)
     assert car.speed == pytest.approx(0.0, abs=0.05)
@@ -160,6 +166,62 @@ def test_a_car_drives_by_speed_stops_without_commands_and_stays_until_it_is_arme
     car.ask(True)
     car.spin(120, speed=0.8)
     assert car.speed > 0.3
+
+
+def test_a_car_that_is_armed_again_goes_on_from_where_it_was_stopped(car: Clockless) -> None:
+    car.ask(True)
+    car.spin(120, speed=0.8)
+    car.ask(False)
+    until(lambda: after(car.node.spin, lambda: car.speed == pytest.approx(0.0, abs=0.01)))
+    before = car.node._reckoning.x
+    car.ask(True)
+    assert before > 0.1
+    assert car.node._reckoning.x == pytest.approx(before, abs=0.05)
+
+
+def test_a_seed_that_is_none_stops_the_car_and_the_node_goes_on(car: Clockless, probe: Node) -> None:
+    reset = probe.publisher(topics.RESET, Int64, STATE)
+    until(lambda: reset.listeners)
+    car.ask(True)
+    reset.publish(Int64(-1))
+    until(lambda: after(car.node.spin, lambda: not car.node.gate.armed))
+    assert car.node.gate.why == "reset"
+    car.spin(2)
+
+
+def test_a_node_tells_on_the_terminal_too_why_the_car_stands(car: Clockless, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    car.ask(True)
+    car.ask(False)
+    assert [(each.name, each.message) for each in caplog.records] == [
+        ("tral.ros.car", "armed"),
+        ("tral.ros.car", "stopped: stopped by a message on the topic arm"),
+    ]
+
+
+def test_one_message_does_not_arm_two_cars_of_one_name(car: Clockless) -> None:
+    other = CarNode(body(), CarOptions(use_sim_time=True))
+    other._begin()
+    until(lambda: car.node._cars.alive == other._cars.alive == 2)
+    car.arm.publish(Bool(True))
+    until(lambda: after(car.node.spin, lambda: "two nodes are /car" in car.node.gate.why))
+    until(lambda: after(other.spin, lambda: "two nodes are /car" in other.gate.why))
+    assert not car.node.gate.armed
+    assert not other.gate.armed
+    other.close()
+    until(lambda: car.node._cars.alive == 1)
+    car.ask(True)
+
+
+def test_a_simulated_car_that_rests_keeps_to_the_clock_also_in_lock_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    slept: list[float] = []
+    monkeypatch.setattr("tral_fsm.programs.ros.simulation.time.sleep", slept.append)
+    resting = body()
+    resting.step(0.0, 0.3)
+    assert slept == []
+    resting.rest()
+    assert slept == [1 / 80]
+    resting.close()
 
 
 def test_a_message_stops_the_car(car: Clockless) -> None:
@@ -177,6 +239,24 @@ def test_who_needs_the_camera_stops_the_car_when_it_falls_silent(probe: Node) ->
     fsm.spin(0.0)
     assert until(arm.take)[0].data is False
     assert not fsm.armed
+    fsm.node.close()
+
+
+def test_a_policy_begins_anew_also_when_the_car_is_armed_again_at_once(probe: Node) -> None:
+    begun: list[int] = []
+
+    class Counts:
+        def reset(self, n: int) -> None:
+            begun.append(n)
+
+    fsm = FsmNode(Counts())
+    armed = probe.publisher(topics.ARMED, Bool, LATCHED)
+    until(lambda: armed.listeners)
+    armed.publish(Bool(True))
+    until(lambda: after(lambda: fsm.spin(0.0), lambda: begun))
+    for told in (False, True):
+        armed.publish(Bool(told))
+    until(lambda: after(lambda: fsm.spin(0.1), lambda: len(begun) == 2))
     fsm.node.close()
 
 

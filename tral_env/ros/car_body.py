@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.errors import HardwareError
 from tral_env.hardware.env import TralCarEnv
 from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT
 from tral_env.ros.body import Tick
@@ -67,7 +66,7 @@ class CarBody:
                     self._started = True
                     sensors.start()
                 readings = sensors.read(self._clock())
-            except HardwareError:
+            except OSError:  # of a driver, or a HardwareError, which is one too
                 readings = {}
         self._sleep(max(began_s + CONTROL_PERIOD_S - self._clock(), 0.0))
         return Tick({**readings, "steering": 0.0, "throttle": 0.0})

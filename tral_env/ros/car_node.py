@@ -33,7 +33,7 @@ from tral_env.ros.msg.std import (
 from tral_env.ros.msg.vision import Detection3DArray, MarkerArray
 from tral_env.ros.node import ERROR, WARN, Node, Publisher
 from tral_env.ros.odometry import DeadReckoning
-from tral_env.ros.qos import ANY_COMMAND, CLOCK, LATCHED, SEEN, SENSOR_DATA, STATE, Profile
+from tral_env.ros.qos import ANY_COMMAND, CLOCK, LATCHED, SEEN, SENSOR_DATA, STATE, WHO, Profile
 from tral_env.ros.readings import ReadingMessages
 from tral_env.ros.times import seconds_ns, stamp
 
@@ -59,7 +59,7 @@ PUBLISHED: dict[str, tuple[type[IdlStruct], Profile]] = {
     topics.DESCRIPTION: (String, LATCHED),
     topics.COURSE: (MarkerArray, LATCHED),
     topics.RESULT: (String, LATCHED),
-    topics.ARMED: (Bool, LATCHED),
+    topics.ARMED: (Bool, WHO),
 }
 """Topic -> type and profile; one is opened when its first message is told."""
 
@@ -95,6 +95,7 @@ class CarNode:
             (hear(topics.THROTTLE_COMMAND, AckermannDriveStamped, ANY_COMMAND, wakes=True), True),
         )
         self._arms = hear(topics.ARM, Bool, STATE, wakes=True)
+        self._cars = hear(topics.ARMED, Bool, LATCHED)
         self._resets = hear(topics.RESET, Int64, STATE, wakes=True)
         self._diagnostics = self.node.publisher(topics.DIAGNOSTICS, DiagnosticArray, STATE)
         self._clock = self.node.publisher(topics.CLOCK, Clock, CLOCK) if self.options.use_sim_time else None
@@ -102,7 +103,9 @@ class CarNode:
         self._now_ns, self._told_s, self._began_s = 0, -_DIAGNOSTICS_S, 0.0
         self._drives = False
         """Whether the body is armed."""
-        self.late_ticks = self.ticks = 0
+        self._over = False
+        """Whether the drive is over: the next one begins at the start. Else a car goes on where it was stopped."""
+        self.ticks = 0
 
     def run(self, ended: threading.Event) -> None:
         """Drive until the event is set; the car stops at the end."""
@@ -123,7 +126,8 @@ class CarNode:
             self._stop_body()
             self._tick = self.body.rest()
         self.ticks += 1
-        if self._tick.over and self.gate.armed:
+        if self._tick.over:
+            self._over = True
             self._disarm(self._tick.over)
         self._tell()
 
@@ -137,6 +141,8 @@ class CarNode:
         self._tell_latched()
         if self.options.arm:
             self._arm()
+        else:
+            self.node.log(f"waits until true comes on {self.node.resolve(topics.ARM)}")
         self._tick = self.body.rest()
         self._tell()
 
@@ -179,6 +185,10 @@ class CarNode:
     def _hear_orders(self) -> None:
         for message in self._resets.take():
             self._disarm("reset")
+            if message.data < 0:
+                self.node.log(f"not reset: the seed {message.data} is below 0", ERROR)
+                continue
+            self._over = False
             self.body.reset(message.data)
             self._messages.reset()
             self._reckoning.reset()
@@ -192,6 +202,9 @@ class CarNode:
 
     def _arm(self) -> None:
         try:
+            if self._cars.alive > 1:
+                name = self.node.full_name
+                raise HardwareError(f"two nodes are {name}: end one, or give each car a --namespace of its own")
             self._tick = self.body.arm()
         except HardwareError as error:
             self.gate.why = str(error)
@@ -200,9 +213,10 @@ class CarNode:
             return
         for subscription, _ in self._commands:
             subscription.take()  # what was sent before is no command
-        self._reckoning.reset()
+        if self._over:
+            self._reckoning.reset()
         self._messages.reset()
-        self._drives = True
+        self._drives, self._over = True, False
         self._now_ns = self._time_ns()
         self.gate.arm(self._now_s())
         self._tell_armed()
@@ -227,7 +241,7 @@ class CarNode:
         self._drives = False
         try:
             self.body.stop()
-        except HardwareError as error:  # the actuator's process stops the car by itself then
+        except OSError as error:  # also a HardwareError; the actuator's process stops the car by itself then
             self.gate.why = str(error)
             self.node.log(f"the stop could not be commanded: {error}", ERROR)
 

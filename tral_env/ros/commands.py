@@ -60,7 +60,8 @@ class Received(NamedTuple):
 class CommandGate:
     """Lets commands through while the car is armed. What stops it latches: only `arm` undoes it.
 
-    - No new command for `timeout_s`, or only commands whose stamps are older than that.
+    - No new command for `timeout_s`, or only commands whose stamps are older than that, or as far in the future: the
+      age of a command by a wrong clock is not known.
     - Commands of two publishers.
     - A command that is no finite number.
     - `disarm`.
@@ -83,11 +84,13 @@ class CommandGate:
         self._source: int | None = None
         self._last: Received | None = None
         self._came_s = self._armed_s = 0.0
+        self._refused = 0
+        """Number of commands with a stamp that is refused, since the last good one."""
 
     def arm(self, now_s: float) -> None:
         """Take commands from now on; older ones are forgotten."""
         self.armed, self.why = True, ""
-        self._source, self._last, self._armed_s = None, None, now_s
+        self._source, self._last, self._armed_s, self._refused = None, None, now_s, 0
         self._regulator = SpeedRegulator()
 
     def disarm(self, why: str) -> None:
@@ -95,6 +98,12 @@ class CommandGate:
         if self.armed:
             self.armed, self.why = False, why
         self._last = None
+
+    def _disarm_silent(self, time: str) -> None:
+        why = f"no command for {time}"
+        if self._refused:
+            why += f"; {self._refused} came with stamps over {self.limits.timeout_s:g} s off: compare both clocks"
+        self.disarm(why)
 
     def hear(self, received: Received, now_s: float, now_ns: int) -> None:
         """Take a command.
@@ -112,11 +121,13 @@ class CommandGate:
         if self._source is not None and received.source != self._source:
             return self.disarm("two publishers send commands: end one of them")
         self._source = received.source
-        if stamp_ns and now_ns - stamp_ns > self.limits.timeout_s * 1e9:
+        if stamp_ns and abs(now_ns - stamp_ns) > self.limits.timeout_s * 1e9:
             self.late += 1
+            self._refused += 1
             return None
         self.taken += 1
-        self.answers_ns = stamp_ns
+        self._refused = 0
+        self.answers_ns = stamp_ns or now_ns
         self._last, self._came_s = received, now_s
         return None
 
@@ -131,11 +142,11 @@ class CommandGate:
             return None
         if self._last is None:
             if now_s - self._armed_s > self.limits.patience_s:
-                self.disarm(f"no command for {self.limits.patience_s:g} s after arming")
+                self._disarm_silent(f"{self.limits.patience_s:g} s after arming")
                 return None
             return 0.0, 0.0
         if now_s - self._came_s > self.limits.timeout_s:
-            self.disarm(f"no command for {self.limits.timeout_s:g} s")
+            self._disarm_silent(f"{self.limits.timeout_s:g} s")
             return None
         drive = self._last.message.drive
         if self._last.open_loop:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import threading
@@ -93,6 +94,11 @@ class Subscription(Generic[M]):
     def publishers(self) -> int:
         """Number of publishers that it hears now."""
         return len(self._reader.get_matched_publications())
+
+    @property
+    def alive(self) -> int:
+        """Number of publishers that it hears now and whose process lives."""
+        return int(self._reader.get_liveliness_changed_status().alive_count)
 
     @property
     def is_dead(self) -> bool:
@@ -202,10 +208,10 @@ class Node:
         return self._sim_ns
 
     def log(self, text: str, level: int = INFO) -> None:
-        """Tell something on /rosout."""
-        self._log.publish(
-            Log(stamp=stamp(self.now_ns()), level=level, name=self.full_name.strip("/").replace("/", "."), msg=text)
-        )
+        """Tell something on /rosout, and to the logger of Python of this name, whose levels are the same."""
+        name = self.full_name.strip("/").replace("/", ".")
+        self._log.publish(Log(stamp=stamp(self.now_ns()), level=level, name=name, msg=text))
+        logging.getLogger(f"tral.ros.{name}").log(level, text)
 
     def close(self) -> None:
         """Leave the domain: others know it at once."""

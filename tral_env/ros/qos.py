@@ -58,6 +58,8 @@ STATE = Profile(depth=10)
 """What comes with each tick and what a user's tool may ask for reliably: odometry, joints, transforms."""
 LATCHED = Profile(latched=True)
 """What seldom changes: the model of the car, the static transforms, the course, the active state."""
+WHO = Profile(latched=True, lease_s=1.0)
+"""Whether the car takes commands: others must know how many cars there are."""
 COMMAND = Profile(depth=1, deadline_s=0.1, lease_s=0.1)
 """Commands: the last one counts, and one comes at least this often."""
 ANY_COMMAND = Profile(depth=1)

@@ -39,6 +39,8 @@ def yaw_of(turn: Quaternion) -> float:
 
 
 _LOOKS_NS = seconds_ns(1.0 / CameraConfig.rate_hz)
+_YOUNGER_NS = seconds_ns(0.02)
+"""Less may be the time between reading and telling. Source: choice, below the 0.033 s between two images."""
 
 
 class Told(NamedTuple):
@@ -54,11 +56,13 @@ class ReadingMessages:
     def __init__(self) -> None:
         """Nothing told yet."""
         self._ages_s: dict[str, float] = {}
+        self._since_ns: dict[str, int] = {}
         self._seen_ns = 0
 
     def reset(self) -> None:
         """Forget what was told: a new drive."""
         self._ages_s.clear()
+        self._since_ns.clear()
         self._seen_ns = 0
 
     def of(self, readings: Mapping[str, float], now_ns: int, *, sees: bool = True) -> list[Told]:
@@ -112,9 +116,18 @@ class ReadingMessages:
         return Detection3DArray(Header(exposed, topics.BASE), found)
 
     def _new(self, name: str, age_s: float, now_ns: int) -> int | None:
-        """Time of a reading, ns, if it is new: its age has not grown since the last tick; None: it is old."""
+        """Time of a reading, ns, if it is new; None: it is old.
+
+        It is new if its age has not grown since the last tick, or, after a late tick, if it is clearly younger than the
+        last one.
+        """
         before_s, self._ages_s[name] = self._ages_s.get(name, MAX_AGE_S), age_s
-        return None if age_s >= MAX_AGE_S or age_s > before_s else now_ns - seconds_ns(age_s)
+        since_ns = now_ns - seconds_ns(age_s)
+        grown = age_s > before_s and since_ns - self._since_ns.get(name, since_ns) < _YOUNGER_NS
+        if age_s >= MAX_AGE_S or grown:
+            return None
+        self._since_ns[name] = since_ns
+        return since_ns
 
 
 _SONAR = UltrasonicConfig()
@@ -199,9 +212,7 @@ class MessageReadings:
                 for detection in message.detections:
                     self._hear_detection(detection)
             case JointState():
-                at = list(message.name).index(topics.HALL_WHEEL)
-                self._values["distance"] = message.position[at] * WHEEL_RADIUS_M
-                self._values["speed"] = abs(message.velocity[at]) * WHEEL_RADIUS_M
+                self._hear_joints(message)
             case AckermannDriveStamped():
                 self._values["steering"] = steering_of(message.drive)
                 self._values["throttle"] = throttle_of(message.drive)
@@ -227,9 +238,19 @@ class MessageReadings:
         return self._values | ages
 
     def _hear_range(self, message: Range) -> None:
+        """REP 117: infinite: no echo; minus infinite: too close to measure; NaN: no measurement."""
         name = message.header.frame_id
-        if self._newer(name, message.header):
-            self._values[name] = message.range if math.isfinite(message.range) else NO_ECHO_M
+        if math.isnan(message.range) or not self._newer(name, message.header):
+            return
+        instead = {math.inf: NO_ECHO_M, -math.inf: message.min_range}
+        self._values[name] = instead.get(message.range, message.range)
+
+    def _hear_joints(self, message: JointState) -> None:
+        """Other nodes tell joints on this topic too, often without a rate: they are passed over."""
+        told = dict(zip(message.name, zip(message.position, message.velocity, strict=False), strict=False))
+        if topics.HALL_WHEEL in told:
+            angle, rate = told[topics.HALL_WHEEL]
+            self._values["distance"], self._values["speed"] = angle * WHEEL_RADIUS_M, abs(rate) * WHEEL_RADIUS_M
 
     def _hear_detection(self, detection: Detection3D) -> None:
         if not detection.results:

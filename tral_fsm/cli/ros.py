@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 import threading
 from pathlib import Path
@@ -76,6 +77,8 @@ def _require_dds() -> None:
 
 
 def _until_stopped() -> threading.Event:
+    """An event that a signal sets; until then the nodes tell on stderr what they tell on /rosout."""
+    logging.basicConfig(level=logging.INFO, format="[%(levelname)s] [%(name)s]: %(message)s")
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
@@ -158,10 +161,10 @@ def up(
     asked = _asked(locals())
     from tral_fsm.programs.ros.nodes import camera_node, car_node, fsm_node, has_images, run_all
 
-    nodes = [car_node(asked).run, fsm_node(asked).run]
+    others = [fsm_node(asked).run]
     if has_images(asked):
-        nodes.append(camera_node(asked).run)
-    run_all(nodes, _until_stopped())
+        others.append(camera_node(asked).run)
+    run_all([car_node(asked).run, *others], _until_stopped())  # the car last: it is opened when all else is in order
 
 
 @app.command("bag")

@@ -1,4 +1,6 @@
-"""Start the nodes `car`, `camera` and `fsm` from a ROS 2 launch system: `ros2 launch tral.launch.py policy:=wall`."""
+"""Start the nodes `car`, `camera` and `fsm`: `ros2 launch PATH/tral.launch.py policy:=wall`."""
+
+from pathlib import Path
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, ExecuteProcess
@@ -6,7 +8,7 @@ from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 
 ARGUMENTS = {
-    "params_file": "tral.yaml",
+    "params_file": str(Path(__file__).resolve().parents[1] / "config" / "tral.yaml"),
     "namespace": "",
     "backend": "simulation",
     "policy": "office",

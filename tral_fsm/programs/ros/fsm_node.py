@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from tral_env.errors import TralError
@@ -57,7 +57,7 @@ class FsmNode:
         self._seen_s: float | None = None
         """When the camera told something last, s; None: never in this drive."""
         self._odometry = node.subscription(topics.ODOMETRY, Odometry, STATE, wakes=True)
-        self._armed_topic = node.subscription(topics.ARMED, Bool, LATCHED, wakes=True)
+        self._armed_topic = node.subscription(topics.ARMED, Bool, replace(LATCHED, depth=10), wakes=True)
         self._command = node.publisher(topics.THROTTLE_COMMAND, AckermannDriveStamped, COMMAND)
         self._arm = node.publisher(topics.ARM, Bool, STATE)
         self._state = node.publisher(topics.STATE, String, LATCHED)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from tral_env.errors import ConfigError
 from tral_env.hardware.car_file import load_car
@@ -15,6 +15,7 @@ from tral_env.ros.car_body import FOR_EVER_S, CarBody
 from tral_env.ros.car_node import CarNode, CarOptions
 from tral_env.ros.commands import CommandLimits
 from tral_env.ros.images import CameraImages, Images, StreamImages
+from tral_env.ros.node import check_namespace, domain_id
 from tral_fsm.programs.ros.fsm_node import FsmNode, FsmOptions
 
 Spinning = Callable[[threading.Event], None]
@@ -46,7 +47,9 @@ class Asked:
     """Camera of the node `camera`: a number, a path or a URL; empty: that of the backend."""
 
     def __post_init__(self) -> None:
-        """Refuse what does not fit together."""
+        """Refuse what does not fit together, before a car is opened."""
+        check_namespace(self.namespace)
+        domain_id()
         simulated_time = self.use_sim_time or self.lock_step
         if simulated_time and self.backend != "simulation":
             raise ConfigError(f"use_sim_time: the backend '{self.backend}' lives in real time")
@@ -112,7 +115,8 @@ def fsm_node(asked: Asked) -> FsmNode:
 def has_images(asked: Asked) -> bool:
     """Whether the node `camera` has something to look at."""
     if asked.backend == "car":
-        return bool(asked.source) or load_car(asked.config).camera is not None
+        camera = load_car(asked.config).camera
+        return bool(asked.source) or (camera is not None and bool(camera.lens))
     return bool(asked.source) or asked.camera == "rendered"
 
 
@@ -146,9 +150,9 @@ def _body(asked: Asked) -> Body:
     if asked.backend == "car":
         from tral_env.hardware.env import TralCarEnv
 
-        car = load_car(asked.config)
+        # The node `camera` opens the camera, and a camera can be opened once.
+        car = replace(load_car(asked.config), camera=None)
         env = TralCarEnv(config=car, output="recorder" if asked.dry else None, max_duration_s=FOR_EVER_S)
-        # The node `camera` opens the camera; a car file that has one gives its readings to nobody else.
         return CarBody(env, car.name, sees=False)
     if asked.backend == "twin":
         from tral_env.twin.settings import TwinSettings

@@ -118,7 +118,10 @@ class SimulatedBody:
             self._pace()
             return self._tick
         rolls = self._tick.readings["speed"] > ROLLING_MPS
-        return self.step(0.0, -_STOP_BRAKE if rolls else 0.0)
+        tick = self.step(0.0, -_STOP_BRAKE if rolls else 0.0)
+        if not self._options.real_time:
+            time.sleep(CONTROL_PERIOD_S)  # no answer holds back the time of a car that is not armed
+        return tick
 
     def stop(self) -> None:
         """See `Body.stop`: from now on `rest` brakes."""
