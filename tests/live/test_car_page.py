@@ -102,3 +102,10 @@ def test_a_page_that_hangs_is_waited_for_by_nobody(car: Car) -> None:
     took = time.monotonic() - begun
     os.kill(process.pid, signal.SIGCONT)
     assert took < 20.0
+
+
+def test_what_cannot_be_sent_is_no_matter_of_the_drive(car: Car) -> None:
+    unsendable: Any = {"speed": lambda: 0.0}
+    for _ in range(8):
+        car.page.show(unsendable, (0.0, 0.0))
+    assert car.page.poll(0.0) == Hands()
