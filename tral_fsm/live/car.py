@@ -141,10 +141,10 @@ class CarView:
 
     def emergency_stop(self) -> None:
         """Ask the program that drives to stop the car."""
-        self._stopped = True
-        self._show(self.frame.cars[0])
         with suppress(OSError):
             self._line.send(STOP)
+            self._stopped = True
+        self._show(self.frame.cars[0])
 
 
 def main(arguments: list[str], annotate: Callable[[Any], Any] | None = None) -> None:
