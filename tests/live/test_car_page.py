@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import socket
 import time
@@ -16,7 +17,7 @@ from websockets.exceptions import ConnectionClosed
 
 from tral_env.interface import CORE_LAYOUT
 from tral_fsm import load_policy
-from tral_fsm.live.car import CarPage
+from tral_fsm.live.car import CarPage, CarView
 from tral_fsm.teleop.hands import Hands
 from tral_fsm.teleop.overseer import Overseer
 
@@ -102,3 +103,20 @@ def test_a_page_that_hangs_is_waited_for_by_nobody(car: Car) -> None:
     took = time.monotonic() - begun
     os.kill(process.pid, signal.SIGCONT)
     assert took < 20.0
+
+
+def test_what_cannot_be_sent_is_no_matter_of_the_drive(car: Car) -> None:
+    unsendable: Any = {"speed": lambda: 0.0}
+    for _ in range(8):
+        car.page.show(unsendable, (0.0, 0.0))
+    assert car.page.poll(0.0) == Hands()
+
+
+def test_a_stop_that_nobody_takes_is_not_told_as_asked_for() -> None:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    ours.send(pickle.dumps(None))
+    with theirs:
+        view = CarView(theirs)
+        ours.close()
+        view.emergency_stop()
+    assert view.frame.notice == ""

@@ -127,6 +127,15 @@ def test_a_course_that_does_not_exist_leaves_the_old_one(live: LiveDrive) -> Non
     assert live.frame.plan is before
 
 
+def test_a_seed_below_zero_leaves_the_old_one(live: LiveDrive) -> None:
+    before = live.frame.plan
+    live.order(lambda drive: drive.choose(seed=-1))
+    live.turn()
+    assert "seed -1" in live.frame.notice
+    assert live.course == COURSE
+    assert live.frame.plan is before
+
+
 def test_an_ultrasonic_that_was_taken_away_grows_old(live: LiveDrive) -> None:
     turns(live, 100)
     live.order(lambda drive: drive.lanes[0].silence("front", True))

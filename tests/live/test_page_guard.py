@@ -36,6 +36,10 @@ def test_a_page_of_another_site_and_a_wrong_token_are_refused(
     assert (refused in told) if refused else told == ""
 
 
+def test_an_address_of_ipv6_stands_in_brackets() -> None:
+    assert address("::1", 8080, None) == "http://[::1]:8080"
+
+
 def test_tokens_differ() -> None:
     assert len({new_token() for _ in range(20)}) == 20
     assert len(new_token()) >= 20

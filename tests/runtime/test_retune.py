@@ -11,6 +11,7 @@ from tral_env.errors import ConfigError, MachineError
 from tral_env.interface import CORE_LAYOUT
 from tral_fsm import FormatError, MachinePolicy, load_machine
 from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.runtime.driver import Driver
 from tral_fsm.tuning.listing import listing
 from tral_fsm.tuning.parameters import apply, find
 
@@ -112,3 +113,11 @@ def test_a_machine_that_cannot_run_is_refused_and_the_old_one_goes_on() -> None:
         policy.retune(machine.model_copy(update={"root": "nowhere"}))
     assert policy.definition is machine
     assert math.isfinite(policy.act(rows(3)[0])[0])
+
+
+def test_a_car_that_the_watch_has_stopped_stays_stopped() -> None:
+    machine = load_machine("wall")
+    driver = Driver(machine)
+    driver.watch.reason = "ultrasonic_right is silent"
+    driver.retune(apply(machine, find(machine, ["state[0].side"]), ["left"]))
+    assert driver.watch.reason == "ultrasonic_right is silent"

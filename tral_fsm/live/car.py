@@ -56,14 +56,22 @@ class CarPage:
                 [sys.executable, "-m", __name__, str(theirs.fileno()), host, str(port)],
                 pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, start_new_session=True,
             )  # fmt: skip
-        self._send(machine)
+        if not self._send(machine):
+            self._send(None)  # the page does without its drawing
 
     def _note(self, transit: Transit) -> None:
         self._transit = transit
 
-    def _send(self, what: object) -> None:
-        with suppress(OSError):  # it is busy, or gone
-            self._line.send(pickle.dumps(what))
+    def _send(self, what: object) -> bool:
+        """Send something if that can be done at once; whatever goes wrong here is no matter of the drive."""
+        try:
+            data = pickle.dumps(what)
+            if len(data) > _MAX_BYTES:
+                return False
+            self._line.send(data)
+        except (OSError, pickle.PicklingError, AttributeError, TypeError):  # it is busy or gone, or takes no such thing
+            return False
+        return True
 
     def poll(self, now_s: float) -> Hands:
         """Whether somebody pressed the stop in the page; see `Device.poll`."""
@@ -133,10 +141,10 @@ class CarView:
 
     def emergency_stop(self) -> None:
         """Ask the program that drives to stop the car."""
-        self._stopped = True
-        self._show(self.frame.cars[0])
         with suppress(OSError):
             self._line.send(STOP)
+            self._stopped = True
+        self._show(self.frame.cars[0])
 
 
 def main(arguments: list[str], annotate: Callable[[Any], Any] | None = None) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tral_env.checks import one_of
 from tral_env.course.plan import Plan
+from tral_env.errors import ConfigError
 from tral_env.se2 import Pose
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.estimation.estimate import CarEstimate
@@ -38,6 +39,8 @@ class Course:
         """Check the names."""
         check_families([self.scenario])
         one_of("camera", self.camera, get_args(Camera))
+        if self.seed < 0:
+            raise ConfigError(f"seed {self.seed}: expected 0 or more")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

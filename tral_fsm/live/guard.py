@@ -30,7 +30,8 @@ def new_token() -> str:
 
 def address(host: str, port: int, token: str | None) -> str:
     """What is typed into a browser."""
-    page = f"{socket.gethostname() if host in _ALL else host}:{port}"
+    name = socket.gethostname() if host in _ALL else host
+    page = f"[{name}]:{port}" if ":" in name else f"{name}:{port}"
     if token is None:
         return f"http://{page}"
     return f"http://{page}/?websocket={quote(f'ws://{page}/?token={token}', safe='')}"

@@ -64,7 +64,8 @@ class Driver:
         before = needed_readings(self.machine.definition, self._load)
         self.machine.retune(definition)
         if (needed := needed_readings(definition, self._load)) != before:
-            self.watch = Watch(needed)
+            reason, self.watch = self.watch.reason, Watch(needed)
+            self.watch.reason = reason
 
     def shadow(self, shadows: bool) -> None:
         """Leave the car to another one from now on, or drive it again.
