@@ -11,8 +11,10 @@ from toy import Toy, corner, one_car, straight
 from tral_env.errors import ConfigError
 from tral_env.interface import CORE_LAYOUT, check_readings
 from tral_fsm import Driver, load_machine, load_policy, machine_names
+from tral_fsm.control.speed import BRAKE
 from tral_fsm.definition.machine import needed_readings
 from tral_fsm.formats.library import by_name
+from tral_fsm.runtime.watch import Watch
 
 SIDES = {"ultrasonic_left", "ultrasonic_right"}
 HALL = {"distance", "speed"}
@@ -229,3 +231,11 @@ def test_a_car_with_1500_m_on_its_odometer_drives_as_one_with_0() -> None:
     gaps = [math.dist(a[:2], b[:2]) for a, b in zip(*ends, strict=True)]
     assert max(gaps) < 0.02
     assert ends[0][-1][2] == pytest.approx(math.pi / 2, abs=0.3)
+
+
+def test_a_stopped_car_brakes_once_whatever_the_hall_sensor_still_says() -> None:
+    watch = Watch(frozenset({"speed"}))
+    told = [watch.stop(speed, 1.0).throttle for speed in (0.5, 0.2, 0.0, 0.2, 0.5)]
+    assert told == [-BRAKE, -BRAKE, 0.0, 0.0, 0.0]
+    watch.reset()
+    assert watch.stop(0.5, -1.0).throttle == BRAKE

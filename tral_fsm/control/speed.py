@@ -32,3 +32,26 @@ class SpeedController(SpeedRegulator):
         if command.throttle is not None and command.throttle < 0.0 and command.speed is None:
             return self.reverse(command.throttle, speed)
         return self.pass_on(command.throttle or 0.0)
+
+
+class SingleBrake:
+    """A brake that ends once: a motor controller takes the next one for reverse.
+
+    So a late tick of the hall sensor, after the car came to rest, brings no second brake.
+    """
+
+    __slots__ = ("_has_braked", "_is_over")
+
+    def __init__(self) -> None:
+        self._has_braked = self._is_over = False
+
+    def tick(self, wanted: bool) -> bool:
+        """Whether the car brakes in this tick.
+
+        Args:
+            wanted: whether it still rolls, or is still to brake.
+        """
+        brakes = wanted and not self._is_over
+        self._is_over = self._has_braked and not brakes
+        self._has_braked = self._has_braked or brakes
+        return brakes

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT
 from tral_env.speed_control import THROTTLE_DEAD
 from tral_fsm.control.command import Command
-from tral_fsm.control.speed import BRAKE, MOVING_MPS, ROLLING_MPS
+from tral_fsm.control.speed import BRAKE, MOVING_MPS, ROLLING_MPS, SingleBrake
 from tral_fsm.definition.needs import HALL
 
 MAX_SILENCE_S = 0.5
@@ -43,6 +43,7 @@ class Watch:
     """
 
     __slots__ = (
+        "_brake",
         "_distance",
         "_needs_hall",
         "_paused",
@@ -80,6 +81,7 @@ class Watch:
         self._paused = 0
         """Ticks without a hall tick in which the car was driven on."""
         self._stopped = 0
+        self._brake = SingleBrake()
         self._speed_known = self._needs_hall
 
     def update(self, row: Sequence[float], command: Command, throttle: float) -> str:
@@ -139,5 +141,6 @@ class Watch:
             direction: +1 forward, -1 reverse, when the reason came.
         """
         self._stopped += 1
-        brakes = speed > ROLLING_MPS if self._speed_known else self._stopped * CONTROL_PERIOD_S <= BLIND_BRAKE_S
+        rolls = speed > ROLLING_MPS if self._speed_known else self._stopped * CONTROL_PERIOD_S <= BLIND_BRAKE_S
+        brakes = self._brake.tick(rolls)
         return Command(steering=0.0, speed=0.0, throttle=-BRAKE * direction if brakes else 0.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar, Literal
 
 from tral_fsm.control.command import Command
-from tral_fsm.control.speed import BRAKE, ROLLING_MPS
+from tral_fsm.control.speed import BRAKE, ROLLING_MPS, SingleBrake
 from tral_fsm.definition.machine import DrivingSpec, StateSpec
 from tral_fsm.definition.needs import DISTANCE, NOTHING
 from tral_fsm.definition.validated import quantity
@@ -86,22 +86,16 @@ class Stop(State[StopSpec]):
     """Time until which the state brakes in any case, s."""
     direction = 1.0
     """Direction in which the car rolled at entry: +1 forward, -1 backward."""
-    has_braked = False
-    is_done = False
-    """Whether it has braked and came to neutral: a motor controller takes the next brake for reverse, so a late tick of
-    the hall sensor must not bring one."""
 
     def on_enter(self, estimate: CarEstimate) -> None:
         """Remember when the state began and in which direction the car rolls."""
         self.until = estimate.time + self.spec.hold
         self.direction = estimate.direction
-        self.has_braked = self.is_done = False
+        self.brake = SingleBrake()
 
     def tick(self, estimate: CarEstimate) -> Command:
         """Wheels straight, brake or neutral."""
-        brakes = not self.is_done and (estimate.speed > ROLLING_MPS or estimate.time < self.until)
-        self.is_done = self.has_braked and not brakes
-        self.has_braked = self.has_braked or brakes
+        brakes = self.brake.tick(estimate.speed > ROLLING_MPS or estimate.time < self.until)
         return Command(0.0, speed=0.0, throttle=-self.spec.brake * self.direction if brakes else 0.0)
 
 

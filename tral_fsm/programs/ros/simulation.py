@@ -28,7 +28,7 @@ from tral_env.ros.msg.sensor import Odometry
 from tral_env.ros.msg.std import Header, String
 from tral_env.ros.readings import Told, yaw_quaternion
 from tral_env.ros.times import stamp
-from tral_fsm.control.speed import ROLLING_MPS
+from tral_fsm.control.speed import ROLLING_MPS, SingleBrake
 from tral_fsm.programs.ros.course_markers import course_markers
 
 if TYPE_CHECKING:
@@ -88,6 +88,7 @@ class SimulatedBody:
         """See `Body.reset`."""
         self._seed = seed
         observation, self.info = self.env.reset(seed=seed)
+        self._brake = SingleBrake()
         self._tick = Tick(self._named(observation))
         self._waits, self._over, self._told = True, "", False
         if self._camera is not None:
@@ -117,14 +118,15 @@ class SimulatedBody:
         if self._waits or self._over:
             self._pace()
             return self._tick
-        rolls = self._tick.readings["speed"] > ROLLING_MPS
-        tick = self.step(0.0, -_STOP_BRAKE if rolls else 0.0)
+        brakes = self._brake.tick(self._tick.readings["speed"] > ROLLING_MPS)
+        tick = self.step(0.0, -_STOP_BRAKE if brakes else 0.0)
         if not self._options.real_time:
             time.sleep(CONTROL_PERIOD_S)  # no answer holds back the time of a car that is not armed
         return tick
 
     def stop(self) -> None:
-        """See `Body.stop`: from now on `rest` brakes."""
+        """See `Body.stop`: from now on `rest` brakes, once."""
+        self._brake = SingleBrake()
 
     def extra(self, now_ns: int) -> Sequence[Told]:
         """Where the car is, and how its drive ended."""
