@@ -20,6 +20,10 @@ class BadFileError(ConfigError):
     """A file that was given can be opened, but something in it is not allowed, or it is damaged."""
 
 
+class UnreadableCarError(BadFileError):
+    """A car file cannot be opened: the command is wrong, not the file."""
+
+
 class UnknownOptionError(ConfigError, TypeError):
     """An environment does not take an option of this name. Python, too, has a TypeError for unknown arguments."""
 

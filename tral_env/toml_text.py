@@ -5,10 +5,8 @@ from __future__ import annotations
 import re
 import tomllib
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from tral_env import json_text
 from tral_env.errors import TralError
 
 Path_ = tuple[str | int, ...]
@@ -41,23 +39,6 @@ class TomlText:
 def named(path: Path_) -> str:
     """A path as a person writes it: ``sensors[1].bus``, the first of an array being 1."""
     return "".join(f"[{part + 1}]" if isinstance(part, int) else f".{part}" for part in path).removeprefix(".")
-
-
-def read(path: str | Path, failure: type[TralError]) -> TomlText:
-    """Read a TOML file.
-
-    Args:
-        path: of the file.
-        failure: class of the errors.
-
-    Raises:
-        failure: the file cannot be read, or is no TOML; the message names line and column.
-    """
-    try:
-        text = json_text.read(path)
-    except (OSError, UnicodeDecodeError) as error:
-        raise failure(f"cannot read '{path}': {json_text.unread(error)}") from error
-    return parse(text, str(path), failure)
 
 
 def parse(text: str, where: str, failure: type[TralError]) -> TomlText:

@@ -156,10 +156,12 @@ def test_without_a_terminal_an_option_arms(folder: Path) -> None:
     assert report["arguments"]["arm"]
 
 
-def test_a_missing_car_file_is_told() -> None:
-    done = CliRunner().invoke(app, ["deploy", "--policy", "wall", "--config", "none.toml", "--arm"])
-    assert done.exit_code == 1
+@pytest.mark.parametrize("command", ["deploy --policy wall --arm --config", "car check", "car calibrate"])
+def test_a_missing_car_file_is_told(command: str) -> None:
+    done = CliRunner().invoke(app, [*command.split(), "none.toml"])
+    assert done.exit_code == 2
     assert "none.toml" in done.output
+    assert "`tral car init` writes a car file to begin with" in " ".join(done.output.split())
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tral_env.errors import BadFileError
+from tral_env.errors import BadFileError, UnreadableCarError
 from tral_env.hardware.actuator.settings import Limits, Settings
 from tral_env.hardware.calibration_file import load_calibration
 from tral_env.hardware.car_file import BatteryLimits, CameraOptions, CarFile, load_car, parse_car
@@ -186,7 +186,7 @@ def test_what_is_no_toml_is_told_with_what_may_be_the_reason(line: str, told: st
 
 
 def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
-    with pytest.raises(BadFileError, match="cannot read"):
+    with pytest.raises(UnreadableCarError, match=r"cannot read .*No such file .*`tral car init` writes a car"):
         load_car(tmp_path / "car.toml")
 
 

@@ -20,6 +20,7 @@ from adafruit import BusIO
 
 from tral_env.errors import HardwareError
 from tral_env.hardware.sonar import SonarArray
+from tral_env.twin import devices
 from tral_env.twin.bus import I2cBus
 from tral_env.twin.devices import DeviceFiles, why_no_files
 from tral_env.twin.faults import BusTimeouts, stuck
@@ -244,3 +245,14 @@ def test_files_whose_program_is_killed_fail_and_are_taken_away_at_the_end(tmp_pa
 
 def test_this_computer_can_show_files() -> None:
     assert why_no_files() == ""
+
+
+def test_a_package_that_cannot_be_imported_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    if reason := why_no_files():
+        pytest.skip(reason)
+
+    def fails(name: str) -> None:
+        raise OSError("libfuse3.so.3: cannot open shared object file")
+
+    monkeypatch.setattr(devices.importlib, "import_module", fails)
+    assert why_no_files().endswith("cannot be imported here: libfuse3.so.3: cannot open shared object file")

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
-from tral_env import toml_text
+from tral_env import json_text, toml_text
 from tral_env.calibration.camera_info import LENSES
-from tral_env.errors import BadFileError, CalibrationError, ConfigError
+from tral_env.errors import BadFileError, CalibrationError, ConfigError, UnreadableCarError
 from tral_env.hardware.actuator.drivers import BoardOptions, board_class
 from tral_env.hardware.actuator.options import check_quantities, quantity
 from tral_env.hardware.actuator.settings import Limits, Settings
@@ -131,7 +131,23 @@ def load_car(source: str | Path | CarFile) -> CarFile:
     """
     if isinstance(source, CarFile):
         return source
-    return _car(toml_text.read(source, BadFileError), Path(source).parent)
+    return parse_car(read_car_text(source), str(source), Path(source).parent)
+
+
+def read_car_text(path: str | Path) -> str:
+    """Read the text of a car file.
+
+    Args:
+        path: of the file.
+
+    Raises:
+        UnreadableCarError: the file cannot be read.
+    """
+    try:
+        return json_text.read(path)
+    except (OSError, UnicodeDecodeError) as error:
+        told = f"cannot read '{path}': {json_text.unread(error)}. `tral car init` writes a car file to begin with"
+        raise UnreadableCarError(told) from error
 
 
 def parse_car(text: str, where: str = "car.toml", folder: Path = Path()) -> CarFile:

@@ -79,6 +79,10 @@ def why_no_files() -> str:
         return "device files need the package 'mfusepy': pip install '.[twin]'"
     if not (ctypes.util.find_library("fuse3") or ctypes.util.find_library("fuse")):
         return "device files need the library libfuse3: apt-get install fuse3"
+    try:
+        importlib.import_module("mfusepy")
+    except (ImportError, OSError, AttributeError) as error:
+        return f"device files need the package 'mfusepy', which cannot be imported here: {error}"
     return ""
 
 

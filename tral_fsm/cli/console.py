@@ -25,6 +25,7 @@ from tral_env.errors import (
     SimulationError,
     TralError,
     UnreadableCalibrationError,
+    UnreadableCarError,
     UnreadableCourseError,
 )
 from tral_fsm.definition.checks import FormatError
@@ -135,6 +136,6 @@ _BAD_FILES = (SimulationError, BadFileError, FormatError, CourseError, PolicyErr
 def _exit_code(error: TralError) -> int:
     if isinstance(error, RenderError | MissingExtraError | HardwareError | LostWorkerError):
         return MACHINE_LACKS
-    if isinstance(error, UnreadableCalibrationError | UnreadableCourseError):
+    if isinstance(error, UnreadableCalibrationError | UnreadableCarError | UnreadableCourseError):
         return BAD_USAGE
     return FAILED if isinstance(error, _BAD_FILES) else BAD_USAGE

@@ -6,10 +6,9 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from tral_env import json_text
 from tral_env.atomic import write_bytes
-from tral_env.errors import BadFileError, ConfigError, MissingExtraError
-from tral_env.hardware.car_file import CarFile, parse_car
+from tral_env.errors import ConfigError, MissingExtraError
+from tral_env.hardware.car_file import CarFile, parse_car, read_car_text
 
 
 class CarText:
@@ -39,12 +38,7 @@ class CarText:
         Raises:
             BadFileError: it cannot be read, or is no car.
         """
-        try:
-            text = json_text.read(self.path)
-        except (OSError, UnicodeDecodeError) as error:
-            raise BadFileError(
-                f"cannot read '{self.path}': {error}. `tral car init` writes a car file to begin with"
-            ) from error
+        text = read_car_text(self.path)
         self.car = parse_car(text, str(self.path), self.path.parent)
         return self._tomlkit.parse(text)
 
