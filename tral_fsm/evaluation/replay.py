@@ -15,6 +15,7 @@ from tral_env.errors import BadFileError, ConfigError
 from tral_env.interface import CONTROL_PERIOD_S, NO_ECHO_M, Policy
 from tral_env.recording.read import Recording
 from tral_env.se2 import wrap
+from tral_fsm.evaluation.episode import outcome as outcome_of
 from tral_fsm.evaluation.policy_files import files_of_policy
 from tral_fsm.evaluation.recording import COURSE
 from tral_fsm.evaluation.replayed import QUANTITIES, Comparison, OpenLoop
@@ -101,7 +102,7 @@ def against_simulation(
             told.append(observation)
             yaws.append(float(info["pose"][2]))
             if terminated or truncated:
-                outcome = next((name for name in ("success", "collision", "missed_gate") if info[name]), "timeout")
+                outcome = outcome_of(info)
                 break
     finally:
         env.close()
