@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -285,6 +286,25 @@ def test_a_keeper_that_tries_by_itself_ends_the_pulses_of_a_stand_in_that_came_b
     assert case.keeper.run() == 0
     assert case.board.stands == OFF
     case.close()
+
+
+def test_a_lock_on_a_file_of_a_dead_mount_does_not_change_the_exit_status(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def close(file: int) -> None:
+        real(file)
+        raise OSError(107, "Transport endpoint is not connected")
+
+    real = os.close
+    monkeypatch.setattr(keeper, "_fork", lambda *_: GIVEN_UP)
+    monkeypatch.setattr(keeper.rights, "name", lambda _: None)
+    source, commands = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    given = replace(settings(), bus=str(tmp_path / "log"))
+    (tmp_path / "log").touch()
+    monkeypatch.setattr(keeper.os, "close", close)
+    with source:
+        assert keeper.main([str(commands.detach()), given.to_json()]) == GIVEN_UP
+    monkeypatch.setattr(keeper.os, "close", real)
 
 
 @pytest.fixture(autouse=True)

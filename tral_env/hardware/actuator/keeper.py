@@ -129,7 +129,8 @@ def _claimed(settings: Settings) -> Iterator[None]:
             time.sleep(_TRY_S)
         yield
     finally:
-        os.close(file)
+        with suppress(OSError):  # a file of a mount that is dead
+            os.close(file)
 
 
 def _locks(file: int, lock: bytes | None) -> bool:
