@@ -212,7 +212,7 @@ def test_a_worker_ends_the_pulses_of_a_stand_in_that_is_there(shown: StandIn, wo
 
 def test_a_worker_never_gives_up_a_board_of_its_own(tmp_path: Path, works: Works) -> None:
     works.source.close()
-    works.board.failures = 2000
+    works.board.failures = 400
     clock = Steps()
     worker = Worker(settings(), works.board, *works.ends, clock, shown=stand_in(str(tmp_path / "unplugged")))
     assert worker.run() == 0
