@@ -16,7 +16,7 @@ from typing import Any
 
 from tral_env.errors import ConfigError, HardwareError, TralError, nearest
 
-SOCKET = "control"
+CONTROL_SOCKET = "control"
 """Name of the socket in the twin's folder."""
 _PATIENCE_S = 15.0
 Request = Mapping[str, Any]
@@ -81,7 +81,7 @@ class ControlServer:
             return {"error": str(error)}
 
 
-class Line:
+class ControlConnection:
     """A connection to a twin, for one request after the other."""
 
     def __init__(self, folder: Path) -> None:
@@ -93,7 +93,7 @@ class Line:
         self._folder, self._socket = folder, socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._socket.settimeout(_PATIENCE_S)
         try:
-            self._socket.connect(str(folder / SOCKET))
+            self._socket.connect(str(folder / CONTROL_SOCKET))
         except OSError as error:
             self._socket.close()
             raise self._silent(error) from error
@@ -134,7 +134,7 @@ def ask(folder: Path, **request: Any) -> Any:
         HardwareError: no twin answers there, or it ends.
         ConfigError: it refuses.
     """
-    with closing(Line(folder)) as line:
+    with closing(ControlConnection(folder)) as line:
         return line.ask(**request)
 
 

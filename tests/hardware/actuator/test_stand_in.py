@@ -155,7 +155,9 @@ def test_a_worker_whose_source_ended_gives_a_stand_in_up(tmp_path: Path, shown: 
     assert clock.now_ns - Clock().now_ns >= 10 * SECOND
 
 
-def test_a_worker_does_not_say_that_the_pulses_of_a_stand_in_ended(tmp_path: Path, shown: StandIn, works: Works) -> None:
+def test_a_worker_does_not_say_that_the_pulses_of_a_stand_in_ended(
+    tmp_path: Path, shown: StandIn, works: Works
+) -> None:
     (tmp_path / "i2c-1").unlink()
     works.board.failures = 10**6
     worker = Worker(settings(), works.board, *works.ends, Steps(), shown=shown)

@@ -26,7 +26,7 @@ from tral_env.hardware.actuator.wire import (
     MAX_PACKET,
     NS,
     TOLD,
-    Command,
+    CommandPacket,
     Flag,
     Reason,
     Reply,
@@ -264,7 +264,7 @@ class ActuatorProcess(Physical):
                 "car"
             )
         self._sequence += 1
-        command = Command(self._sequence, time.monotonic_ns(), steering, throttle, self._evidence, flags)
+        command = CommandPacket(self._sequence, time.monotonic_ns(), steering, throttle, self._evidence, flags)
         try:
             self._socket.settimeout(_ANSWER_S)
             self._socket.send(pack(command))

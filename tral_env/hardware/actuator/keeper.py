@@ -159,9 +159,7 @@ def _check_container(settings: Settings) -> None:
         )
 
 
-def _fork(
-    settings: Settings, driver: Driver, commands: socket.socket, policy: int, shown: StandIn | None
-) -> int:
+def _fork(settings: Settings, driver: Driver, commands: socket.socket, policy: int, shown: StandIn | None) -> int:
     """Split into worker and keeper."""
     rights.claim()
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -295,8 +293,8 @@ class Keeper:
         """
         notify({"WATCHDOG_USEC": "0"})
         _complain(
-            f"the pulses were not ended: {_device_file(self._settings)} is no board but a stand-in, such as the twin's, "
-            "and the program that showed it is gone. Nothing drives"
+            f"the pulses were not ended: {_device_file(self._settings)} is no board but a stand-in, such as the "
+            "twin's, and the program that showed it is gone. Nothing drives"
         )
         return GIVEN_UP
 

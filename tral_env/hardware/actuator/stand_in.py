@@ -1,7 +1,7 @@
 """Devices that a program shows in place of a board: pseudo-terminals, and files of FUSE. The twin has both.
 
-A board whose plug fell out may touch again, so worker and keeper never give it up. When the program behind a stand-in has
-ended, no wheel turns, and nobody is left that could take the end of the pulses.
+A board whose plug fell out may touch again, so worker and keeper never give it up. When the program behind a stand-in
+has ended, no wheel turns, and nobody is left that could take the end of the pulses.
 """
 
 from __future__ import annotations
