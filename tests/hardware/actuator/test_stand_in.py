@@ -69,13 +69,13 @@ def test_other_files_and_devices_are_boards_of_their_own(tmp_path: Path, mounts:
 
 @pytest.mark.parametrize("major", [4, 135, 144, 188])
 def test_other_serial_ports_are_boards_of_their_own(major: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = os.stat("/dev/null")
+    real = Path("/dev/null").stat()
     assert stand_in(serial_port(real, major, monkeypatch)) is None
 
 
 @pytest.mark.parametrize("major", [136, 143])
 def test_all_majors_of_pseudo_terminals_are_stand_ins(major: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = os.stat("/dev/null")
+    real = Path("/dev/null").stat()
     assert stand_in(serial_port(real, major, monkeypatch)) is not None
 
 
