@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import pytest
@@ -312,6 +313,20 @@ def test_the_service_manager_is_told(tmp_path: Any, monkeypatch: pytest.MonkeyPa
     notify({"WATCHDOG": "1"})
 
 
+def test_a_service_manager_that_reads_nothing_keeps_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def tell() -> None:
+        for _ in range(2000):
+            notify({"WATCHDOG": "1"})
+
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        told = Thread(target=tell, daemon=True)
+        told.start()
+        told.join(30.0)
+        assert not told.is_alive()
+
+
 def test_the_outputs_of_a_board_can_be_switched_off_from_a_shell(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -590,6 +605,44 @@ def test_a_link_does_not_hide_the_owner_of_a_board(tmp_path: Path, monkeypatch: 
     assert status == 1
     assert b"another process drives the board at 0x40" in told
     assert (tmp_path / "bus").read_text() == ""
+
+
+@pytest.fixture
+def owned(tmp_path: Path) -> Iterator[Any]:
+    """The file of a bus on which another process drives the board 0x40."""
+    (tmp_path / "bus").touch()
+    with (tmp_path / "bus").open("r+b") as owner:
+        fcntl.fcntl(owner, fcntl.F_OFD_SETLK, struct.pack("hhqqi4x", fcntl.F_WRLCK, os.SEEK_SET, 0x40, 1, 0))
+        yield owner
+
+
+@pytest.mark.parametrize("address", [0x3F, 0x41])
+def test_another_board_on_the_same_bus_has_an_owner_of_its_own(
+    owned: Any, monkeypatch: pytest.MonkeyPatch, address: int
+) -> None:
+    monkeypatch.setattr(keeper, "_CLAIM_S", 0.02)
+    monkeypatch.setattr(keeper, "_fork", lambda *_: 5)
+    assert main_of(replace(settings(), bus=owned.name, address=address)) == 5
+
+
+def test_a_board_whose_owner_is_about_to_end_is_waited_for(owned: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def sleep(seconds: float) -> None:
+        naps.append(seconds)
+        if len(naps) == 3:
+            owned.close()
+
+    naps: list[float] = []
+    monkeypatch.setattr(keeper.time, "sleep", sleep)
+    monkeypatch.setattr(keeper, "_fork", lambda *_: 5)
+    assert main_of(replace(settings(), bus=owned.name)) == 5
+    assert len(naps) == 3
+
+
+def main_of(given: Settings) -> int:
+    """Exit status of a start in this process; nobody listens."""
+    source, commands = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with source:
+        return main([str(commands.detach()), given.to_json()])
 
 
 class Hurry(Clock):
