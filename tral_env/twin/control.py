@@ -26,17 +26,17 @@ Answer = Callable[[Request], Any]
 class ControlServer:
     """Answers requests, each connection in a thread of its own."""
 
-    def __init__(self, path: Path, commands: Mapping[str, Answer]) -> None:
+    def __init__(self, path: Path, answers: Mapping[str, Answer]) -> None:
         """Listen.
 
         Args:
             path: of the socket; one that a dead twin left is replaced.
-            commands: name -> what answers it.
+            answers: name -> what answers it.
 
         Raises:
             HardwareError: a twin listens there already.
         """
-        self._path, self._commands = path, commands
+        self._path, self._answers = path, answers
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists():
             if _answers(path):
@@ -72,9 +72,9 @@ class ControlServer:
         try:
             request = json.loads(line)
             name = request.get("do")
-            if name not in self._commands:
-                raise ConfigError(f"unknown request '{name}': {nearest(name, self._commands)}")
-            return self._commands[name](request)
+            if name not in self._answers:
+                raise ConfigError(f"unknown request '{name}': {nearest(name, self._answers)}")
+            return self._answers[name](request)
         except KeyError as error:
             return {"error": f"the request lacks {error}"}
         except (TralError, ValueError, TypeError, AttributeError) as error:

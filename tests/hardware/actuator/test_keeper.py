@@ -88,6 +88,24 @@ def test_a_worker_without_a_sign_of_life_is_killed_then_neutral_then_off(watch: 
     assert (reply.state, reply.reason, reply.throttle_us) == (State.LATCHED, Reason.WORKER, 1500.0)
 
 
+def test_a_killed_worker_is_gone_before_the_keeper_writes(watch: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(keeper, "_DEATH_S", 30.0)
+    case = watch("import time; time.sleep(60)")
+    monkeypatch.setattr(case.board, "set_pulses", lambda *_: gone.append(not Path(f"/proc/{case.child.pid}").exists()))
+    gone: list[bool] = []
+    assert case.keeper.run() == 0
+    assert set(gone) == {True}
+
+
+def test_the_last_word_of_a_keeper_is_that_the_pulses_have_ended(watch: Any) -> None:
+    case = watch("raise SystemExit(1)")
+    wait_until(lambda: is_gone(case.child.pid))
+    case.worker.close()
+    assert case.keeper.run() == 0
+    words = [case.source.recv(4096) for _ in range(2)]
+    assert words[1] == ENDED
+
+
 def test_a_worker_that_ended_well_leaves_nothing_to_do(watch: Any) -> None:
     case = watch("pass")
     wait_until(lambda: is_gone(case.child.pid))
@@ -364,6 +382,13 @@ def test_another_device_at_the_address_is_not_taken_for_a_board_that_is_off(
     monkeypatch.setattr(smbus2, "SMBus", lambda _: FakeSmbus({0x40: Deaf()}))
     assert switch_off(["off"], lambda _: None) == 1
     assert "do not read back as off: another device?" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("address", ["08", "77"])
+def test_the_first_and_the_last_address_of_a_bus_are_addresses(monkeypatch: pytest.MonkeyPatch, address: str) -> None:
+    smbus2 = pytest.importorskip("smbus2")
+    monkeypatch.setattr(smbus2, "SMBus", lambda _: FakeSmbus({int(address, 16): Pca9685Fake()}))
+    assert switch_off(["off", "1", address], lambda _: None) == 0
 
 
 @pytest.mark.parametrize(

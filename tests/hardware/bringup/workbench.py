@@ -66,7 +66,7 @@ class Workbench:
 
 
 class RigActuator:
-    """The worker of the actuator's process in this process, as `Commands`."""
+    """The worker of the actuator's process in this process, as `Actuator`."""
 
     hello = {"realtime": False, "locked": True}  # noqa: RUF012
 
