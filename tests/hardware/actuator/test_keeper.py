@@ -88,6 +88,25 @@ def test_a_worker_without_a_sign_of_life_is_killed_then_neutral_then_off(watch: 
     assert (reply.state, reply.reason, reply.throttle_us) == (State.LATCHED, Reason.WORKER, 1500.0)
 
 
+def test_a_worker_is_given_the_time_of_the_settings_for_a_sign_of_life(
+    watch: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Poll:
+        def register(self, *_: Any) -> None:
+            pass
+
+        def poll(self, timeout_ms: float) -> list[Any]:
+            waited_ms.append(timeout_ms)
+            return []
+
+    waited_ms: list[float] = []
+    case = watch("pass")
+    monkeypatch.setattr(keeper.select, "poll", Poll)
+    assert case.keeper.run() == 0
+    assert waited_ms[:2] == [50.0, 20.0], "then for its death"
+    assert case.board.stands == OFF
+
+
 def test_a_killed_worker_is_gone_before_the_keeper_writes(watch: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(keeper, "_DEATH_S", 30.0)
     case = watch("import time; time.sleep(60)")
@@ -227,7 +246,9 @@ def test_a_worker_that_the_kernel_took_away_is_followed_by_neutral_and_off(watch
     assert case.board.stands == OFF
 
 
-def test_whatever_fails_in_the_keeper_the_pulses_end(watch: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_whatever_fails_in_the_keeper_the_pulses_end(
+    watch: Any, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     case = watch("import time; time.sleep(60)")
     monkeypatch.setenv("NOTIFY_SOCKET", "/run/notify")
     real, calls = socket.socket, []
@@ -241,6 +262,7 @@ def test_whatever_fails_in_the_keeper_the_pulses_end(watch: Any, monkeypatch: py
     monkeypatch.setattr(keeper.socket, "socket", fails)
     assert case.keeper.run() == 0
     assert case.board.stands == OFF
+    assert "MemoryError" in capfd.readouterr().err
 
 
 def test_a_worker_that_reads_nothing_does_not_block_the_keeper(watch: Any) -> None:
