@@ -23,7 +23,7 @@ from rig import MS, NEUTRAL, OFF, Clock, FakeBoard, Works, settings
 from tral_env.hardware.actuator import keeper
 from tral_env.hardware.actuator.keeper import Keeper, main, notify, own_signals, switch_off
 from tral_env.hardware.actuator.settings import Settings
-from tral_env.hardware.actuator.wire import ENDED, Reason, State, read_reply
+from tral_env.hardware.actuator.wire import ENDED, Reason, Refusal, Reply, State, read_reply
 from tral_env.hardware.actuator.worker import Worker
 
 
@@ -83,9 +83,9 @@ def test_a_worker_without_a_sign_of_life_is_killed_then_neutral_then_off(watch: 
     assert done[0] == (0.0, "pulses")
     assert done[-1] == (400.0, "off")
     assert {pulses for _, method, pulses in case.board.done if method == "pulses"} == {NEUTRAL}
-    reply = read_reply(case.source.recv(4096))
-    assert reply is not None
-    assert (reply.state, reply.reason, reply.throttle_us) == (State.LATCHED, Reason.WORKER, 1500.0)
+    told_ns = Clock().now_ns
+    died = Reply(State.LATCHED, Reason.WORKER, Refusal.NONE, 0, told_ns, 0.0, 0.0, *NEUTRAL, 0, 0, 0, 0)
+    assert read_reply(case.source.recv(4096)) == died
 
 
 def test_a_worker_is_given_the_time_of_the_settings_for_a_sign_of_life(
@@ -277,13 +277,14 @@ def test_a_worker_that_reads_nothing_does_not_block_the_keeper(watch: Any) -> No
     assert case.board.done == []
 
 
-def test_a_socket_that_breaks_is_the_end_of_the_worker(watch: Any) -> None:
-    case = watch("raise SystemExit(1)")
+@pytest.mark.parametrize(("status", "methods"), [(0, set()), (1, {"pulses", "off"})])
+def test_a_socket_that_breaks_is_the_end_of_the_worker(watch: Any, status: int, methods: set[str]) -> None:
+    case = watch(f"raise SystemExit({status})")
     wait_until(lambda: is_gone(case.child.pid))
     case.worker.send(b".")
     case.worker.close()
     assert case.keeper.run() == 0
-    assert case.board.stands == OFF
+    assert {method for _, method, _ in case.board.done} == methods
 
 
 def test_a_terminal_that_blocks_does_not_keep_the_keeper(watch: Any, monkeypatch: pytest.MonkeyPatch) -> None:
