@@ -91,6 +91,18 @@ def test_hard_limits_hold_for_every_finite_command(car, steering, throttle):
     assert (pulses([steering, throttle], car) <= longest).all()
 
 
+@pytest.mark.parametrize("full", [-1.0, 1.0])
+def test_a_command_beyond_full_is_full_also_where_the_hard_limits_are_wider(full):
+    limits = {"min_us": 600, "max_us": 2400}
+    wide = parse_calibration(changed(steering=limits, throttle=limits), "wide limits")
+    assert pulses([full * 2.0, full * 2.0], wide).tolist() == pulses([full, full], wide).tolist()
+
+
+def test_the_worker_is_told_where_the_motor_rests():
+    assert (TT01.throttle.law.dead_zone_us, TT01.steering.law.dead_zone_us) == (TT01.throttle.dead_zone_us, 0.0)
+    assert TT01.throttle.dead_zone_us > 0
+
+
 def test_pulses_within_a_skipped_dead_zone_are_throttle_zero():
     assert action_of([[1567, 1500], [1567, 1560]], TRIMMED).tolist() == [[0, 0], [0, 0]]
 
