@@ -128,6 +128,17 @@ def test_slew_limit_never_delays_throttle_zero():
     assert limit_slew([[0, 0], [0, -1]], [0, 1], 0.0125, slow).tolist() == [[0, 0], [0, 0]]
 
 
+def test_a_slew_limit_holds_a_servo_back_on_its_way_to_straight_too():
+    slow = parse_calibration(changed(steering={"slew_per_s": 8.0}), "slow servo")
+    assert limit_slew([0.0, 0.0], [1.0, 0.0], 0.0125, slow).tolist() == [pytest.approx(0.9), 0.0]
+
+
+@pytest.mark.parametrize(("steering", "throttle"), [(0, 1), (1, 0), (5, 4), (14, 15)])
+def test_two_outputs_side_by_side_are_neighbours(steering, throttle):
+    car = parse_calibration(changed(steering={"channel": steering}, throttle={"channel": throttle}), "other outputs")
+    assert [channel.output for channel in car.laws] == [steering, throttle]
+
+
 def test_without_a_slew_limit_commands_pass_exactly():
     assert limit_slew([-0.3, 1], [0.7, -1], 0.0125, TT01).tolist() == [-0.3, 1]
 
