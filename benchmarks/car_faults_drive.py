@@ -103,11 +103,16 @@ class Silent:
 
 def drive(folder: Path) -> None:
     """Be the process that drives."""
+    from tral_fsm.programs.cockpit import Cockpit
     from tral_fsm.programs.deploy import DeployArguments, run
 
     twin = json.loads((folder / "twin.json").read_text())
     arguments = DeployArguments(policy=f"{HERE}:Driver", config=str(folder / "car.toml"), max_duration_s=END_S + 30.0)
-    run(arguments, Path(twin["out"]), [Person()], Silent(), must_hold=True, check=unasked, sensors=sensors_of(twin))
+    cockpit = Cockpit(
+        out=Path(twin["out"]), devices=[Person()], console=Silent(), must_hold=True, check=unasked,
+        options={"sensors": sensors_of(twin)},
+    )  # fmt: skip
+    run(arguments, cockpit)
 
 
 def unasked(car: Any) -> tuple[()]:

@@ -35,7 +35,7 @@ from tral_env.calibration.camera_info import write_camera_info
 from tral_env.config import CameraConfig
 from tral_env.interface import CORE_LAYOUT, NOTHING_SEEN_ID, Layout
 from tral_env.recording.read import read
-from tral_env.twin.camera import RATE_HZ
+from tral_env.twin.camera import IMAGE_RATE_HZ
 from tral_env.twin.running import TwinProcess
 from tral_env.twin.settings import TwinSettings
 from tral_fsm import load_policy
@@ -65,7 +65,8 @@ def car_file(status: dict[str, Any], board: str) -> str:
     else:
         table = f'port = "{status["serial"][board]}"\n'
         sensors = ({"driver": board, "port": status["serial"][board]},)
-    camera = f'device = "{status["camera"]}"\nrate_hz = {RATE_HZ:g}\nlatency_s = {LATENCY_S:g}\nlens = "lens.yaml"\n'
+    camera = f'device = "{status["camera"]}"\nlens = "lens.yaml"\n'
+    camera += f"rate_hz = {IMAGE_RATE_HZ:g}\nlatency_s = {LATENCY_S:g}\n"
     parts = ['version = 1\nname = "twin"\n', f'[board]\ndriver = "{board}"\n{table}', '[pulses]\nfile = "tt01"\n']
     parts += ["[[sensors]]\n" + "".join(f'{name} = "{value}"\n' for name, value in each.items()) for each in sensors]
     steps = ("clock", "neutral", "ends", "direction", "dead_zone", "arming", "hall", "sonars", "camera")

@@ -21,7 +21,7 @@ import numpy as np
 from tral_env.hardware.actuator.laws import Channel
 from tral_env.hardware.actuator.pca9685 import Board
 from tral_env.hardware.i2c import Bus
-from tral_env.twin.bus import I2cBus, Message, TwinSmbus
+from tral_env.twin.bus import I2cBus, I2cMessage, TwinSmbus
 from tral_env.twin.pca9685 import Pca9685Chip
 from tral_fsm.evaluation.host import host
 
@@ -45,14 +45,14 @@ class BusIO:
 
     def writeto(self, address: int, buffer: Any, *, start: int = 0, end: int | None = None, **_: Any) -> None:
         """Write."""
-        self._bus.transfer([Message(address, bytes(buffer)[start:end])])
+        self._bus.transfer([I2cMessage(address, bytes(buffer)[start:end])])
 
     def writeto_then_readfrom(self, address: int, out: Any, into: Any, **places: Any) -> None:
         """Write, then read."""
         first, last = places.get("in_start", 0), places.get("in_end") or len(into)
-        read = Message(address, length=last - first, reads=True)
+        read = I2cMessage(address, length=last - first, reads=True)
         data = bytes(out)[places.get("out_start", 0) : places.get("out_end")]
-        into[first:last] = self._bus.transfer([Message(address, data), read])[0]
+        into[first:last] = self._bus.transfer([I2cMessage(address, data), read])[0]
 
 
 def at(hz: float) -> dict[str, Any]:

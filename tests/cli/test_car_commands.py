@@ -137,23 +137,22 @@ def test_a_person_drives_a_simulated_car(folder: Path) -> None:
 
 
 def test_without_a_terminal_it_refuses_to_arm(folder: Path) -> None:
-    done = CliRunner().invoke(
-        app, ["deploy", "--policy", f"{folder}/blind.py:Blind", "--config", f"{folder}/car.toml", "--dry"]
-    )
+    done = CliRunner().invoke(app, ["deploy", "--policy", f"{folder}/blind.py:Blind", "--config", f"{folder}/car.toml"])
     assert done.exit_code == 2
     assert "no terminal and no gamepad" in done.output
 
 
-def test_without_a_terminal_an_option_arms(folder: Path) -> None:
+@pytest.mark.parametrize("arm", [[], ["--arm"]])
+def test_without_a_terminal_a_dry_run_drives_at_once(folder: Path, arm: list[str]) -> None:
     done = CliRunner().invoke(
         app,
-        ["deploy", "--policy", f"{folder}/blind.py:Blind", "--config", f"{folder}/car.toml", "--dry", "--arm",
+        ["deploy", "--policy", f"{folder}/blind.py:Blind", "--config", f"{folder}/car.toml", "--dry", *arm,
          "--seconds", "0.3", "--out", f"{folder}/out", "--json"],
     )  # fmt: skip
     assert done.exit_code == 0, done.output
     report = json.loads(done.stdout)
     assert report["ended_by"] == "time limit"
-    assert report["arguments"]["arm"]
+    assert report["arguments"]["arm"] is bool(arm)
 
 
 @pytest.mark.parametrize("command", ["deploy --policy wall --arm --config", "car check", "car calibrate"])

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from tral_env.twin.faults import FAULTS
+from tral_env.twin.faults import INJECTED_FAULTS
 from tral_fsm.cli import app
 from tral_fsm.cli.console import BAD_USAGE, MACHINE_LACKS
 
@@ -69,7 +69,7 @@ def test_status_reset_and_faults(up: list[str]) -> None:
 def test_the_list_of_faults_needs_no_twin() -> None:
     listed = tral("fault", "list")
     assert listed.exit_code == 0
-    assert [line.split()[0] for line in listed.output.splitlines()] == list(FAULTS)
+    assert [line.split()[0] for line in listed.output.splitlines()] == list(INJECTED_FAULTS)
 
 
 def test_without_a_twin_the_commands_say_so() -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from tral_env import task
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Gate, Segment
-from tral_fsm.evaluation.baselines import BASELINES, FAST_MPS, along_route, bend_speed
+from tral_fsm.evaluation.baselines import BASELINES, MAX_ROUTE_SPEED_MPS, along_route, bend_speed
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.episode import EpisodeRequest, TickRecorder
 
@@ -82,5 +82,5 @@ def test_a_route_goes_straight_on_beyond_its_end(track: task.Track) -> None:
 
 def test_a_bend_ahead_is_driven_slower_than_a_straight(track: task.Track) -> None:
     straight, bend = bend_speed(track, np.array([0, 1]), np.array([0.0, 4.1]))
-    assert straight == FAST_MPS
+    assert straight == MAX_ROUTE_SPEED_MPS
     assert 0.5 < bend < 0.9

@@ -91,6 +91,18 @@ def test_hard_limits_hold_for_every_finite_command(car, steering, throttle):
     assert (pulses([steering, throttle], car) <= longest).all()
 
 
+@pytest.mark.parametrize("full", [-1.0, 1.0])
+def test_a_command_beyond_full_is_full_also_where_the_hard_limits_are_wider(full):
+    limits = {"min_us": 600, "max_us": 2400}
+    wide = parse_calibration(changed(steering=limits, throttle=limits), "wide limits")
+    assert pulses([full * 2.0, full * 2.0], wide).tolist() == pulses([full, full], wide).tolist()
+
+
+def test_the_worker_is_told_where_the_motor_rests():
+    assert (TT01.throttle.law.dead_zone_us, TT01.steering.law.dead_zone_us) == (TT01.throttle.dead_zone_us, 0.0)
+    assert TT01.throttle.dead_zone_us > 0
+
+
 def test_pulses_within_a_skipped_dead_zone_are_throttle_zero():
     assert action_of([[1567, 1500], [1567, 1560]], TRIMMED).tolist() == [[0, 0], [0, 0]]
 
@@ -114,6 +126,17 @@ def test_slew_limit_holds_the_change_of_a_period():
 def test_slew_limit_never_delays_throttle_zero():
     slow = parse_calibration(changed(throttle={"slew_per_s": 4.0}), "slow")
     assert limit_slew([[0, 0], [0, -1]], [0, 1], 0.0125, slow).tolist() == [[0, 0], [0, 0]]
+
+
+def test_a_slew_limit_holds_a_servo_back_on_its_way_to_straight_too():
+    slow = parse_calibration(changed(steering={"slew_per_s": 8.0}), "slow servo")
+    assert limit_slew([0.0, 0.0], [1.0, 0.0], 0.0125, slow).tolist() == [pytest.approx(0.9), 0.0]
+
+
+@pytest.mark.parametrize(("steering", "throttle"), [(0, 1), (1, 0), (5, 4), (14, 15)])
+def test_two_outputs_side_by_side_are_neighbours(steering, throttle):
+    car = parse_calibration(changed(steering={"channel": steering}, throttle={"channel": throttle}), "other outputs")
+    assert [channel.output for channel in car.laws] == [steering, throttle]
 
 
 def test_without_a_slew_limit_commands_pass_exactly():

@@ -16,7 +16,7 @@ from tral_env.errors import CarStoppedError, ConfigError, HardwareError
 from tral_env.hardware import opening, sensor_drivers
 from tral_env.hardware.actuator.settings import Limits, Settings
 from tral_env.hardware.car_file import CarFile, parse_car
-from tral_env.hardware.commands import PulseCommands
+from tral_env.hardware.commands import PulseActuator
 from tral_env.hardware.env import TralCarEnv
 from tral_env.hardware.faults import FaultLimits
 from tral_env.hardware.opening import open_sensors
@@ -38,7 +38,7 @@ SONARS = '[[sensors]]\ndriver = "srf08"\n'
 SONAR_READINGS = {f"ultrasonic_{side}{what}" for side in ("left", "front", "right") for what in ("", "_age")}
 
 
-class Actuator(PulseCommands):
+class Actuator(PulseActuator):
     """Stands in for the actuator's process."""
 
     told: Settings

@@ -8,12 +8,12 @@ from random import Random
 
 import pytest
 
-from tral_env.hardware.serial_frames import Frame, FrameParser, TextParser
+from tral_env.hardware.serial_frames import FrameParser, SerialFrame, TextParser
 
-FRAME = Frame(front=310, right=80, left=45, line=0x18, hall=937, battery=7200)
+FRAME = SerialFrame(front=310, right=80, left=45, line=0x18, hall=937, battery=7200)
 
 
-def wire(frame: Frame = FRAME) -> bytes:
+def wire(frame: SerialFrame = FRAME) -> bytes:
     return b"\x00\x0f" + struct.pack("<HHHBHH", *frame)
 
 

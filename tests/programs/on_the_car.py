@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
+from tral_fsm.programs.cockpit import Cockpit
 from tral_fsm.teleop.hands import Hands
 
 
@@ -87,6 +89,9 @@ class Person:
         pass
 
 
-def parts(sensors: Rolling | None = None) -> dict[str, Any]:
+def cockpit(folder: Path, *devices: Person, sensors: Rolling | None = None, **more: Any) -> Cockpit:
+    """What a drive has around it: a clock that passes by sleeping, and sensors in place of the devices of a car."""
     clock = Clock()
-    return {"clock": clock, "sleep": clock.sleep, "sensors": sensors or Rolling()}
+    options = more.pop("options", {}) | ({} if sensors is None else {"sensors": sensors})
+    around = {"console": Words(), "clock": clock, "sleep": clock.sleep} | more
+    return Cockpit(out=folder / "out", devices=devices, options=options, **around)

@@ -11,13 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 from bench_car import car_file
-from on_the_car import Person, Rolling, Words, parts
+from on_the_car import Person, Rolling, Words, cockpit
 
 from tral_env.errors import ConfigError, HardwareError, PolicyError, SourceLostError
 from tral_env.hardware.bringup.preflight import Finding
+from tral_env.hardware.car_file import CarFile
 from tral_env.hardware.faults import FaultLimits
 from tral_env.recording.read import read
-from tral_fsm.programs.deploy import SUMMARY, DeployArguments, run
+from tral_fsm.programs.deploy import DeployArguments, run
+from tral_fsm.programs.drive import SUMMARY
 from tral_fsm.teleop.hands import Hands
 
 POLICY = """
@@ -45,18 +47,18 @@ class Hungry:
 
 def deploy(folder: Path, person: Person | None = None, name: str = "Straight", **changes: Any) -> dict[str, Any]:
     (folder / "own.py").write_text(POLICY)
-    options = {key: changes.pop(key) for key in ("must_hold", "faults", "check") if key in changes}
-    sensors, words = changes.pop("sensors", None), changes.pop("words", Words())
+    around = {key: changes.pop(key) for key in ("must_hold", "check", "console") if key in changes}
+    sensors, options = changes.pop("sensors", Rolling()), {"faults": changes.pop("faults", None)}
     arguments = DeployArguments(
         policy=f"{folder}/own.py:{name}", config=car_file(folder), **({"max_duration_s": 2.0, "dry": True} | changes)
     )
     devices = [person] if person is not None else []
-    return run(arguments, folder / "out", devices, words, **parts(sensors), **options)
+    return run(arguments, cockpit(folder, *devices, sensors=sensors, options=options, **around))
 
 
 def test_a_drive_ends_by_its_time_and_leaves_a_summary_and_a_recording(tmp_path: Path) -> None:
     words = Words()
-    report = deploy(tmp_path, Person(), words=words)
+    report = deploy(tmp_path, Person(), console=words)
     assert report == json.loads((tmp_path / "out" / SUMMARY).read_text())
     assert (report["ended_by"], report["failed"], report["warnings"]) == ("time limit", False, [])
     assert report["figures"]["ticks"] == 160
@@ -86,10 +88,30 @@ def test_a_second_drive_removes_the_files_of_the_first(tmp_path: Path) -> None:
 
 
 def test_without_anyone_to_stop_it_the_car_does_not_drive(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="no terminal and no gamepad"):
-        deploy(tmp_path)
+    def never(car: CarFile) -> list[Finding]:
+        raise AssertionError("nobody is there")
+
+    with pytest.raises(ConfigError, match=r"no terminal and no gamepad.* --arm drives at once"):
+        deploy(tmp_path, dry=False, check=never)
     assert not (tmp_path / "out").exists()
-    assert deploy(tmp_path, arm=True)["ended_by"] == "time limit"
+
+
+def test_without_anyone_to_stop_it_an_option_arms(tmp_path: Path) -> None:
+    report = deploy(tmp_path, arm=True)
+    assert (report["ended_by"], report["figures"]["ticks"]) == ("time limit", 160)
+
+
+def test_a_dry_run_moves_no_motor_so_it_needs_nobody(tmp_path: Path) -> None:
+    words = Words()
+    report = deploy(tmp_path, console=words)
+    assert (report["ended_by"], report["figures"]["ticks"]) == ("time limit", 160)
+    assert words.said == []
+
+
+def test_a_dry_run_with_a_person_is_armed_by_that_person(tmp_path: Path) -> None:
+    words = Words()
+    deploy(tmp_path, Person(), console=words)
+    assert words.said[0].startswith("To arm, press r")
 
 
 @pytest.mark.parametrize(
@@ -156,7 +178,7 @@ def test_a_warning_is_told_once_and_recorded(tmp_path: Path) -> None:
         return readings | {"battery": 6.5 - 0.01 * driven}
 
     words = Words()
-    report = deploy(tmp_path, Person(), sensors=Rolling(low), faults=FaultLimits(), words=words)
+    report = deploy(tmp_path, Person(), sensors=Rolling(low), faults=FaultLimits(), console=words)
     assert [warning.split(":")[0] for warning in report["warnings"]] == ["WARN battery low"]
     assert [text for text in words.said if text.startswith("WARN")] == report["warnings"]
     assert report["warnings"][0] in read(tmp_path / "out" / "drive.mcap").words
@@ -179,7 +201,7 @@ def test_the_preflight_is_told_and_refuses(tmp_path: Path) -> None:
     words, found = Words(), [Finding(what="srf08", told="left 0.80 m"), Finding(what="board log")]
     options = {"dry": False, "check": lambda car: [*found, Finding(what="battery", problem="5.20 V is too low")]}
     with pytest.raises(HardwareError, match=r"the pre-flight refuses this car:\n  battery: 5.20 V is too low"):
-        deploy(tmp_path, Person(), words=words, **options)
+        deploy(tmp_path, Person(), console=words, **options)
     assert words.said == [
         "pre-flight, srf08: left 0.80 m",
         "pre-flight, board log: ok",

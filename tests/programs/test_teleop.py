@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 from bench_car import CAR, car_file
-from on_the_car import Clock, Person, Words, parts
+from on_the_car import Person, Rolling, Words, cockpit
 
 from tral_env.errors import ConfigError, HardwareError
-from tral_env.hardware.bringup.preflight import Finding
+from tral_env.hardware.bringup.preflight import Finding, check_car
 from tral_env.hardware.car_file import CarFile
 from tral_env.recording.read import read
 from tral_fsm.evaluation.recording import episode_of
@@ -27,16 +27,9 @@ def drives(now: float) -> Hands:
     return Hands(0.3, 0.0 if now < 0.5 else 0.8, holds=True, end=now > 2.0)
 
 
-def fake(arguments: dict[str, Any]) -> dict[str, Any]:
-    """What stands in for the devices of a car, and for its time."""
-    if "config" in arguments:
-        return parts()
-    clock = Clock()
-    return {"clock": clock, "sleep": clock.sleep}
-
-
-def by_hand(folder: Path, person: Person, **arguments: Any) -> dict[str, Any]:
-    return run(TeleopArguments(**arguments), folder / "out", [person], Words(), **fake(arguments))
+def by_hand(folder: Path, person: Person, check: Any = check_car, **arguments: Any) -> dict[str, Any]:
+    sensors = Rolling() if "config" in arguments else None
+    return run(TeleopArguments(**arguments), cockpit(folder, person, sensors=sensors, check=check))
 
 
 def test_a_person_drives_the_car_and_the_drive_is_data(tmp_path: Path) -> None:
@@ -90,7 +83,7 @@ def test_a_real_car_drives_after_the_preflight_of_a_deploy(tmp_path: Path) -> No
 
     arguments = TeleopArguments(config=config)
     with pytest.raises(HardwareError, match=r"the pre-flight refuses this car:\n  calibration: missing: neutral"):
-        run(arguments, tmp_path / "out", [Person(drives)], words, check=check, **parts())
+        run(arguments, cockpit(tmp_path, Person(drives), sensors=Rolling(), console=words, check=check))
     assert asked == ["bench"]
     assert words.said == ["pre-flight, srf08: left 0.80 m", "pre-flight, calibration: missing: neutral"]
     assert not (tmp_path / "out").exists()
@@ -101,7 +94,7 @@ def test_a_car_file_without_a_calibrated_step_is_refused_by_itself(tmp_path: Pat
     (tmp_path / "car.toml").write_text(log)
     arguments = TeleopArguments(config=str(tmp_path / "car.toml"))
     with pytest.raises(HardwareError, match=r"calibration: missing: .*neutral"):
-        run(arguments, tmp_path / "out", [Person(drives)], Words())
+        run(arguments, cockpit(tmp_path, Person(drives)))
 
 
 @pytest.mark.parametrize("arguments", [{"dry": True, "config": "car.toml"}, {"course": STRAIGHT}])
@@ -112,7 +105,7 @@ def test_a_dry_run_and_a_simulated_car_have_no_preflight(tmp_path: Path, argumen
     if "config" in arguments:
         arguments = arguments | {"config": car_file(tmp_path)}
     person = Person(lambda now: Hands(end=now > 0.1))
-    run(TeleopArguments(**arguments), tmp_path / "out", [person], Words(), check=never, **fake(arguments))
+    by_hand(tmp_path, person, never, **arguments)
     assert (tmp_path / "out" / "summary.json").exists()
 
 
@@ -134,5 +127,5 @@ def test_it_is_one_car(which: dict[str, Any]) -> None:
 
 
 def test_nobody_drives_without_a_device(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="no terminal and no gamepad"):
-        run(TeleopArguments(course=STRAIGHT), tmp_path / "out", [], Words())
+    with pytest.raises(ConfigError, match=r"no terminal and no gamepad.* or with --gamepad\.$"):
+        run(TeleopArguments(course=STRAIGHT), cockpit(tmp_path))

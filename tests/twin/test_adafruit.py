@@ -8,7 +8,7 @@ from adafruit import BusIO
 from tral_env.hardware.actuator.laws import Channel
 from tral_env.hardware.actuator.pca9685 import Board
 from tral_env.hardware.i2c import Bus
-from tral_env.twin.bus import I2cBus, Message, TwinSmbus
+from tral_env.twin.bus import I2cBus, I2cMessage, TwinSmbus
 from tral_env.twin.pca9685 import Pca9685Chip
 
 adafruit_pca9685 = pytest.importorskip("adafruit_pca9685", exc_type=ImportError)
@@ -30,10 +30,10 @@ def board_and_library(oscillator_hz: float) -> tuple[Pca9685Chip, I2cBus, Any]:
     bus = I2cBus([chip])
 
     def write_then_read(address: int, data: bytes, length: int) -> bytes:
-        read = Message(address, length=length, reads=True)
-        return bus.transfer([Message(address, data), read] if data else [read])[0]
+        read = I2cMessage(address, length=length, reads=True)
+        return bus.transfer([I2cMessage(address, data), read] if data else [read])[0]
 
-    busio = BusIO(lambda address, data: bus.transfer([Message(address, data)]), write_then_read)
+    busio = BusIO(lambda address, data: bus.transfer([I2cMessage(address, data)]), write_then_read)
     return chip, bus, adafruit_pca9685.PCA9685(busio, reference_clock_speed=int(oscillator_hz))
 
 

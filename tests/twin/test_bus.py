@@ -6,8 +6,8 @@ import pytest
 from twins import Clock
 
 from tral_env.hardware.i2c import Bus
-from tral_env.twin.bus import I2cBus, Message, TwinSmbus
-from tral_env.twin.faults import BusErrors, BusTimeouts, stuck
+from tral_env.twin.bus import I2cBus, I2cMessage, TwinSmbus
+from tral_env.twin.faults import BusTimeouts, RandomBusErrors, stuck
 from tral_env.twin.pca9685 import Pca9685Chip
 from tral_env.twin.srf08 import Srf08Chip
 
@@ -19,7 +19,7 @@ def bus_with_chips() -> I2cBus:
 
 def errno_of(bus: I2cBus, address: int = 0x40) -> int | None:
     try:
-        bus.transfer([Message(address, b"\0")])
+        bus.transfer([I2cMessage(address, b"\0")])
     except OSError as error:
         return error.errno
     return None
@@ -29,7 +29,7 @@ def test_an_address_without_a_device_is_no_answer() -> None:
     bus = bus_with_chips()
     assert errno_of(bus, 0x41) == errno.EREMOTEIO
     with pytest.raises(OSError, match="Remote I/O"):
-        bus.transfer([Message(0x00, length=1, reads=True)])  # nobody may answer a general call
+        bus.transfer([I2cMessage(0x00, length=1, reads=True)])  # nobody may answer a general call
 
 
 def test_two_that_answer_at_once_garble_each_other() -> None:
@@ -70,7 +70,7 @@ def test_each_transaction_that_succeeds_is_told() -> None:
 
 def test_errors_come_at_their_rate() -> None:
     bus = bus_with_chips()
-    bus.faults["errors"] = BusErrors(0.1)
+    bus.faults["errors"] = RandomBusErrors(0.1)
     failed = sum(errno_of(bus) == errno.EREMOTEIO for _ in range(2000))
     assert 150 < failed < 250
 

@@ -9,7 +9,7 @@ from twins import Clock, twin_by_hand
 
 from tral_env.errors import ConfigError
 from tral_env.interface import CONTROL_PERIOD_S
-from tral_env.twin.faults import FAULTS
+from tral_env.twin.faults import INJECTED_FAULTS
 from tral_env.twin.twin import Twin
 
 MODE1, BOARD, LEFT = 0x00, 0x40, 0x70
@@ -197,8 +197,8 @@ def test_unknown_faults_and_rates_are_refused() -> None:
 
 
 def test_each_fault_is_told_in_words() -> None:
-    assert len(FAULTS) == 16
-    assert all(fault.told and not fault.told.endswith(".") for fault in FAULTS.values())
+    assert len(INJECTED_FAULTS) == 16
+    assert all(fault.told and not fault.told.endswith(".") for fault in INJECTED_FAULTS.values())
     assert CONTROL_PERIOD_S == 0.0125
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from tral_env.hardware.calibration_file import load_calibration
-from tral_env.twin.serial_boards import Board2016, Ucboard
+from tral_env.twin.serial_boards import SimulatedBoard2016, SimulatedUcboard
 from tral_env.twin.serial_port import SerialPort, parts, spoiled
 
 from test_twin_serial_boards import READINGS  # isort: skip
@@ -25,18 +25,18 @@ def opened(port: SerialPort) -> Any:
 
 
 def test_pyserial_reads_frames_that_come_in_parts(tmp_path: Path) -> None:
-    port = SerialPort(tmp_path / "tty", Board2016(load_calibration("tt01")), seed=1)
+    port = SerialPort(tmp_path / "tty", SimulatedBoard2016(load_calibration("tt01")), seed=1)
     with opened(port) as reader:
         turns(port, 40)
         data = reader.read(13 * 20)
-    board = Board2016(load_calibration("tt01"))
+    board = SimulatedBoard2016(load_calibration("tt01"))
     first, later = board.speak(READINGS, 0.0), board.speak(READINGS, 1.0)
     assert data == first + later * 19
     port.unplug()
 
 
 def test_commands_reach_the_board(tmp_path: Path) -> None:
-    board = Ucboard(load_calibration("tt01"))
+    board = SimulatedUcboard(load_calibration("tt01"))
     port = SerialPort(tmp_path / "tty", board, seed=1)
     with opened(port) as writer:
         writer.write(b"!STEER -300\n")
@@ -47,7 +47,7 @@ def test_commands_reach_the_board(tmp_path: Path) -> None:
 
 
 def test_an_unplugged_port_is_an_error_and_may_come_back(tmp_path: Path) -> None:
-    port = SerialPort(tmp_path / "tty", Board2016(load_calibration("tt01")), seed=1)
+    port = SerialPort(tmp_path / "tty", SimulatedBoard2016(load_calibration("tt01")), seed=1)
     with opened(port) as reader:
         port.unplug()
         port.unplug()
@@ -64,19 +64,19 @@ def test_an_unplugged_port_is_an_error_and_may_come_back(tmp_path: Path) -> None
 
 
 def test_garbage_spoils_some_bytes(tmp_path: Path) -> None:
-    port = SerialPort(tmp_path / "tty", Board2016(load_calibration("tt01")), seed=1)
+    port = SerialPort(tmp_path / "tty", SimulatedBoard2016(load_calibration("tt01")), seed=1)
     port.garbage = True
     with opened(port) as reader:
         turns(port, 80)
         data = reader.read(2000)
-    board = Board2016(load_calibration("tt01"))
+    board = SimulatedBoard2016(load_calibration("tt01"))
     board.speak(READINGS, 0.0)
     assert 5 < data.count(board.speak(READINGS, 1.0)) < 45
     port.unplug()
 
 
 def test_what_nobody_reads_is_lost(tmp_path: Path) -> None:
-    port = SerialPort(tmp_path / "tty", Board2016(load_calibration("tt01")), seed=1)
+    port = SerialPort(tmp_path / "tty", SimulatedBoard2016(load_calibration("tt01")), seed=1)
     turns(port, 2000)  # more than a port keeps
     with opened(port) as reader:
         turns(port, 40, 25.0)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tral_env.hardware.calibration_file import load_calibration
 from tral_env.interface import NO_ECHO_M
-from tral_env.twin.serial_boards import Board2016, BoardReadings, Ucboard
+from tral_env.twin.serial_boards import BoardReadings, SimulatedBoard2016, SimulatedUcboard
 
 CAR = load_calibration("tt01")
 READINGS = BoardReadings(
@@ -23,30 +23,30 @@ READINGS = BoardReadings(
 
 
 def test_a_frame_of_2016_has_13_bytes_low_byte_first() -> None:
-    frame = Board2016(CAR).speak(READINGS, 0.0)
+    frame = SimulatedBoard2016(CAR).speak(READINGS, 0.0)
     hall = int(300 * 0.02513 * 937.5)
     assert frame == bytes([0x00, 0x0F, 125, 0, 0, 0, 73, 0, 0x18, hall & 0xFF, hall >> 8, 7400 & 0xFF, 7400 >> 8])
 
 
 def test_a_range_of_2016_stands_in_one_frame_alone() -> None:
-    board = Board2016(CAR)
+    board = SimulatedBoard2016(CAR)
     frames = [board.speak(replace(READINGS, ranging=k // 2), k * 0.02) for k in range(4)]
     assert [frame[2] for frame in frames] == [125, 0, 125, 0]
 
 
 def test_the_hall_count_of_2016_goes_round() -> None:
-    frame = Board2016(CAR).speak(replace(READINGS, ticks=3000), 0.0)
+    frame = SimulatedBoard2016(CAR).speak(replace(READINGS, ticks=3000), 0.0)
     assert int.from_bytes(frame[9:11], "little") == int(3000 * 0.02513 * 937.5) % 65536
 
 
 def test_a_frame_of_2016_comes_every_20_ms() -> None:
-    board = Board2016(CAR)
+    board = SimulatedBoard2016(CAR)
     sent = [bool(board.speak(READINGS, k * 0.01)) for k in range(6)]
     assert sent == [True, False, True, False, True, False]
 
 
 def test_bytes_of_2016_are_levels_of_motor_and_steering() -> None:
-    board = Board2016(CAR)
+    board = SimulatedBoard2016(CAR)
     assert board.pulses_us(0.0) == (1530.0, 1530.0)
     assert board.hear(bytes([0x80 + 10 + 10, 50 + 50]), 0.0) == b""
     assert board.pulses_us(0.0) == (1810.0, 1140.0)  # full right, full forward
@@ -55,12 +55,12 @@ def test_bytes_of_2016_are_levels_of_motor_and_steering() -> None:
 
 
 def test_levels_beyond_the_scale_are_ignored() -> None:
-    board = Board2016(CAR)
+    board = SimulatedBoard2016(CAR)
     board.hear(bytes([0xFF, 0x7F]), 0.0)
     assert (board.motor_level, board.steering_level) == (0, 0)
 
 
-def said(board: Ucboard, *lines: str, now_s: float = 0.0) -> list[str]:
+def said(board: SimulatedUcboard, *lines: str, now_s: float = 0.0) -> list[str]:
     answer = board.hear("".join(f"{line}\n" for line in lines).encode(), now_s).decode()
     return [part.removeprefix("\x02") for part in answer.split("\x03\n")[:-1]]
 
@@ -102,17 +102,17 @@ def said(board: Ucboard, *lines: str, now_s: float = 0.0) -> list[str]:
     ],
 )
 def test_each_command_of_the_ucboard_has_its_answer(line: str, answer: str) -> None:
-    assert said(Ucboard(CAR), line) == [answer]
+    assert said(SimulatedUcboard(CAR), line) == [answer]
 
 
 def test_a_line_may_come_in_parts() -> None:
-    board = Ucboard(CAR)
+    board = SimulatedUcboard(CAR)
     assert board.hear(b"!STEER ", 0.0) == b""
     assert board.hear(b"-200\n?ST", 0.0) == b"\x02:-200\x03\n"
 
 
 def test_set_points_of_the_ucboard_are_pulses() -> None:
-    board = Ucboard(CAR)
+    board = SimulatedUcboard(CAR)
     assert board.pulses_us(0.0) == (1530.0, 0.0)  # switched off
     said(board, "!STEER 1000", "!DRV F 1000")
     assert board.pulses_us(0.0) == (1810.0, 1140.0)
@@ -125,7 +125,7 @@ def test_set_points_of_the_ucboard_are_pulses() -> None:
 
 
 def test_the_dead_mans_switch_stops_the_motor_until_the_next_command() -> None:
-    board = Ucboard(CAR)
+    board = SimulatedUcboard(CAR)
     said(board, "!DRV ~DMS=500", "!DRV F 1000")
     assert board.pulses_us(0.5)[1] == 1140.0
     assert board.pulses_us(0.51)[1] == 1530.0
@@ -134,7 +134,7 @@ def test_the_dead_mans_switch_stops_the_motor_until_the_next_command() -> None:
 
 
 def test_groups_are_sent_when_they_have_new_values() -> None:
-    board = Ucboard(CAR)
+    board = SimulatedUcboard(CAR)
     said(board, "!DAQ GRP 1 ~ALL=20 USL USF USR", "!DAQ GRP 2 ~ANY HALL_CNT HALL_DT")
     assert board.speak(READINGS, 0.0) == b""
     said(board, "!DAQ START")
@@ -147,7 +147,7 @@ def test_groups_are_sent_when_they_have_new_values() -> None:
 
 
 def test_groups_may_be_sent_in_a_cadence() -> None:
-    board = Ucboard(CAR)
+    board = SimulatedUcboard(CAR)
     said(board, "!DAQ GRP 3 ~TS=20 VDBAT HALL_DT8 AX", "!DAQ START")
     sent = [board.speak(READINGS, k * 0.01) for k in range(4)]
     assert sent == [b"\x02##3:7400 | 200 | [---]\x03\n", b""] * 2
@@ -156,7 +156,7 @@ def test_groups_may_be_sent_in_a_cadence() -> None:
 
 @given(st.lists(st.binary(max_size=40), max_size=20))
 def test_no_bytes_make_a_board_fail(parts: list[bytes]) -> None:
-    for board in (Board2016(CAR), Ucboard(CAR)):
+    for board in (SimulatedBoard2016(CAR), SimulatedUcboard(CAR)):
         for data in parts:
             board.hear(data, 0.0)
             board.speak(READINGS, 0.0)

@@ -10,8 +10,8 @@ from tral_env.hardware.pwm import PulseOutput
 from tral_env.interface import CONTROL_PERIOD_S
 
 
-class Commands(Protocol):
-    """A taker of commands; the environment calls nothing else."""
+class Actuator(Protocol):
+    """What carries commands out; the environment calls nothing else."""
 
     @property
     def applied(self) -> tuple[float, float]:
@@ -87,7 +87,7 @@ class Commands(Protocol):
         """
 
 
-class PulseCommands:
+class PulseActuator:
     """A pulse output in this process. It protects from errors, not from a process that is killed, stopped or hangs."""
 
     def __init__(self, output: PulseOutput, calibration: CarCalibration) -> None:

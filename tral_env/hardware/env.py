@@ -178,7 +178,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._running, self._closed = False, False
         self._read_s = clock()
         self._episode = Episode()
-        self.calibration, self.output, self._commands, self.sensors, self._watch = open_parts(
+        self.calibration, self.output, self._actuator, self.sensors, self._watch = open_parts(
             Wanted(
                 config=config,
                 calibration=calibration,
@@ -219,7 +219,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     @property
     def retries(self) -> int:
         """Number of transactions with the board that were tried again."""
-        return self._commands.retries
+        return self._actuator.retries
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -234,16 +234,16 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         """
         with self._neutral_if_it_fails():
             self._running = False
-            self._commands.neutral()
+            self._actuator.neutral()
             super().reset(seed=seed)
             if options:
                 raise ConfigError(f"unknown reset option(s) {', '.join(options)}: the real car has none")
             self.recording.begin()  # it may wait for the disk, so before the car is armed
             # The board first here too: one that lost its supply answers to the address of the first ultrasonic again.
-            stopped_by = self._commands.arm()
+            stopped_by = self._actuator.arm()
             if self.sensors is not None:
                 self.sensors.start()
-            self._commands.resume()
+            self._actuator.resume()
             self._episode = Episode(start_s=self._clock(), evidence=self._episode.evidence)
             if self._watch is not None:
                 self._watch.reset()
@@ -268,14 +268,14 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         with self._neutral_if_it_fails():
             self._apply(action)
             self._pace()
-            self._commands.check()
+            self._actuator.check()
             told = self._episode.observation
             observation = self._observe()
             self.recording.tick(
                 told,
                 action,
-                applied=self._commands.applied,
-                pulses_us=self._commands.pulses_us,
+                applied=self._actuator.applied,
+                pulses_us=self._actuator.pulses_us,
                 late_ticks=self._episode.late_ticks,
                 lateness_s=self._episode.lateness_s,
             )
@@ -283,7 +283,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             truncated = self._clock() - self._episode.start_s >= self._max_duration_s
             if truncated:
                 self._running = False
-                self._commands.neutral()
+                self._actuator.neutral()
         return observation, 0.0, False, truncated, self._info()
 
     def stop(self) -> None:
@@ -295,7 +295,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             HardwareError: a device does not answer.
         """
         self._running = False
-        self._commands.stop()
+        self._actuator.stop()
 
     def close(self) -> None:
         """Send neutral, then let go of all devices; a second call does nothing.
@@ -307,7 +307,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
             return
         self._running = False
         try:
-            self._commands.close()
+            self._actuator.close()
         finally:
             if self.sensors is not None:
                 self.sensors.stop()
@@ -317,8 +317,8 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
     def _apply(self, action: NDArray[np.floating]) -> None:
         steering, throttle = np.clip(as_command(action), -1.0, 1.0).tolist()
         if self._episode.tick == 0:
-            self._commands.resume()
-        self._commands.command(steering, throttle, self._episode.evidence)
+            self._actuator.resume()
+        self._actuator.command(steering, throttle, self._episode.evidence)
 
     def _pace(self) -> None:
         """Sleep until the period is over; periods follow each other without drift until one is late."""
@@ -342,7 +342,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
                 raise HardwareError(f"the sensors say {name} = {value!r}: expected a finite number")
         self._episode.weigh(readings)
         self.readings = readings
-        steering, throttle = self._commands.applied
+        steering, throttle = self._actuator.applied
         asked = {name: value for name, value in readings.items() if name not in self._unasked}
         observation: Observation = self._layout.pack({**asked, "steering": steering, "throttle": throttle}, 1)[0]
         self._episode.observation = observation
@@ -356,20 +356,20 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         """
         if self._watch is None:
             return
-        episode, commands = self._episode, self._commands
+        episode, actuator = self._episode, self._actuator
         image = image_times(self.sensors)
         look = Look(
-            self._read_s, self.readings, commands.applied[1],
+            self._read_s, self.readings, actuator.applied[1],
             image_s=image and image.exposed_s, changed_s=image and image.changed_s,
-            retries=commands.retries, late_ticks=episode.late_ticks, ticks=episode.tick,
+            retries=actuator.retries, late_ticks=episode.late_ticks, ticks=episode.tick,
         )  # fmt: skip
         if fault := self._watch.update(look):
-            commands.stop()
+            actuator.stop()
             self.recording.say(str(fault), "error")
             raise CarStoppedError(str(fault))
 
     def _info(self) -> dict[str, Any]:
-        steering_us, throttle_us = self._commands.pulses_us
+        steering_us, throttle_us = self._actuator.pulses_us
         info = {
             "tick": self._episode.tick,
             "late_ticks": self._episode.late_ticks,
@@ -387,7 +387,7 @@ class TralCarEnv(gym.Env[Observation, NDArray[np.float32]]):
         except BaseException as error:
             self._running = False
             try:
-                self._commands.neutral()
+                self._actuator.neutral()
             except Exception as second:
                 error.add_note(f"Neutral could not be commanded either ({second}): cut the power of the motor.")
             self.recording.say(f"{type(error).__name__}: {error}", "error")

@@ -16,7 +16,7 @@ from tral_env.hardware.actuator.client import ActuatorProcess
 from tral_env.hardware.actuator.settings import Limits
 from tral_env.hardware.calibration_file import load_calibration
 from tral_env.hardware.car_file import CarFile, load_car
-from tral_env.hardware.commands import Commands, PulseCommands, actuator_settings
+from tral_env.hardware.commands import Actuator, PulseActuator, actuator_settings
 from tral_env.hardware.faults import FaultLimits, FaultWatch
 from tral_env.hardware.i2c import BusName, Smbus, named
 from tral_env.hardware.physical import Physical
@@ -59,7 +59,7 @@ class Parts(NamedTuple):
 
     calibration: CarCalibration
     output: PulseOutput | ActuatorProcess
-    commands: Commands
+    actuator: Actuator
     sensors: Sensors | None
     watch: FaultWatch | None
     """Notices faults; None: nothing drives, so nothing could be missed."""
@@ -93,8 +93,8 @@ def open_parts(wanted: Wanted) -> Parts:
             sensors.stop()
         output.close()
         raise
-    commands = output if isinstance(output, ActuatorProcess) else PulseCommands(output, calibration)
-    return Parts(calibration, output, commands, sensors, _watch(wanted, car, output, sensors))
+    actuator = output if isinstance(output, ActuatorProcess) else PulseActuator(output, calibration)
+    return Parts(calibration, output, actuator, sensors, _watch(wanted, car, output, sensors))
 
 
 def _watch(

@@ -24,7 +24,7 @@ _MAX_MESSAGE = 4096
 """Bytes without an end beyond this length are no message."""
 
 
-class Frame(NamedTuple):
+class SerialFrame(NamedTuple):
     """One frame of the board of 2016, as it stands on the wire."""
 
     front: int
@@ -47,12 +47,12 @@ class FrameParser:
         self._waiting = bytearray()
         self._in_step = False
 
-    def feed(self, data: bytes) -> list[Frame]:
+    def feed(self, data: bytes) -> list[SerialFrame]:
         """Take bytes, and give the frames that are whole now."""
         self._waiting += data
         return list(self._frames())
 
-    def _frames(self) -> Iterator[Frame]:
+    def _frames(self) -> Iterator[SerialFrame]:
         waiting, size = self._waiting, _FRAME.size
         while len(waiting) >= size:
             if not waiting.startswith(_HEADER):
@@ -68,7 +68,7 @@ class FrameParser:
                     del waiting[0]
                     continue
                 self._in_step = True
-            yield Frame(*_FRAME.unpack_from(waiting)[1:])
+            yield SerialFrame(*_FRAME.unpack_from(waiting)[1:])
             del waiting[:size]
 
 

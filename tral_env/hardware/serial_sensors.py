@@ -18,7 +18,7 @@ from tral_env.hardware.actuator.options import check_quantities, quantity
 from tral_env.hardware.actuator.serial_boards import BAUD_2016, BAUD_UCBOARD
 from tral_env.hardware.physical import Physical
 from tral_env.hardware.sensors import FrameWatcher, HallCounter, Sensors
-from tral_env.hardware.serial_frames import Frame, FrameParser, TextParser
+from tral_env.hardware.serial_frames import FrameParser, SerialFrame, TextParser
 from tral_env.hardware.serial_port import open_port
 from tral_env.interface import NO_ECHO_M, OPTIONAL_GROUPS
 from tral_env.sensors.hall import WindowSpeed
@@ -186,7 +186,7 @@ class Board2016Sensors(_SerialSensors):
         hall = {"distance": self._travel.distance, "speed": self._travel.speed(now)}
         return {**self._told(now, bool(frames)), **hall, "line": float(self._line)}
 
-    def _take(self, frame: Frame, now: float) -> None:
+    def _take(self, frame: SerialFrame, now: float) -> None:
         for side in _SIDES:
             if units := getattr(frame, side):
                 self._take_range(side, units * self._options.range_unit_m, now)

@@ -49,7 +49,7 @@ class RecordedTick(NamedTuple):
     truth: Mapping[str, Any] | None
 
 
-class Image(NamedTuple):
+class ImageItem(NamedTuple):
     """An image of a camera, as `Recorder.image` takes it."""
 
     time_s: float
@@ -57,10 +57,11 @@ class Image(NamedTuple):
     camera: str
 
 
-class Frame(NamedTuple):
+class SensorFrame(NamedTuple):
     """Bytes of a sensor, as `Recorder.frame` takes them."""
 
     time_s: float
+    """Since the start, s."""
     source: str
     data: bytes
 
@@ -73,7 +74,7 @@ class Word(NamedTuple):
     level: str
 
 
-Item = RecordedTick | Image | Frame | Word
+Item = RecordedTick | ImageItem | SensorFrame | Word
 
 
 class Encoder:
@@ -103,9 +104,9 @@ class Encoder:
         """The messages of what was recorded."""
         if isinstance(item, RecordedTick):
             yield from self._tick(item)
-        elif isinstance(item, Image):
+        elif isinstance(item, ImageItem):
             yield topics.IMAGE, self._image(item)
-        elif isinstance(item, Frame):
+        elif isinstance(item, SensorFrame):
             content = {"time_s": item.time_s, "source": item.source, "data": _base64(item.data)}
             yield topics.FRAME, _json(content)
         else:
@@ -154,7 +155,7 @@ class Encoder:
             },
         }
 
-    def _image(self, image: Image) -> bytes:
+    def _image(self, image: ImageItem) -> bytes:
         data = image.pixels if isinstance(image.pixels, bytes) else jpeg(image.pixels)
         content = {"frame_id": image.camera, "data": _base64(data), "format": "jpeg"}
         return _json({"timestamp": self._stamp(image.time_s), **content})

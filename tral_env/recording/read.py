@@ -26,6 +26,7 @@ from tral_env.errors import BadFileError, ConfigError
 from tral_env.interface import CORE_FIELDS, OPTIONAL_GROUPS, Layout
 from tral_env.recording import topics
 from tral_env.recording.file import PROFILE
+from tral_env.recording.messages import SensorFrame
 from tral_env.recording.recorder import ABOUT
 
 _TORN = (McapError, EndOfFile, ZstdError, ValueError, struct.error)
@@ -33,7 +34,7 @@ _TORN = (McapError, EndOfFile, ZstdError, ValueError, struct.error)
 _FIELDS = {field.name: field for field in (*CORE_FIELDS, *(one for group in OPTIONAL_GROUPS.values() for one in group))}
 
 
-class Transition(NamedTuple):
+class RecordedTransition(NamedTuple):
     """A transition that fired; a `tral_fsm.runtime.machine.Transit` has the same fields behind the tick."""
 
     tick: int
@@ -45,15 +46,7 @@ class Transition(NamedTuple):
     why: str
 
 
-class Frame(NamedTuple):
-    """Bytes of a sensor; time since the start, s."""
-
-    time_s: float
-    source: str
-    data: bytes
-
-
-class Picture(NamedTuple):
+class RecordedImage(NamedTuple):
     """An image of a camera as a JPEG file; `time_s` is that of its exposure since the start, s."""
 
     time_s: float
@@ -156,10 +149,10 @@ class Recording:
         return tuple(told[tick]["state"] if tick in told else "" for tick in self.tick.tolist())
 
     @cached_property
-    def transitions(self) -> tuple[Transition, ...]:
+    def transitions(self) -> tuple[RecordedTransition, ...]:
         """Transitions that fired, in their order."""
         return tuple(
-            Transition(
+            RecordedTransition(
                 one["tick"], one["machine_time_s"], tuple(one["path"]), one["source"], one["target"],
                 one["transition"], one["why"],
             )
@@ -173,23 +166,23 @@ class Recording:
         return tuple(told.get(tick, {}) for tick in self.tick.tolist())
 
     @cached_property
-    def frames(self) -> tuple[Frame, ...]:
+    def frames(self) -> tuple[SensorFrame, ...]:
         """Bytes of sensors as they came."""
         told = self.messages.get(topics.FRAME.name, ())
-        return tuple(Frame(one["time_s"], one["source"], base64.b64decode(one["data"])) for one in told)
+        return tuple(SensorFrame(one["time_s"], one["source"], base64.b64decode(one["data"])) for one in told)
 
     @property
     def words(self) -> tuple[str, ...]:
         """What was said about the drive."""
         return tuple(one["message"] for one in self.messages.get(topics.LOG.name, ()))
 
-    def pictures(self) -> Iterator[Picture]:
+    def pictures(self) -> Iterator[RecordedImage]:
         """The images, one after the other; the file is read again."""
         for topic, data in _json_messages(self.path):
             if topic == topics.IMAGE.name:
                 stamp = data["timestamp"]
                 ns = stamp["sec"] * 10**9 + stamp["nsec"] - int(self.about["start_ns"])
-                yield Picture(ns / 1e9, data["frame_id"], base64.b64decode(data["data"]))
+                yield RecordedImage(ns / 1e9, data["frame_id"], base64.b64decode(data["data"]))
 
     def _by_tick(self, topic: str) -> dict[int, dict[str, Any]]:
         return {message["tick"]: message for message in self.messages.get(topic, ())}

@@ -19,7 +19,7 @@ from tral_env.errors import ConfigError, reason
 from tral_env.interface import CORE_LAYOUT, Layout
 from tral_env.recording.about import digest, versions
 from tral_env.recording.file import RecordingFile
-from tral_env.recording.messages import Encoder, Frame, Image, Item, RecordedTick, Word
+from tral_env.recording.messages import Encoder, ImageItem, Item, RecordedTick, SensorFrame, Word
 from tral_env.recording.topics import LEVELS
 
 SYNC_S = 0.25
@@ -188,7 +188,7 @@ class Recorder:
             pixels: (height, width, 3) RGB or (height, width) grey, which must not change any more; or a JPEG file.
             camera: name of the camera.
         """
-        self._put(self._images, Image, (time_s - self._start_s, pixels, camera))
+        self._put(self._images, ImageItem, (time_s - self._start_s, pixels, camera))
 
     def frame(self, time_s: float, source: str, data: bytes) -> None:
         """Record bytes of a sensor as they came, before anything was made of them.
@@ -198,7 +198,7 @@ class Recorder:
             source: name of the sensor.
             data: the bytes.
         """
-        self._put(self._queue, Frame, (time_s - self._start_s, source, data))
+        self._put(self._queue, SensorFrame, (time_s - self._start_s, source, data))
 
     def say(self, time_s: float, text: str, level: str = "info") -> None:
         """Record a word about the drive.

@@ -29,7 +29,7 @@ class Chip(Protocol):
 
 
 @dataclass(frozen=True)
-class Message:
+class I2cMessage:
     """A part of a transaction, from START to the next START or STOP."""
 
     address: int
@@ -40,7 +40,7 @@ class Message:
     reads: bool = False
 
 
-Fault = Callable[[Sequence[Message]], None]
+BusFault = Callable[[Sequence[I2cMessage]], None]
 """Raises the OSError of a transaction that fails, maybe after a while."""
 
 
@@ -52,7 +52,7 @@ class I2cBus:
         self._chips = tuple(chips)
         self.lock = threading.Lock()
         """Held during a transaction; a thread that changes a chip from outside holds it too."""
-        self.faults: dict[str, Fault] = {}
+        self.faults: dict[str, BusFault] = {}
         """Faults that are asked before each transaction, by name."""
         self.powered = True
         """Whether the chips have their supply; without it nobody answers."""
@@ -60,7 +60,7 @@ class I2cBus:
         """Called after each transaction that succeeded."""
         self.transactions = 0
 
-    def transfer(self, messages: Sequence[Message]) -> list[bytes]:
+    def transfer(self, messages: Sequence[I2cMessage]) -> list[bytes]:
         """Do a transaction.
 
         Returns:
@@ -77,7 +77,7 @@ class I2cBus:
             self.after()
         return read
 
-    def _message(self, message: Message) -> bytes | None:
+    def _message(self, message: I2cMessage) -> bytes | None:
         present = [chip for chip in self._chips if self.powered and chip.answers_to(message.address)]
         if message.reads:
             if not present or message.address == 0:
@@ -104,7 +104,7 @@ class TwinSmbus(Physical):
 
     def write_i2c_block_data(self, i2c_addr: int, register: int, data: Sequence[int]) -> None:
         """Write bytes to a register and those behind it."""
-        self._bus.transfer([Message(i2c_addr, bytes([register, *data]))])
+        self._bus.transfer([I2cMessage(i2c_addr, bytes([register, *data]))])
 
     def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> list[int]:
         """Read bytes of a register and those behind it."""
@@ -112,7 +112,7 @@ class TwinSmbus(Physical):
 
     def write_byte_data(self, i2c_addr: int, register: int, value: int) -> None:
         """Write a byte to a register."""
-        self._bus.transfer([Message(i2c_addr, bytes([register, value]))])
+        self._bus.transfer([I2cMessage(i2c_addr, bytes([register, value]))])
 
     def read_byte_data(self, i2c_addr: int, register: int) -> int:
         """Read the byte of a register."""
@@ -120,15 +120,15 @@ class TwinSmbus(Physical):
 
     def write_byte(self, i2c_addr: int, value: int) -> None:
         """Write one byte."""
-        self._bus.transfer([Message(i2c_addr, bytes([value]))])
+        self._bus.transfer([I2cMessage(i2c_addr, bytes([value]))])
 
     def read_byte(self, i2c_addr: int) -> int:
         """Read one byte."""
-        return self._bus.transfer([Message(i2c_addr, length=1, reads=True)])[0][0]
+        return self._bus.transfer([I2cMessage(i2c_addr, length=1, reads=True)])[0][0]
 
     def close(self) -> None:
         """Do nothing: the twin owns the bus."""
 
     def _read(self, address: int, register: bytes, length: int) -> bytes:
-        written, read = Message(address, register), Message(address, length=length, reads=True)
+        written, read = I2cMessage(address, register), I2cMessage(address, length=length, reads=True)
         return self._bus.transfer([written, read])[0]

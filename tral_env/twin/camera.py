@@ -29,7 +29,7 @@ from tral_env.simulation.vision import Webcam
 
 CAMERA = "camera"
 """The argument of ``python -m tral_env.twin`` that makes it the camera's process."""
-RATE_HZ = 15.0
+IMAGE_RATE_HZ = 15.0
 _END_S = 2.0
 """The camera's process ends within this time, or it is killed."""
 QUALITY = 80
@@ -44,7 +44,7 @@ _COMMENT = b"exposure_ns="
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class RenderSetup:
     """What stands around the camera."""
 
     pool: Pool
@@ -58,7 +58,7 @@ class Scene:
 
 
 @dataclass(frozen=True, eq=False)
-class Exposure:
+class RenderRequest:
     """A state to render, and how the camera does."""
 
     exposed_ns: int
@@ -83,7 +83,7 @@ def exposure_ns(jpeg: bytes) -> int | None:
     return int(jpeg[place + len(_COMMENT) : place + length])
 
 
-class Frames:
+class NewestImage:
     """The newest image, and the threads that wait for it."""
 
     def __init__(self) -> None:
@@ -108,7 +108,7 @@ class Frames:
 
 
 class _Handler(BaseHTTPRequestHandler):
-    frames: Frames
+    frames: NewestImage
 
     def do_GET(self) -> None:
         """Answer with the stream or with one image."""
@@ -150,53 +150,53 @@ class _Handler(BaseHTTPRequestHandler):
 class _Server(ThreadingHTTPServer):
     daemon_threads = True
 
-    def __init__(self, frames: Frames, port: int = 0) -> None:
+    def __init__(self, frames: NewestImage, port: int = 0) -> None:
         super().__init__(("127.0.0.1", port), type("Handler", (_Handler,), {"frames": frames}))
         threading.Thread(target=self.serve_forever, daemon=True).start()
 
 
 class _Eye:
-    """Renders exposures of the scene that was given last."""
+    """Renders what is asked for, with the setup that was given last."""
 
     def __init__(self) -> None:
         self._webcam: Webcam | None = None
-        self._scene: Scene | None = None
+        self._setup: RenderSetup | None = None
         self._kept: Image | None = None
 
-    def place(self, scene: Scene) -> None:
+    def place(self, setup: RenderSetup) -> None:
         """Put a scene around the camera."""
-        if self._webcam is None or self._scene is None or self._scene.pool != scene.pool:
+        if self._webcam is None or self._setup is None or self._setup.pool != setup.pool:
             if self._webcam is not None:
                 self._webcam.close()
-            self._webcam = Webcam(1, scene.pool, scene.lens, scene.faults)
-        self._webcam.place(0, scene.plan, scene.degradation, scene.seed)
-        self._scene = scene
+            self._webcam = Webcam(1, setup.pool, setup.lens, setup.faults)
+        self._webcam.place(0, setup.plan, setup.degradation, setup.seed)
+        self._setup = setup
 
-    def look(self, exposure: Exposure) -> tuple[bytes, float] | None:
-        """The JPEG of an exposure and the time until it may be seen, s; None: nothing to see yet."""
-        if self._webcam is None or self._scene is None:
+    def look(self, request: RenderRequest) -> tuple[bytes, float] | None:
+        """The JPEG of what is asked for, and the time until it may be seen, s; None: nothing to see yet."""
+        if self._webcam is None or self._setup is None:
             return None
-        if self._kept is None or not exposure.frozen:
-            self._kept = self._webcam.image(0, exposure.qpos, exposure.mounting)
+        if self._kept is None or not request.frozen:
+            self._kept = self._webcam.image(0, request.qpos, request.mounting)
         _, jpeg = cv2.imencode(".jpg", self._kept[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
-        return stamped(jpeg.tobytes(), exposure.exposed_ns), max(self._scene.latency_s - _DETECTION_S, 0.0)
+        return stamped(jpeg.tobytes(), request.exposed_ns), max(self._setup.latency_s - _DETECTION_S, 0.0)
 
 
 class _Newest:
-    """What came last on a pipe: a scene is never lost, an exposure gives way to a newer one."""
+    """What came last on a pipe: a setup is never lost, a request gives way to a newer one."""
 
     def __init__(self, pipe: IO[bytes]) -> None:
         self._pipe, self._changed = pipe, threading.Condition()
-        self._scene: Scene | None = None
-        self._exposure: Exposure | None = None
+        self._setup: RenderSetup | None = None
+        self._request: RenderRequest | None = None
         self._ended = False
         threading.Thread(target=self._read, daemon=True).start()
 
-    def take(self) -> tuple[Scene | None, Exposure | None] | None:
+    def take(self) -> tuple[RenderSetup | None, RenderRequest | None] | None:
         """Wait for something new; None: the pipe has ended."""
         with self._changed:
-            self._changed.wait_for(lambda: self._exposure or self._scene or self._ended)
-            found, self._scene, self._exposure = (self._scene, self._exposure), None, None
+            self._changed.wait_for(lambda: self._request or self._setup or self._ended)
+            found, self._setup, self._request = (self._setup, self._request), None, None
             return None if self._ended else found
 
     def _read(self) -> None:
@@ -206,10 +206,10 @@ class _Newest:
             except (EOFError, OSError, pickle.UnpicklingError):  # the twin ended, perhaps in the middle of a write
                 came = None
             with self._changed:
-                if isinstance(came, Scene):
-                    self._scene = came
-                elif isinstance(came, Exposure):
-                    self._exposure = came
+                if isinstance(came, RenderSetup):
+                    self._setup = came
+                elif isinstance(came, RenderRequest):
+                    self._request = came
                 else:
                     self._ended = True
                 self._changed.notify_all()
@@ -219,34 +219,34 @@ class _Newest:
 
 def main() -> NoReturn:
     """Be the camera's process until the standard input ends."""
-    frames, eye, newest = Frames(), _Eye(), _Newest(sys.stdin.buffer)
+    frames, eye, newest = NewestImage(), _Eye(), _Newest(sys.stdin.buffer)
     server: _Server | None = _Server(frames)
     assert server is not None
     port = server.server_address[1]
     first = True
     while (came := newest.take()) is not None:
-        scene, exposure = came
+        setup, request = came
         try:
-            if scene is not None:
-                eye.place(scene)
-            if exposure is None:
+            if setup is not None:
+                eye.place(setup)
+            if request is None:
                 continue
-            seen = eye.look(exposure)
+            seen = eye.look(request)
         except TralError as error:
             print(f"error: {error}", flush=True)
             os._exit(1)  # a thread still reads the pipe
         if first:
             print(port, flush=True)
             first = False
-        server = _be_gone(server, frames, port, exposure.gone)
+        server = _be_gone(server, frames, port, request.gone)
         if seen is not None:
             jpeg, latency_s = seen
-            time.sleep(max(exposure.exposed_ns / 1e9 + latency_s - time.monotonic(), 0.0))
-            frames.put(jpeg, exposure.exposed_ns)
+            time.sleep(max(request.exposed_ns / 1e9 + latency_s - time.monotonic(), 0.0))
+            frames.put(jpeg, request.exposed_ns)
     os._exit(0)
 
 
-def _be_gone(server: _Server | None, frames: Frames, port: int, gone: bool) -> _Server | None:
+def _be_gone(server: _Server | None, frames: NewestImage, port: int, gone: bool) -> _Server | None:
     """End all connections and listen no more, or come back."""
     if gone and server is not None:
         frames.gone = True
@@ -259,10 +259,10 @@ def _be_gone(server: _Server | None, frames: Frames, port: int, gone: bool) -> _
     return server
 
 
-class Camera:
+class CameraStream:
     """The twin's end: it starts the process, and hands it states."""
 
-    def __init__(self, scene: Scene, first: Exposure) -> None:
+    def __init__(self, setup: RenderSetup, first: RenderRequest) -> None:
         """Start, and wait for the first image.
 
         Raises:
@@ -273,7 +273,7 @@ class Camera:
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True,
         )  # fmt: skip
         self._due_s = 0.0
-        self.place(scene)
+        self.place(setup)
         self._send(first)
         assert self._process.stdout is not None
         told = self._process.stdout.readline().decode().strip()
@@ -283,18 +283,18 @@ class Camera:
         self.url = f"http://127.0.0.1:{told}{STREAM}"
         """What ``cv2.VideoCapture`` opens."""
 
-    def place(self, scene: Scene) -> None:
+    def place(self, setup: RenderSetup) -> None:
         """Put another scene around the camera."""
-        self._send(scene)
+        self._send(setup)
 
     def is_due(self, now_s: float) -> bool:
-        """Whether it is time for the next exposure, s."""
+        """Whether it is time for the next request, s."""
         return now_s >= self._due_s
 
-    def expose(self, exposure: Exposure) -> None:
+    def expose(self, request: RenderRequest) -> None:
         """Take an image."""
-        self._due_s = max(self._due_s + 1 / RATE_HZ, exposure.exposed_ns / 1e9)
-        self._send(exposure)
+        self._due_s = max(self._due_s + 1 / IMAGE_RATE_HZ, request.exposed_ns / 1e9)
+        self._send(request)
 
     def close(self) -> None:
         """End the process."""
@@ -308,7 +308,7 @@ class Camera:
             self._process.kill()
             self._process.wait()
 
-    def _send(self, what: Scene | Exposure) -> None:
+    def _send(self, what: RenderSetup | RenderRequest) -> None:
         assert self._process.stdin is not None
         with suppress(BrokenPipeError, ValueError):
             pickle.dump(what, self._process.stdin)

@@ -16,7 +16,7 @@ from tral_env.options import CorridorConfig
 from tral_env.perception.degrade import ImageCorruption
 from tral_env.sensors.hall import EdgeSpeed
 from tral_env.sensors.ranging import SONARS
-from tral_env.twin.camera import Exposure, Scene
+from tral_env.twin.camera import RenderRequest, RenderSetup
 from tral_env.twin.serial_boards import BoardReadings
 from tral_env.world import World
 
@@ -47,7 +47,7 @@ class _EdgeLog(EdgeSpeed):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class DriveOutcome:
     """How a drive ended."""
 
     ended: str
@@ -64,7 +64,7 @@ class TwinCar:
         self._world = World(1, config)
         self._rangings: tuple[tuple[float, tuple[float, ...]], ...] = ()
         self._edges = _EdgeLog()
-        self.outcome: Outcome | None = None
+        self.outcome: DriveOutcome | None = None
         """How this drive ended, once it has; the car drives on."""
         self.info: dict[str, float | bool] = {}
         """Ground truth of the last tick, for people alone."""
@@ -123,17 +123,17 @@ class TwinCar:
         mounting: Array = self._world.sim.cameras.mounting(np.array([0]))[0]
         return mounting
 
-    def scene(self) -> Scene:
+    def render_setup(self) -> RenderSetup:
         """What the camera stands in."""
         sim = self._world.sim
         faults = sim.image_faults or ImageCorruption()
         seed = int(sim.cameras.image_seeds[0])
         degradation, latency_s = self.drawn["image_degradation"], self.drawn["camera_latency_s"]
-        return Scene(sim.pool, self.plan, sim.lens, faults, degradation, seed, latency_s)
+        return RenderSetup(sim.pool, self.plan, sim.lens, faults, degradation, seed, latency_s)
 
-    def exposure(self, now_s: float, *, gone: bool, frozen: bool) -> Exposure:
+    def render_request(self, now_s: float, *, gone: bool, frozen: bool) -> RenderRequest:
         """What the camera sees at a time, s."""
-        return Exposure(round(now_s * 1e9), self.qpos, self.camera_mounting, gone, frozen)
+        return RenderRequest(round(now_s * 1e9), self.qpos, self.camera_mounting, gone, frozen)
 
     @property
     def battery_v(self) -> float:
@@ -166,7 +166,7 @@ class TwinCar:
         step = world.step(np.array([[steering, throttle]]))
         self._note(step.info)
         if self.outcome is None and (step.terminated[0] or step.truncated[0]):
-            self.outcome = Outcome(_ended(step.info), float(self.info["time_s"]), float(self.info["progress"]))
+            self.outcome = DriveOutcome(_ended(step.info), float(self.info["time_s"]), float(self.info["progress"]))
         self._keep(now_s)
         self._sag()
         time_s = float(world.sim.time_s[0])

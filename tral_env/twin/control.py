@@ -16,7 +16,7 @@ from typing import Any
 
 from tral_env.errors import ConfigError, HardwareError, TralError, nearest
 
-SOCKET = "control"
+CONTROL_SOCKET = "control"
 """Name of the socket in the twin's folder."""
 _PATIENCE_S = 15.0
 Request = Mapping[str, Any]
@@ -26,17 +26,17 @@ Answer = Callable[[Request], Any]
 class ControlServer:
     """Answers requests, each connection in a thread of its own."""
 
-    def __init__(self, path: Path, commands: Mapping[str, Answer]) -> None:
+    def __init__(self, path: Path, answers: Mapping[str, Answer]) -> None:
         """Listen.
 
         Args:
             path: of the socket; one that a dead twin left is replaced.
-            commands: name -> what answers it.
+            answers: name -> what answers it.
 
         Raises:
             HardwareError: a twin listens there already.
         """
-        self._path, self._commands = path, commands
+        self._path, self._answers = path, answers
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists():
             if _answers(path):
@@ -72,16 +72,16 @@ class ControlServer:
         try:
             request = json.loads(line)
             name = request.get("do")
-            if name not in self._commands:
-                raise ConfigError(f"unknown request '{name}': {nearest(name, self._commands)}")
-            return self._commands[name](request)
+            if name not in self._answers:
+                raise ConfigError(f"unknown request '{name}': {nearest(name, self._answers)}")
+            return self._answers[name](request)
         except KeyError as error:
             return {"error": f"the request lacks {error}"}
         except (TralError, ValueError, TypeError, AttributeError) as error:
             return {"error": str(error)}
 
 
-class Line:
+class ControlConnection:
     """A connection to a twin, for one request after the other."""
 
     def __init__(self, folder: Path) -> None:
@@ -93,7 +93,7 @@ class Line:
         self._folder, self._socket = folder, socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._socket.settimeout(_PATIENCE_S)
         try:
-            self._socket.connect(str(folder / SOCKET))
+            self._socket.connect(str(folder / CONTROL_SOCKET))
         except OSError as error:
             self._socket.close()
             raise self._silent(error) from error
@@ -134,7 +134,7 @@ def ask(folder: Path, **request: Any) -> Any:
         HardwareError: no twin answers there, or it ends.
         ConfigError: it refuses.
     """
-    with closing(Line(folder)) as line:
+    with closing(ControlConnection(folder)) as line:
         return line.ask(**request)
 
 

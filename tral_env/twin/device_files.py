@@ -75,7 +75,7 @@ for _name in ("process_vm_readv", "process_vm_writev"):
     _call.argtypes = [ctypes.c_int, *_spans, *_spans, ctypes.c_ulong]
 
 
-class Line:
+class TwinSocket:
     """A socket to the twin: one question and its answer at a time."""
 
     def __init__(self, number: int) -> None:
@@ -102,7 +102,7 @@ class Line:
 class I2cFile:
     """What open, read, write and ioctl do to a bus."""
 
-    def __init__(self, line: Line) -> None:
+    def __init__(self, line: TwinSocket) -> None:
         """Ask the twin for each transaction."""
         self._line = line
         self.addresses: dict[int, int] = {}
@@ -195,7 +195,7 @@ class Files(mfusepy.Operations):  # type: ignore[misc]
 
     use_ns = True
 
-    def __init__(self, i2c_name: str, i2c: I2cFile, tree: Line, ready: Callable[[], None]) -> None:
+    def __init__(self, i2c_name: str, i2c: I2cFile, tree: TwinSocket, ready: Callable[[], None]) -> None:
         """Show a bus under a name."""
         self._i2c_path, self._i2c, self._tree, self._ready = f"/{i2c_name}", i2c, tree, ready
         self._handle = 0
@@ -298,7 +298,7 @@ def main(arguments: list[str]) -> None:
     if arguments[0] == "--take-away":
         return take_away(*arguments[1:])
     name, *numbers, mount, link, disk = arguments
-    i2c, tree = (Line(int(number)) for number in numbers[:2])
+    i2c, tree = (TwinSocket(int(number)) for number in numbers[:2])
     life = socket.socket(fileno=int(numbers[2]))
 
     def end_with_the_twin() -> None:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Protocol
 
 from tral_env.errors import HardwareError
-from tral_env.twin.bus import I2cBus, Message
+from tral_env.twin.bus import I2cBus, I2cMessage
 
 _MESSAGE, _ERRNO = struct.Struct("<HHH"), struct.Struct("<i")
 """As in `device_files`, which is no module of this process: it loads FUSE."""
@@ -202,9 +202,9 @@ def _transfer(bus: I2cBus, packet: bytes) -> bytes:
         address, reads, length = _MESSAGE.unpack_from(packet, place)
         place += _MESSAGE.size
         if reads:
-            messages.append(Message(address, length=length, reads=True))
+            messages.append(I2cMessage(address, length=length, reads=True))
         else:
-            messages.append(Message(address, packet[place : place + length]))
+            messages.append(I2cMessage(address, packet[place : place + length]))
             place += length
     return b"".join(bus.transfer(messages))
 

@@ -1,6 +1,7 @@
 """Faults on demand: what each does to a twin, by name.
 
-A fault begins and ends; `Faults.at` lets it begin at a time on the twin's clock. The table is the documentation, too.
+A fault begins and ends; `FaultInjector.at` lets it begin at a time on the twin's clock. The table is the documentation,
+too.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import Protocol
 
 from tral_env.checks import check_number
 from tral_env.errors import ConfigError, nearest
-from tral_env.twin.bus import I2cBus, Message, no_answer
+from tral_env.twin.bus import I2cBus, I2cMessage, no_answer
 from tral_env.twin.car import TwinCar
 from tral_env.twin.pca9685 import Pca9685Chip
 from tral_env.twin.pulse_log import PulseLog
@@ -34,7 +35,7 @@ FILLER = "filler"
 """The file that fills the disk."""
 
 
-class Twin(Protocol):
+class TwinParts(Protocol):
     """The parts of a twin that can fail."""
 
     bus: I2cBus
@@ -58,26 +59,26 @@ class Twin(Protocol):
 
 
 @dataclass(frozen=True)
-class Fault:
+class InjectedFault:
     """A fault: what begins it and what ends it."""
 
     told: str
     """What a person sees of it."""
-    begin: Callable[[Twin, float], None]
+    begin: Callable[[TwinParts, float], None]
     """Begins it, with a rate in (0, 1]."""
-    end: Callable[[Twin], None]
-    check: Callable[[Twin], None] = lambda twin: None
+    end: Callable[[TwinParts], None]
+    check: Callable[[TwinParts], None] = lambda twin: None
     """Raises a ConfigError if the twin cannot have it."""
 
 
-class BusErrors:
+class RandomBusErrors:
     """A share of transactions that nobody acknowledges."""
 
     def __init__(self, rate: float, seed: int = 0) -> None:
         """Fail a share `rate` of transactions."""
         self._rate, self._rng = rate, random.Random(seed)
 
-    def __call__(self, messages: Sequence[Message]) -> None:
+    def __call__(self, messages: Sequence[I2cMessage]) -> None:
         """Raise errno 121, or not."""
         if self._rng.random() < self._rate:
             raise no_answer()
@@ -90,13 +91,13 @@ class BusTimeouts:
         """Block by `sleep`."""
         self._sleep = sleep
 
-    def __call__(self, messages: Sequence[Message]) -> None:
+    def __call__(self, messages: Sequence[I2cMessage]) -> None:
         """Raise errno 110 after a while."""
         self._sleep(BLOCKS_S)
         raise OSError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT))
 
 
-def stuck(messages: Sequence[Message]) -> None:
+def stuck(messages: Sequence[I2cMessage]) -> None:
     """Raise errno 11: the adapter never wins the bus, because something holds SDA low."""
     raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN))
 
@@ -106,20 +107,20 @@ def bouncing(edges_s: Sequence[float]) -> list[float]:
     return sorted([*edges_s, *(edge_s + late_s for edge_s in edges_s for late_s in BOUNCES_S)])
 
 
-def _on_bus(name: str, make: Callable[[float], Callable[[Sequence[Message]], None]]) -> tuple[Begin, End]:
-    def begin(twin: Twin, rate: float) -> None:
+def _on_bus(name: str, make: Callable[[float], Callable[[Sequence[I2cMessage]], None]]) -> tuple[BeginFault, EndFault]:
+    def begin(twin: TwinParts, rate: float) -> None:
         twin.bus.faults[name] = make(rate)
 
-    def end(twin: Twin) -> None:
+    def end(twin: TwinParts) -> None:
         twin.bus.faults.pop(name, None)
 
     return begin, end
 
 
-def _flag(*path: str, value: object = True, otherwise: object = False) -> tuple[Begin, End]:
+def _flag(*path: str, value: object = True, otherwise: object = False) -> tuple[BeginFault, EndFault]:
     """Set an attribute of a part of the twin, and set it back."""
 
-    def put(twin: Twin, what: object) -> None:
+    def put(twin: TwinParts, what: object) -> None:
         part: object = twin
         for name in path[:-1]:
             part = getattr(part, name)
@@ -129,31 +130,31 @@ def _flag(*path: str, value: object = True, otherwise: object = False) -> tuple[
     return (lambda twin, rate: put(twin, value)), (lambda twin: put(twin, otherwise))
 
 
-def _brown_out(twin: Twin, rate: float) -> None:
+def _brown_out(twin: TwinParts, rate: float) -> None:
     with twin.bus.lock:
         twin.pca9685.power_cycle()
         twin.pulses.note()
 
 
-def _nothing(twin: Twin) -> None:
+def _nothing(twin: TwinParts) -> None:
     """End nothing: it happened once."""
 
 
-def _unarm(twin: Twin, rate: float) -> None:
+def _unarm(twin: TwinParts, rate: float) -> None:
     twin.controller.power_cycle()
     twin.controller.refuses = True
 
 
-def _rearm(twin: Twin) -> None:
+def _rearm(twin: TwinParts) -> None:
     twin.controller.refuses = False
 
 
-def _unplug(twin: Twin, rate: float) -> None:
+def _unplug(twin: TwinParts, rate: float) -> None:
     for port in twin.ports.values():
         port.unplug()
 
 
-def _plug_in(twin: Twin) -> None:
+def _plug_in(twin: TwinParts) -> None:
     for port in twin.ports.values():
         port.plug_in()
 
@@ -171,64 +172,68 @@ def fill(folder: Path) -> None:
                     break
 
 
-def _require_disk(twin: Twin) -> None:
+def _require_disk(twin: TwinParts) -> None:
     if not os.path.ismount(twin.disk):
         raise ConfigError(f"{twin.disk} is no disk of the twin: it needs device files, so root and /dev/fuse")
 
 
-def _fill(twin: Twin, rate: float) -> None:
+def _fill(twin: TwinParts, rate: float) -> None:
     fill(twin.disk)
 
 
-def _unfill(twin: Twin) -> None:
+def _unfill(twin: TwinParts) -> None:
     (twin.disk / FILLER).unlink(missing_ok=True)
 
 
-Begin = Callable[["Twin", float], None]
-End = Callable[["Twin"], None]
+BeginFault = Callable[["TwinParts", float], None]
+EndFault = Callable[["TwinParts"], None]
 
-FAULTS: dict[str, Fault] = {
-    "i2c-errors": Fault(
+INJECTED_FAULTS: dict[str, InjectedFault] = {
+    "i2c-errors": InjectedFault(
         "a share (--rate, 0.1) of transactions on the I2C bus fails with errno 121",
-        *_on_bus("i2c-errors", BusErrors),
+        *_on_bus("i2c-errors", RandomBusErrors),
     ),
-    "i2c-timeout": Fault(
+    "i2c-timeout": InjectedFault(
         "each transaction on the I2C bus blocks for 1 s, then fails with errno 110",
         *_on_bus("i2c-timeout", lambda rate: BusTimeouts()),
     ),
-    "bus-stuck": Fault(
+    "bus-stuck": InjectedFault(
         "something holds the I2C bus low: each transaction fails at once with errno 11",
         *_on_bus("bus-stuck", lambda rate: stuck),
     ),
-    "brown-out": Fault(
+    "brown-out": InjectedFault(
         "the PWM board loses its supply for a moment: all its registers have power-on values", _brown_out, _nothing
     ),
-    "sonar-silent": Fault("the ultrasonics do not answer on the bus", *_flag("rangers", "silent")),
-    "sonar-frozen": Fault("the ultrasonics answer, always with the ranges that they had", *_flag("rangers", "frozen")),
-    "hall-off": Fault("no edge of the hall sensor comes", *_flag("hall_off")),
-    "hall-bouncing": Fault("each edge of the hall sensor comes three times within 1.1 ms", *_flag("hall_bounces")),
-    "serial-unplugged": Fault("both serial ports are gone; their readers get an error", _unplug, _plug_in),
-    "serial-garbage": Fault(
+    "sonar-silent": InjectedFault("the ultrasonics do not answer on the bus", *_flag("rangers", "silent")),
+    "sonar-frozen": InjectedFault(
+        "the ultrasonics answer, always with the ranges that they had", *_flag("rangers", "frozen")
+    ),
+    "hall-off": InjectedFault("no edge of the hall sensor comes", *_flag("hall_off")),
+    "hall-bouncing": InjectedFault(
+        "each edge of the hall sensor comes three times within 1.1 ms", *_flag("hall_bounces")
+    ),
+    "serial-unplugged": InjectedFault("both serial ports are gone; their readers get an error", _unplug, _plug_in),
+    "serial-garbage": InjectedFault(
         "5 % of the bytes on the serial lines are lost, changed or too many", *_flag("ports", "garbage")
     ),
-    "camera-gone": Fault("the camera's connections end, and it takes no new ones", *_flag("camera_gone")),
-    "camera-frozen": Fault("the camera sends the same image again and again", *_flag("camera_frozen")),
-    "battery-sagging": Fault(
+    "camera-gone": InjectedFault("the camera's connections end, and it takes no new ones", *_flag("camera_gone")),
+    "camera-frozen": InjectedFault("the camera sends the same image again and again", *_flag("camera_frozen")),
+    "battery-sagging": InjectedFault(
         "the drive battery loses 0.5 V a second, down to 4.5 V", *_flag("car", "sags_v_per_s", value=0.5, otherwise=0.0)
     ),
-    "servo-reversed": Fault("the servo turns the other way", *_flag("servo", "reversed")),
-    "esc-unarmed": Fault("the motor controller is not armed, and does not arm", _unarm, _rearm),
-    "disk-full": Fault(
+    "servo-reversed": InjectedFault("the servo turns the other way", *_flag("servo", "reversed")),
+    "esc-unarmed": InjectedFault("the motor controller is not armed, and does not arm", _unarm, _rearm),
+    "disk-full": InjectedFault(
         "no byte is left on the twin's disk, the folder `disk` beside its other files", _fill, _unfill, _require_disk
     ),
 }
 """Faults by name."""
 
 
-class Faults:
+class FaultInjector:
     """The faults of one twin: which are active, and which are to come."""
 
-    def __init__(self, twin: Twin) -> None:
+    def __init__(self, twin: TwinParts) -> None:
         """None is active."""
         self._twin = twin
         self.active: dict[str, float] = {}
@@ -240,7 +245,7 @@ class Faults:
         """Begin a fault now.
 
         Args:
-            name: one of `FAULTS`.
+            name: one of `INJECTED_FAULTS`.
             rate: share of what fails, for faults that have one.
             seconds: it ends by itself after so long.
 
@@ -281,9 +286,9 @@ class Faults:
         self.active[name] = end_s
 
 
-def _fault(name: str, rate: float, seconds: float = math.inf) -> Fault:
-    if name not in FAULTS:
-        raise ConfigError(f"unknown fault '{name}': {nearest(name, FAULTS)}")
+def _fault(name: str, rate: float, seconds: float = math.inf) -> InjectedFault:
+    if name not in INJECTED_FAULTS:
+        raise ConfigError(f"unknown fault '{name}': {nearest(name, INJECTED_FAULTS)}")
     check_number("rate", rate)
     if not 0 < rate <= 1:
         raise ConfigError(f"rate = {rate!r}: expected a share above 0, at most 1")
@@ -291,4 +296,4 @@ def _fault(name: str, rate: float, seconds: float = math.inf) -> Fault:
         check_number("seconds", seconds, "s")
     if not seconds > 0:
         raise ConfigError(f"seconds = {seconds!r}: expected a time above 0")
-    return FAULTS[name]
+    return INJECTED_FAULTS[name]

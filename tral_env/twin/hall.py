@@ -20,7 +20,7 @@ from tral_env.errors import HardwareError
 from tral_env.hardware.physical import Physical
 from tral_env.hardware.sensors import HallCounter
 
-SOCKET = "hall"
+HALL_SOCKET = "hall"
 """Name of the socket in the twin's folder."""
 _EVENT = struct.Struct("=QIIII24x")
 """Of struct gpio_v2_line_event: timestamp_ns, id, offset, seqno, line_seqno."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from tral_env.hardware.pulses import CarCalibration, action_of
 
-SHORTEST_US, LONGEST_US = 800.0, 2200.0
+MIN_PULSE_US, MAX_PULSE_US = 800.0, 2200.0
 """A pulse beyond these is no pulse to a servo or a motor controller. Source: choice."""
 ARMING_S = 0.5
 """After power-on, neutral has to stand this long until the motor controller drives. Source: choice."""
@@ -18,7 +18,7 @@ ARMING_S = 0.5
 
 def is_pulse(us: float) -> bool:
     """Whether a receiver takes this for a pulse."""
-    return SHORTEST_US <= us <= LONGEST_US
+    return MIN_PULSE_US <= us <= MAX_PULSE_US
 
 
 class Servo:

@@ -17,7 +17,7 @@ from typing import Any, Self
 from tral_env.checks import check_number
 from tral_env.errors import HardwareError, TralError
 from tral_env.hardware.physical import Physical
-from tral_env.twin.control import SOCKET, Answer, ControlServer, Request, ask
+from tral_env.twin.control import CONTROL_SOCKET, Answer, ControlServer, Request, ask
 from tral_env.twin.settings import TwinSettings
 from tral_env.twin.twin import Twin
 
@@ -50,7 +50,7 @@ def serve(
     try:
         with (
             closing(Twin(settings)) as twin,
-            closing(ControlServer(settings.run_folder / SOCKET, _commands(twin, ended))),
+            closing(ControlServer(settings.run_folder / CONTROL_SOCKET, _answers(twin, ended))),
         ):
             twin.start()
             ready(twin.status())
@@ -61,7 +61,7 @@ def serve(
             signal.signal(number, handler)
 
 
-def _commands(twin: Twin, ended: threading.Event) -> dict[str, Answer]:
+def _answers(twin: Twin, ended: threading.Event) -> dict[str, Answer]:
     """What the control socket answers."""
 
     def reset(request: Request) -> dict[str, Any]:
@@ -145,7 +145,7 @@ class TwinProcess(Physical):
         return found
 
     def fault(self, name: str, **how: Any) -> None:
-        """Begin a fault, with `rate` and `seconds` as in `Faults.begin`, now or `after` s; ``off=True`` ends it."""
+        """Begin a fault, now or `after` s; ``off=True`` ends it. `rate`, `seconds`: see `FaultInjector.begin`."""
         self.ask("fault", name=name, **how)
 
     def reset(self, seed: int) -> None:

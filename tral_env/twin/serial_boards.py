@@ -61,7 +61,7 @@ FRAME_PERIOD_S = 0.02
 _MOTOR_LEVELS, _STEERING_LEVELS = 10, 50
 
 
-class Board2016:
+class SimulatedBoard2016:
     """The board of 2016. Ranges are in centimetres, the battery in mV (both: choice).
 
     A range stands in one frame after its ranging; in the others, and without an echo, it is 0, which a reader takes
@@ -137,7 +137,7 @@ class _Group:
 
 
 @dataclass
-class Ucboard:
+class SimulatedUcboard:
     """The later board (ucboard), with the commands that drivers of cars use; its measuring groups are readable text."""
 
     calibration: CarCalibration

@@ -16,7 +16,7 @@ from tral_env.checks import is_number, is_seed
 from tral_env.errors import ConfigError, nearest
 from tral_env.options import CorridorConfig
 
-SLOWEST_HZ, FASTEST_HZ = 24.0e6, 28.7e6
+MIN_OSCILLATOR_HZ, MAX_OSCILLATOR_HZ = 24.0e6, 28.7e6
 """Clocks of PCA9685 boards that owners measured."""
 BOARDS = ("pca9685", "sysfs-pwm", "board2016", "ucboard")
 """What sends the pulses to servo and motor controller: the PWM board, the kernel's PWM chip, or a serial board."""
@@ -82,7 +82,7 @@ class TwinSettings:
         """Clock of the PWM board, Hz."""
         if self.oscillator_hz is not None:
             return float(self.oscillator_hz)
-        return round(float(np.random.default_rng([self.seed, 9685]).uniform(SLOWEST_HZ, FASTEST_HZ)))
+        return round(float(np.random.default_rng([self.seed, 9685]).uniform(MIN_OSCILLATOR_HZ, MAX_OSCILLATOR_HZ)))
 
     @property
     def run_folder(self) -> Path:

@@ -16,18 +16,17 @@ from tral_env.hardware.physical import Physical
 from tral_env.hardware.sonar import ADDRESSES
 from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.twin.bus import I2cBus, TwinSmbus
-from tral_env.twin.camera import Camera, Exposure
+from tral_env.twin.camera import CameraStream, RenderRequest
 from tral_env.twin.car import TwinCar
 from tral_env.twin.devices import DeviceFiles, why_no_files
-from tral_env.twin.faults import Faults, bouncing
-from tral_env.twin.hall import SOCKET as HALL
-from tral_env.twin.hall import HallPin
+from tral_env.twin.faults import FaultInjector, bouncing
+from tral_env.twin.hall import HALL_SOCKET, HallPin
 from tral_env.twin.lateness import Lateness
 from tral_env.twin.pca9685 import Pca9685Chip
 from tral_env.twin.pulse_log import PulseLog
 from tral_env.twin.pwm_chip import PwmChip
 from tral_env.twin.receivers import MotorController, Servo
-from tral_env.twin.serial_boards import Board2016, SerialBoard, Ucboard
+from tral_env.twin.serial_boards import SerialBoard, SimulatedBoard2016, SimulatedUcboard
 from tral_env.twin.serial_port import SerialPort
 from tral_env.twin.settings import TwinSettings
 from tral_env.twin.srf08 import Srf08Chip
@@ -61,18 +60,21 @@ class Twin(Physical):
         self.rangers = {side: Srf08Chip(address, self._echoes_of(side), clock) for side, address in ADDRESSES.items()}
         self.bus = I2cBus([self.pca9685, *self.rangers.values()])
         self.smbus = TwinSmbus(self.bus)
-        self.boards: dict[str, SerialBoard] = {"board2016": Board2016(calibration), "ucboard": Ucboard(calibration)}
+        self.boards: dict[str, SerialBoard] = {
+            "board2016": SimulatedBoard2016(calibration),
+            "ucboard": SimulatedUcboard(calibration),
+        }
         self.pwm = PwmChip()
         self.pulses = PulseLog(self._standing_us, clock)
         self.bus.after = self.pwm.after = self.pulses.note
         self.lateness = Lateness()
-        self.camera: Camera | None = None
+        self.camera: CameraStream | None = None
         self.files: DeviceFiles | None = None
         self.hall: HallPin | None = None
         self.ports: dict[str, SerialPort] = {}
         self.hall_off = self.hall_bounces = False
         self.camera_gone = self.camera_frozen = False
-        self.faults = Faults(self)
+        self.faults = FaultInjector(self)
         self.failure = ""
         """Why the twin stands still, in words; empty: it does not."""
         self.why_no_files = "" if settings.files else "the settings ask for none"
@@ -93,7 +95,7 @@ class Twin(Physical):
             self.seed = seed
             self.car.reset(seed, self.clock())
             if self.camera is not None:
-                self.camera.place(self.car.scene())
+                self.camera.place(self.car.render_setup())
 
     def tick(self, now_s: float) -> list[float]:
         """Do one control period that ends at a time, s; gives back the times of the hall sensor's edges, s."""
@@ -110,7 +112,7 @@ class Twin(Physical):
             for port in self.ports.values():
                 port.turn(self.car.board_readings, now_s)
             if self.camera is not None and self.camera.is_due(now_s):
-                self.camera.expose(self._exposure(now_s))
+                self.camera.expose(self._render_request(now_s))
         if self.hall_off:
             return []
         return bouncing(edges_s) if self.hall_bounces else edges_s
@@ -121,9 +123,9 @@ class Twin(Physical):
         self._open_files()
         self._open_ports()
         if self.settings.camera:
-            self.camera = Camera(self.car.scene(), self._exposure(self.clock()))
+            self.camera = CameraStream(self.car.render_setup(), self._render_request(self.clock()))
             self._stack.callback(self.camera.close)
-        self.hall = HallPin(self.settings.run_folder / HALL)
+        self.hall = HallPin(self.settings.run_folder / HALL_SOCKET)
         self._stack.callback(self.hall.close)
         self._running.set()
         self._next_s = self.clock() + CONTROL_PERIOD_S
@@ -198,7 +200,7 @@ class Twin(Physical):
             "camera": None if self.camera is None else self.camera.url,
             "faults": {name: end_s if end_s < float("inf") else None for name, end_s in self.faults.active.items()},
             "battery_v": self.car.battery_v,
-            "hall": str(self.settings.run_folder / HALL),
+            "hall": str(self.settings.run_folder / HALL_SOCKET),
             "oscillator_hz": self.pca9685.oscillator_hz,
             "steering_us": steering_us,
             "throttle_us": throttle_us,
@@ -222,8 +224,8 @@ class Twin(Physical):
         self.files = DeviceFiles(folder, self.bus, i2c_name=name, tree=self.pwm, link=link, disk=self.disk)
         self._stack.callback(self.files.close)
 
-    def _exposure(self, now_s: float) -> Exposure:
-        return self.car.exposure(now_s, gone=self.camera_gone, frozen=self.camera_frozen)
+    def _render_request(self, now_s: float) -> RenderRequest:
+        return self.car.render_request(now_s, gone=self.camera_gone, frozen=self.camera_frozen)
 
     def _open_ports(self) -> None:
         if not self.settings.serial:

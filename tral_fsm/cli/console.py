@@ -42,7 +42,7 @@ def takes(option: str) -> type[TyperCommand]:
         option: its name, with the dashes.
     """
 
-    class Command(TyperCommand):
+    class Hinting(TyperCommand):
         def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
             ctx.allow_extra_args = True
             rest = super().parse_args(ctx, args)
@@ -50,7 +50,7 @@ def takes(option: str) -> type[TyperCommand]:
                 ctx.fail(f"Got {' '.join(rest)} without an option. Did you mean {option} {rest[0]}?")
             return rest
 
-    return Command
+    return Hinting
 
 
 class Guarded(TyperGroup):

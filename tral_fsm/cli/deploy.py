@@ -9,6 +9,7 @@ import typer
 
 from tral_fsm.cli import hands
 from tral_fsm.cli.drive_options import Policy
+from tral_fsm.programs.cockpit import Cockpit
 from tral_fsm.programs.deploy import DeployArguments, run
 
 Config = Annotated[str, typer.Option(help="Car file, as `tral car init` writes it.")]
@@ -51,5 +52,6 @@ def command(
     )  # fmt: skip
     has_pad = gamepad or gamepad_file is not None
     with hands.devices(gamepad, gamepad_file, StopKeys) as devices:
-        report = run(arguments, out, devices, hands.TerminalConsole(), must_hold=has_pad)
+        cockpit = Cockpit(out=out, devices=devices, console=hands.TerminalConsole(), must_hold=has_pad)
+        report = run(arguments, cockpit)
     hands.tell(report, out, as_json)

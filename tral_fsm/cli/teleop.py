@@ -10,6 +10,7 @@ import typer
 from tral_env.errors import ConfigError
 from tral_fsm.cli import hands
 from tral_fsm.cli.deploy import AsJson, Dry, Out, Record, Seconds
+from tral_fsm.programs.cockpit import Cockpit
 from tral_fsm.programs.seat import Course
 from tral_fsm.programs.teleop import TeleopArguments, run
 from tral_fsm.teleop.shaping import Shaping
@@ -57,7 +58,7 @@ def command(
         shaping=Shaping(max_throttle=max_throttle),
     )
     with hands.devices(gamepad, gamepad_file, Keyboard) as devices:
-        report = run(arguments, out, devices, hands.TerminalConsole())
+        report = run(arguments, Cockpit(out=out, devices=devices, console=hands.TerminalConsole()))
     hands.tell(report, out, as_json)
 
 

@@ -86,9 +86,9 @@ def fault(
 ) -> None:
     """Begin or end a fault of a running twin; `list` prints all faults."""
     if fault == "list":
-        from tral_env.twin.faults import FAULTS
+        from tral_env.twin.faults import INJECTED_FAULTS
 
-        for each, what in FAULTS.items():
+        for each, what in INJECTED_FAULTS.items():
             typer.echo(f"{each:17} {what.told}")
         return
     _ask(name, do="fault", name=fault, rate=rate, seconds=seconds, after=after, off=off)

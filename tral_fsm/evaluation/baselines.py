@@ -31,12 +31,12 @@ LOOK_AHEAD_M = 0.5
 """The pursuit aims at the route so far ahead. Source: choice; twice the wheelbase."""
 BEND_AHEAD_M = 1.2
 """The pursuit slows down for bends so far ahead. Source: choice; a bend's speed is reached in half of it."""
-FAST_MPS = 1.5
+MAX_ROUTE_SPEED_MPS = 1.5
 """Speed of the pursuit on a straight. Source: measured; it arrives on all of 20 hard courses of five families."""
 SIDE_MPS2 = 1.0
 """The pursuit's acceleration to the side in a bend is at most this, m/s^2. Source: as above; a fifth of the grip of the
 most slippery floor."""
-SLOWEST_MPS = 0.4
+MIN_ROUTE_SPEED_MPS = 0.4
 """The pursuit drives no bend slower than this. Source: choice."""
 
 
@@ -134,7 +134,7 @@ def bend_speed(track: task.Track, rows: Index, s: Array) -> Array:
     for one, following in pairwise(units):
         cosine = np.clip((one * following).sum(axis=1), -1.0, 1.0)
         turn = np.maximum(turn, np.arccos(cosine) / step)
-    return np.clip(np.sqrt(SIDE_MPS2 / np.maximum(turn, 1e-6)), SLOWEST_MPS, FAST_MPS)
+    return np.clip(np.sqrt(SIDE_MPS2 / np.maximum(turn, 1e-6)), MIN_ROUTE_SPEED_MPS, MAX_ROUTE_SPEED_MPS)
 
 
 @dataclass(frozen=True, kw_only=True)

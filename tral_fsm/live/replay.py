@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tral_env.course.geometry import build_plan
 from tral_env.errors import BadFileError
-from tral_env.recording.read import Picture, Recording
+from tral_env.recording.read import RecordedImage, Recording
 from tral_env.se2 import Pose
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.estimation.estimate import CarEstimate
@@ -46,7 +46,7 @@ class Replay:
         self._machine = machine_of(recording)
         self._estimates = estimates(self._machine, recording.observation)
         self._transits = [(one.tick, Transit(*one[1:])) for one in recording.transitions]
-        self._pictures: list[Picture] = list(recording.pictures())
+        self._pictures: list[RecordedImage] = list(recording.pictures())
         self._lock, self._ended = threading.Lock(), threading.Event()
         self.paused, self.speed = False, 1.0
         self._at, self._since = 0.0, clock()

@@ -12,7 +12,7 @@ from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course as CourseFile
 from tral_env.course.plan import Plan
 from tral_env.errors import HardwareError
-from tral_env.twin.control import Line
+from tral_env.twin.control import ControlConnection
 from tral_fsm.live.frame import CarFrame, Frame
 
 ASKS_HZ = 20.0
@@ -30,7 +30,7 @@ class TwinView:
         Raises:
             HardwareError: no twin answers there.
         """
-        self._name, self._line = folder.name, Line(folder)
+        self._name, self._line = folder.name, ControlConnection(folder)
         self._seed, self._episode = -1, 0
         self._time_s = 0.0
         self._plan: Plan | None = None

@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-import time
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tral_env.checks import check_number
-from tral_env.errors import ConfigError, HardwareError, problem_list
-from tral_env.hardware.bringup.preflight import Finding, check_car
-from tral_env.hardware.car_file import CarFile, load_car
+from tral_env.hardware.car_file import load_car
 from tral_env.interface import check_readings
 from tral_fsm.live import require_viser
-from tral_fsm.programs.car_drive import CarDrive, Console, report_of
-from tral_fsm.programs.drive import RECORDING, SUMMARY
-from tral_fsm.programs.seat import AskedOfCar, CarSeat, open_car
-from tral_fsm.teleop.hands import Device
+from tral_fsm.programs.car_drive import CarDrive
+from tral_fsm.programs.cockpit import Cockpit, check_duration
+from tral_fsm.programs.seat import CarSeat
 from tral_fsm.teleop.overseer import Overseer, Signals
 
 if TYPE_CHECKING:
@@ -50,76 +43,48 @@ class DeployArguments:
         check_duration(self.max_duration_s)
 
 
-def check_duration(max_duration_s: float) -> None:
-    """Refuse a time limit that is none.
-
-    Raises:
-        ConfigError: it is no number above 0.
-    """
-    check_number("max_duration_s", max_duration_s, "s")
-    if not max_duration_s > 0:
-        raise ConfigError(f"max_duration_s = {max_duration_s!r}: expected a number above 0")
-
-
-def require_hands(devices: list[Device], arm: bool) -> None:
-    """Refuse to drive a car that nobody could arm or stop.
-
-    Raises:
-        ConfigError: there is neither a terminal nor a gamepad, and `--arm` was not given.
-    """
-    if not devices and not arm:
-        raise ConfigError(
-            "there is no terminal and no gamepad, so nobody could arm or stop the car: run it in a terminal, over ssh "
-            "with `ssh -t`, or with --gamepad. --arm drives at once, and then only the signals SIGINT, SIGTERM and "
-            "SIGHUP, the time limit and the switch of the motor stop it"
-        )
-
-
-def run(
-    arguments: DeployArguments,
-    out: Path,
-    devices: list[Device],
-    console: Console,
-    *,
-    must_hold: bool = False,
-    check: Callable[[CarFile], Sequence[Finding]] = check_car,
-    clock: Callable[[], float] = time.monotonic,
-    sleep: Callable[[float], None] = time.sleep,
-    **options: Any,
-) -> dict[str, Any]:
+def run(arguments: DeployArguments, cockpit: Cockpit) -> dict[str, Any]:
     """Drive once, and write summary.json, whose content this gives, and drive.mcap.
-
-    Args:
-        arguments: what drives.
-        out: folder of the files; those of an earlier drive are removed.
-        devices: what a person arms and stops with.
-        console: where the drive tells what happens.
-        must_hold: whether the first device has a dead man's button that must be held.
-        check: looks at the car before a drive that is no dry run.
-        clock: clock of the drive, s.
-        sleep: waits some seconds.
-        options: more options of the car's environment, for a car without devices.
 
     Raises:
         ConfigError: a file cannot be used, the car lacks a reading, or nobody could stop it.
         HardwareError: a device does not answer, or the pre-flight found a fault.
         PolicyError: the policy failed; the car was stopped.
     """
-    require_hands(devices, arguments.arm)
+    how_to_arm = _how_to_arm(arguments, cockpit)
     if arguments.view:
         require_viser()
     car, (policy, files) = load_car(arguments.config), _policy(arguments.policy)
-    preflight(car, arguments, check, console)
-    record = prepare(out, arguments.record)
+    cockpit.preflight(car, arguments)
+    record = cockpit.prepare(arguments.record)
     with contextlib.ExitStack() as stack:
         signals = stack.enter_context(Signals())
-        env = stack.enter_context(contextlib.closing(open_car(car, arguments, record, clock, sleep, options)))
+        env = stack.enter_context(contextlib.closing(cockpit.open_car(car, arguments, record)))
         check_readings(policy, env)
         page = stack.enter_context(contextlib.closing(_page(arguments, policy))) if arguments.view else None
-        overseer = Overseer([*devices, *([] if page is None else [page])], clock, signals, must_hold=must_hold)
+        devices = [*cockpit.devices, *([] if page is None else [page])]
+        overseer = Overseer(devices, cockpit.clock, signals, must_hold=cockpit.must_hold)
         show = None if page is None else page.show
-        drive = CarDrive(CarSeat(env, files), policy, overseer, console, clock, sleep, show)
-        return finish(asdict(arguments), out, drive, "" if arguments.arm else how_to_arm(devices, must_hold), record)
+        seat = CarSeat(env, files)
+        drive = CarDrive(seat, policy, overseer, cockpit.console, cockpit.clock, cockpit.sleep, show)
+        return cockpit.finish(asdict(arguments), drive, how_to_arm, record)
+
+
+def _how_to_arm(arguments: DeployArguments, cockpit: Cockpit) -> str:
+    """What a person has to do; empty: the car is armed at once.
+
+    A dry run moves no motor, so it needs nobody who could stop one.
+
+    Raises:
+        ConfigError: there is neither a terminal nor a gamepad, and the motor would be let go.
+    """
+    if arguments.arm or (arguments.dry and not cockpit.devices):
+        return ""
+    cockpit.require_hands(
+        "--arm drives at once, and then only the signals SIGINT, SIGTERM and SIGHUP, the time limit and the switch of "
+        "the motor stop it"
+    )
+    return cockpit.how_to_arm()
 
 
 def _page(arguments: DeployArguments, policy: Any) -> CarPage:
@@ -136,56 +101,3 @@ def _policy(name: str) -> tuple[Any, dict[str, bytes]]:
 
     policy = find_policy(name)
     return policy, files_of_policy(name, policy)
-
-
-def preflight(car: CarFile, asked: AskedOfCar, check: Callable[[CarFile], Sequence[Finding]], console: Console) -> None:
-    """Look at a car before a drive, unless that is a dry run, and tell what was found.
-
-    Raises:
-        HardwareError: something is wrong.
-    """
-    if asked.dry:
-        return
-    findings = check(car)
-    for each in findings:
-        console.say(f"pre-flight, {each.what}: {each.problem or each.told or 'ok'}")
-    if problems := [f"{each.what}: {each.problem}" for each in findings if each.problem]:
-        raise HardwareError(problem_list("the pre-flight refuses this car:", problems))
-
-
-def how_to_arm(devices: list[Device], must_hold: bool) -> str:
-    """What a person has to do."""
-    ways = ["r on the keyboard" if device.name == "keyboard" else "start on the gamepad" for device in devices]
-    first = "hold LB, the dead man's button, and press" if must_hold else "press"
-    stop = " Any other key stops the car." if any(device.name == "keyboard" for device in devices) else ""
-    return f"To arm, {first} {' or '.join(ways)}; q or back ends.{stop}"
-
-
-def prepare(out: Path, has_recording: bool) -> Path | None:
-    """Make the folder, and remove the files of an earlier drive; gives the path of the recording, if there is one."""
-    from tral_fsm.evaluation.files import prepare_folder
-
-    prepare_folder(out)
-    for name in (SUMMARY, RECORDING):
-        (out / name).unlink(missing_ok=True)
-    return out / RECORDING if has_recording else None
-
-
-def finish(
-    arguments: Mapping[str, Any], out: Path, drive: CarDrive, arming: str, record: Path | None
-) -> dict[str, Any]:
-    """Drive, and write the summary; it says so where the policy failed, before that error goes on."""
-    from tral_fsm.evaluation.files import write_json
-    from tral_fsm.teleop.overseer import End
-
-    end = End("an error of the program", failed=True)
-    try:
-        end = drive.run(arming)
-    except Exception as error:
-        end = End(f"{type(error).__name__}: {error}", failed=True)
-        raise
-    finally:
-        recording = record.name if record is not None and drive.tally.ends_s else ""
-        report = report_of(arguments, drive.tally, end, recording)
-        write_json(out / SUMMARY, report)
-    return report

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-import time
-from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from tral_env.errors import ConfigError
-from tral_env.hardware.bringup.preflight import Finding, check_car
 from tral_env.hardware.car_file import CarFile, load_car
-from tral_fsm.programs.car_drive import CarDrive, Console
-from tral_fsm.programs.deploy import check_duration, finish, how_to_arm, preflight, prepare, require_hands
-from tral_fsm.programs.seat import CarSeat, Course, Seat, SimulatedSeat, open_car
-from tral_fsm.teleop.hands import Device
+from tral_fsm.programs.car_drive import CarDrive
+from tral_fsm.programs.cockpit import Cockpit, check_duration
+from tral_fsm.programs.seat import CarSeat, Course, Seat, SimulatedSeat
 from tral_fsm.teleop.overseer import Overseer, Signals
 from tral_fsm.teleop.pilot import Pilot
 from tral_fsm.teleop.shaping import Shaping
@@ -55,52 +51,26 @@ class TeleopArguments:
         return load_car(self.config)
 
 
-def run(
-    arguments: TeleopArguments,
-    out: Path,
-    devices: list[Device],
-    console: Console,
-    *,
-    check: Callable[[CarFile], Sequence[Finding]] = check_car,
-    clock: Callable[[], float] = time.monotonic,
-    sleep: Callable[[float], None] = time.sleep,
-    **options: Any,
-) -> dict[str, Any]:
+def run(arguments: TeleopArguments, cockpit: Cockpit) -> dict[str, Any]:
     """Drive once, and write summary.json, whose content this gives, and drive.mcap.
-
-    Args:
-        arguments: which car.
-        out: folder of the files; those of an earlier drive are removed.
-        devices: the first of them drives; each may arm, stop and end.
-        console: where the drive tells what happens.
-        check: looks at the real car before a drive that is no dry run.
-        clock: clock of the drive, s.
-        sleep: waits some seconds.
-        options: more options of the car's environment, for a car without devices.
 
     Raises:
         ConfigError: a file cannot be used, or nobody has anything in hand.
         HardwareError: a device does not answer, or the pre-flight found a fault.
     """
-    require_hands(devices, arm=False)
+    cockpit.require_hands()
     car = arguments.car()
     if isinstance(car, CarFile):
-        preflight(car, arguments, check, console)
-    record = prepare(out, arguments.record)
-    with Signals() as signals, contextlib.closing(_seat(arguments, car, record, clock, sleep, options)) as seat:
-        overseer = Overseer(devices, clock, signals)
-        drive = CarDrive(seat, Pilot(overseer, arguments.shaping), overseer, console, clock, sleep)
-        return finish(asdict(arguments), out, drive, how_to_arm(devices, must_hold=False), record)
+        cockpit.preflight(car, arguments)
+    record = cockpit.prepare(arguments.record)
+    with Signals() as signals, contextlib.closing(_seat(arguments, car, record, cockpit)) as seat:
+        overseer = Overseer(cockpit.devices, cockpit.clock, signals)
+        pilot = Pilot(overseer, arguments.shaping)
+        drive = CarDrive(seat, pilot, overseer, cockpit.console, cockpit.clock, cockpit.sleep)
+        return cockpit.finish(asdict(arguments), drive, cockpit.how_to_arm(), record)
 
 
-def _seat(
-    arguments: TeleopArguments,
-    car: CarFile | Course,
-    record: Path | None,
-    clock: Callable[[], float],
-    sleep: Callable[[float], None],
-    options: dict[str, Any],
-) -> Seat:
+def _seat(arguments: TeleopArguments, car: CarFile | Course, record: Path | None, cockpit: Cockpit) -> Seat:
     if isinstance(car, Course):
-        return SimulatedSeat(car, record, clock, sleep, arguments.max_duration_s)
-    return CarSeat(open_car(car, arguments, record, clock, sleep, options), {})
+        return SimulatedSeat(car, record, cockpit.clock, cockpit.sleep, arguments.max_duration_s)
+    return CarSeat(cockpit.open_car(car, arguments, record), {})

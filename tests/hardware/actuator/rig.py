@@ -10,7 +10,7 @@ from typing import Any
 from tral_env.hardware.actuator.guard import Guard, Pulses
 from tral_env.hardware.actuator.laws import Channel
 from tral_env.hardware.actuator.settings import Limits, Settings
-from tral_env.hardware.actuator.wire import Command, Flag, Reply, State, pack, read_reply
+from tral_env.hardware.actuator.wire import CommandPacket, Flag, Reply, State, pack, read_reply
 from tral_env.hardware.actuator.worker import Worker
 
 MS = 1_000_000
@@ -56,7 +56,7 @@ class Bench:
     def send(self, throttle: float = 0.0, steering: float = 0.0, flags: Flag = Flag.NONE, **changes: Any) -> Pulses:
         """Give the guard a command that is right but for some changes; the pulses after it."""
         self.sequence += 1
-        command = Command(self.sequence, self.now_ns, steering, throttle, self.evidence, flags)
+        command = CommandPacket(self.sequence, self.now_ns, steering, throttle, self.evidence, flags)
         return self.give(pack(command._replace(**changes)))
 
     def give(self, packet: bytes) -> Pulses:
@@ -174,7 +174,7 @@ class Works:
 
     def send(self, throttle: float = 0.0, flags: Flag = Flag.NONE) -> None:
         self.sequence += 1
-        self.source.send(pack(Command(self.sequence, self.clock.now_ns, 0.0, throttle, self.sequence, flags)))
+        self.source.send(pack(CommandPacket(self.sequence, self.clock.now_ns, 0.0, throttle, self.sequence, flags)))
 
     def arm(self) -> Works:
         self.turn()

@@ -18,6 +18,7 @@ from rig import NEUTRAL, OFF, Clock, FakeBoard, settings
 from tral_env.errors import HardwareError, MissingExtraError
 from tral_env.hardware.actuator import client
 from tral_env.hardware.actuator.client import ActuatorProcess
+from tral_env.hardware.actuator.stand_in import GIVEN_UP
 from tral_env.hardware.actuator.wire import ENDED, Reason, Refusal, Reply, State, pack_reply
 from tral_env.hardware.actuator.worker import Worker
 
@@ -75,6 +76,9 @@ class Thread:
         if self.lingers:
             raise subprocess.TimeoutExpired("actuator", timeout)
         return self.status
+
+    def poll(self) -> int | None:
+        return None if self.thread.is_alive() else self.status
 
 
 @pytest.fixture
@@ -194,6 +198,21 @@ def test_a_process_that_ended_the_pulses_and_lingers_is_no_alarm(process: type[T
     assert process.board.stands == OFF
 
 
+def test_a_process_that_gave_a_stand_in_up_is_no_alarm_once_it_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client.subprocess, "Popen", Mute)
+    monkeypatch.setattr(client, "_END_S", 0.05)
+    monkeypatch.setattr(Mute, "packets", (b"{}",))
+    actuator = ActuatorProcess(settings())
+    with pytest.raises(HardwareError, match="could not end the pulses yet"):
+        actuator.close()
+    for status in (0, 1):
+        monkeypatch.setattr(Mute, "ended", status)
+        with pytest.raises(HardwareError, match="could not end the pulses yet"):
+            actuator.close()
+    monkeypatch.setattr(Mute, "ended", GIVEN_UP)
+    actuator.close()
+
+
 def test_a_copy_of_the_socket_in_a_fork_does_not_keep_the_process(process: type[Thread]) -> None:
     actuator = ActuatorProcess(settings())
     copies = [os.dup(fd) for fd in sockets()]
@@ -286,6 +305,7 @@ class Mute:
 
     packets: tuple[bytes, ...] = ()
     stays = True
+    ended: int | None = None
     last: ClassVar[Any]
 
     def __init__(self, arguments: list[str], pass_fds: list[int], **_: Any) -> None:
@@ -295,6 +315,9 @@ class Mute:
             self.end.send(packet)
         if not self.stays:
             self.end.close()
+
+    def poll(self) -> int | None:
+        return self.ended
 
     def wait(self, timeout: float) -> int:
         self.end.close()

@@ -19,6 +19,7 @@ DECIDES = (
     "serial_boards",
     "worker",
     "keeper",
+    "stand_in",
     "drivers",
     "client",
     "rights",
@@ -34,6 +35,7 @@ TESTS = (
     "serial_boards",
     "worker",
     "keeper",
+    "stand_in",
     "actuator_client",
     "rights",
 )

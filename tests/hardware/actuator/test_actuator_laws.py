@@ -36,6 +36,19 @@ def test_a_limit_beats_the_pulse_of_a_command() -> None:
     assert [laws.pulse_us(u, narrow) for u in (-1.0, 1.0)] == [1600.0, 1300.0]
 
 
+@pytest.mark.parametrize(
+    ("us", "command"),
+    [(2100.0, -1.0), (1900.0, -1.0), (1700.0, -0.5), (1500.0, 0.0), (1400.0, 0.25), (1100.0, 1.0), (900.0, 1.0)],
+)
+def test_the_command_of_a_pulse_is_never_more_than_full(us: float, command: float) -> None:
+    assert laws.command_of(us, THROTTLE) == command
+
+
+@given(UNIT, st.sampled_from([STEERING, THROTTLE, THROTTLE._replace(skip_us=40.0)]))
+def test_a_command_comes_back_from_its_pulse(command: float, channel: laws.Channel) -> None:
+    assert laws.command_of(laws.pulse_us(command, channel), channel) == pytest.approx(command, abs=1e-9)
+
+
 @given(UNIT, UNIT)
 def test_a_command_without_a_slew_limit_passes(wanted: float, last: float) -> None:
     assert laws.slewed(wanted, last, None, 0.01, zero_at_once=False) == wanted

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rig import MS, NEUTRAL, OFF, STEERING, THROTTLE, Bench, settings
 
-from tral_env.hardware.actuator.wire import Command, Flag, Reason, Refusal, State, pack, pack_reply, read_reply
+from tral_env.hardware.actuator.wire import CommandPacket, Flag, Reason, Refusal, State, pack, pack_reply, read_reply
 
 HALF = (1530.0, 1300.0)
 """Pulses of throttle 0.5, straight."""
@@ -462,7 +462,7 @@ def test_arming_forgets_that_the_car_went_forward() -> None:
 def packet(bench: Bench, throttle: float = 0.0, flags: Flag = Flag.NONE) -> None:
     """Give a command that is read in the same turn as the next one: nothing is written in between."""
     bench.sequence += 1
-    bench.guard.take(pack(Command(bench.sequence, bench.now_ns, 0.0, throttle, 0, flags)), bench.now_ns)
+    bench.guard.take(pack(CommandPacket(bench.sequence, bench.now_ns, 0.0, throttle, 0, flags)), bench.now_ns)
 
 
 def test_a_forward_that_was_commanded_and_never_sent_allows_no_brake() -> None:

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import pytest
@@ -22,7 +23,7 @@ from rig import MS, NEUTRAL, OFF, Clock, FakeBoard, Works, settings
 from tral_env.hardware.actuator import keeper
 from tral_env.hardware.actuator.keeper import Keeper, main, notify, own_signals, switch_off
 from tral_env.hardware.actuator.settings import Settings
-from tral_env.hardware.actuator.wire import ENDED, Reason, State, read_reply
+from tral_env.hardware.actuator.wire import ENDED, Reason, Refusal, Reply, State, read_reply
 from tral_env.hardware.actuator.worker import Worker
 
 
@@ -82,9 +83,46 @@ def test_a_worker_without_a_sign_of_life_is_killed_then_neutral_then_off(watch: 
     assert done[0] == (0.0, "pulses")
     assert done[-1] == (400.0, "off")
     assert {pulses for _, method, pulses in case.board.done if method == "pulses"} == {NEUTRAL}
-    reply = read_reply(case.source.recv(4096))
-    assert reply is not None
-    assert (reply.state, reply.reason, reply.throttle_us) == (State.LATCHED, Reason.WORKER, 1500.0)
+    told_ns = Clock().now_ns
+    died = Reply(State.LATCHED, Reason.WORKER, Refusal.NONE, 0, told_ns, 0.0, 0.0, *NEUTRAL, 0, 0, 0, 0)
+    assert read_reply(case.source.recv(4096)) == died
+
+
+def test_a_worker_is_given_the_time_of_the_settings_for_a_sign_of_life(
+    watch: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Poll:
+        def register(self, *_: Any) -> None:
+            pass
+
+        def poll(self, timeout_ms: float) -> list[Any]:
+            waited_ms.append(timeout_ms)
+            return []
+
+    waited_ms: list[float] = []
+    case = watch("pass")
+    monkeypatch.setattr(keeper.select, "poll", Poll)
+    assert case.keeper.run() == 0
+    assert waited_ms[:2] == [50.0, 20.0], "then for its death"
+    assert case.board.stands == OFF
+
+
+def test_a_killed_worker_is_gone_before_the_keeper_writes(watch: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(keeper, "_DEATH_S", 30.0)
+    case = watch("import time; time.sleep(60)")
+    monkeypatch.setattr(case.board, "set_pulses", lambda *_: gone.append(not Path(f"/proc/{case.child.pid}").exists()))
+    gone: list[bool] = []
+    assert case.keeper.run() == 0
+    assert set(gone) == {True}
+
+
+def test_the_last_word_of_a_keeper_is_that_the_pulses_have_ended(watch: Any) -> None:
+    case = watch("raise SystemExit(1)")
+    wait_until(lambda: is_gone(case.child.pid))
+    case.worker.close()
+    assert case.keeper.run() == 0
+    words = [case.source.recv(4096) for _ in range(2)]
+    assert words[1] == ENDED
 
 
 def test_a_worker_that_ended_well_leaves_nothing_to_do(watch: Any) -> None:
@@ -96,13 +134,29 @@ def test_a_worker_that_ended_well_leaves_nothing_to_do(watch: Any) -> None:
 
 
 @pytest.mark.parametrize("program", ["raise SystemExit(1)", "import os; os.kill(os.getpid(), 9)"])
-def test_a_worker_that_failed_or_died_is_followed_by_neutral_and_off(watch: Any, program: str) -> None:
+def test_a_worker_that_failed_or_died_is_followed_by_neutral_and_off(
+    watch: Any, program: str, capfd: pytest.CaptureFixture[str]
+) -> None:
     case = watch(program)
     wait_until(lambda: is_gone(case.child.pid))
     case.worker.close()
     assert case.keeper.run() == 0
     assert case.board.done[0][2] == NEUTRAL
     assert case.board.stands == OFF
+    assert "the worker died or stood still; the keeper has ended the pulses" in capfd.readouterr().err
+
+
+def test_the_service_manager_watches_no_more_when_the_keeper_has_ended_the_pulses(
+    watch: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = watch("raise SystemExit(1)")
+    wait_until(lambda: is_gone(case.child.pid))
+    case.worker.close()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        assert case.keeper.run() == 0
+        assert [manager.recv(64) for _ in range(2)] == [b"READY=1", b"WATCHDOG_USEC=0"]
 
 
 def test_a_sign_of_life_is_answered_and_fed_to_the_service_manager(
@@ -144,7 +198,7 @@ def test_the_service_manager_hears_of_life_several_times_within_its_second(
         with suppress(BlockingIOError):
             while True:
                 words.append(manager.recv(64))
-    assert 5 <= words.count(b"WATCHDOG=1") <= 10
+    assert 8 <= words.count(b"WATCHDOG=1") <= 10
 
 
 def test_the_pulses_are_ended_as_soon_as_the_board_takes_it(watch: Any) -> None:
@@ -160,6 +214,16 @@ def test_the_keeper_never_gives_up_a_board_that_may_come_back(watch: Any, capfd:
     case.keeper.end_pulses()
     assert since_ms(case.board) == [(pytest.approx(630_000.0), "off")], "30 s at 10 ms, then every 100 ms"
     assert capfd.readouterr().err.count("cut the power of the motor") == 1
+
+
+@pytest.mark.parametrize(("refuses_s", "complaints"), [(0.9, 0), (1.5, 1)])
+def test_a_board_that_refuses_for_more_than_a_second_is_told(
+    watch: Any, capfd: pytest.CaptureFixture[str], refuses_s: float, complaints: int
+) -> None:
+    case = watch("pass")
+    case.board.failures = round(refuses_s * 100)
+    case.keeper.end_pulses()
+    assert capfd.readouterr().err.count("THE PULSES COULD NOT BE ENDED YET") == complaints
 
 
 def test_a_driver_that_fails_in_its_own_way_does_not_end_the_keeper(watch: Any) -> None:
@@ -182,7 +246,9 @@ def test_a_worker_that_the_kernel_took_away_is_followed_by_neutral_and_off(watch
     assert case.board.stands == OFF
 
 
-def test_whatever_fails_in_the_keeper_the_pulses_end(watch: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_whatever_fails_in_the_keeper_the_pulses_end(
+    watch: Any, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     case = watch("import time; time.sleep(60)")
     monkeypatch.setenv("NOTIFY_SOCKET", "/run/notify")
     real, calls = socket.socket, []
@@ -196,6 +262,7 @@ def test_whatever_fails_in_the_keeper_the_pulses_end(watch: Any, monkeypatch: py
     monkeypatch.setattr(keeper.socket, "socket", fails)
     assert case.keeper.run() == 0
     assert case.board.stands == OFF
+    assert "MemoryError" in capfd.readouterr().err
 
 
 def test_a_worker_that_reads_nothing_does_not_block_the_keeper(watch: Any) -> None:
@@ -210,13 +277,14 @@ def test_a_worker_that_reads_nothing_does_not_block_the_keeper(watch: Any) -> No
     assert case.board.done == []
 
 
-def test_a_socket_that_breaks_is_the_end_of_the_worker(watch: Any) -> None:
-    case = watch("raise SystemExit(1)")
+@pytest.mark.parametrize(("status", "methods"), [(0, set()), (1, {"pulses", "off"})])
+def test_a_socket_that_breaks_is_the_end_of_the_worker(watch: Any, status: int, methods: set[str]) -> None:
+    case = watch(f"raise SystemExit({status})")
     wait_until(lambda: is_gone(case.child.pid))
     case.worker.send(b".")
     case.worker.close()
     assert case.keeper.run() == 0
-    assert case.board.stands == OFF
+    assert {method for _, method, _ in case.board.done} == methods
 
 
 def test_a_terminal_that_blocks_does_not_keep_the_keeper(watch: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -231,13 +299,24 @@ def test_a_terminal_that_blocks_does_not_keep_the_keeper(watch: Any, monkeypatch
     os.close(write_end)
 
 
-def test_a_signal_is_handed_on_to_the_worker(watch: Any) -> None:
+@pytest.mark.parametrize("told", [True, False])
+def test_a_signal_is_handed_on_to_the_worker(watch: Any, monkeypatch: pytest.MonkeyPatch, told: bool) -> None:
+    sent: list[int] = []
+    real = signal.pidfd_send_signal
+
+    def send(process: int, number: int) -> None:
+        sent.append(number)
+        real(process, number)
+
     case = watch("import time; time.sleep(60)")
-    case.keeper.end()
+    monkeypatch.setattr(keeper.signal, "pidfd_send_signal", send)
+    if told:
+        case.keeper.end()
     case.worker.send(b".")
     case.worker.shutdown(socket.SHUT_WR)
     assert case.keeper.run() == 0
-    assert case.child.wait() in (-signal.SIGTERM, 0)
+    assert sent[:-1] == [signal.SIGTERM] * told
+    assert signal.getsignal(signal.SIGTERM) == case.keeper.end
 
 
 def test_neutral_is_told_once_and_tried_again(watch: Any) -> None:
@@ -273,6 +352,20 @@ def test_the_service_manager_is_told(tmp_path: Any, monkeypatch: pytest.MonkeyPa
     notify({"WATCHDOG": "1"})  # a manager that is gone is no error
     monkeypatch.delenv("NOTIFY_SOCKET")
     notify({"WATCHDOG": "1"})
+
+
+def test_a_service_manager_that_reads_nothing_keeps_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def tell() -> None:
+        for _ in range(2000):
+            notify({"WATCHDOG": "1"})
+
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        told = Thread(target=tell, daemon=True)
+        told.start()
+        told.join(30.0)
+        assert not told.is_alive()
 
 
 def test_the_outputs_of_a_board_can_be_switched_off_from_a_shell(
@@ -312,6 +405,13 @@ def test_another_device_at_the_address_is_not_taken_for_a_board_that_is_off(
     monkeypatch.setattr(smbus2, "SMBus", lambda _: FakeSmbus({0x40: Deaf()}))
     assert switch_off(["off"], lambda _: None) == 1
     assert "do not read back as off: another device?" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("address", ["08", "77"])
+def test_the_first_and_the_last_address_of_a_bus_are_addresses(monkeypatch: pytest.MonkeyPatch, address: str) -> None:
+    smbus2 = pytest.importorskip("smbus2")
+    monkeypatch.setattr(smbus2, "SMBus", lambda _: FakeSmbus({int(address, 16): Pca9685Fake()}))
+    assert switch_off(["off", "1", address], lambda _: None) == 0
 
 
 @pytest.mark.parametrize(
@@ -373,6 +473,31 @@ def chip(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> tuple[Pca9685Fake, 
     return board, replace(settings(), driver="pca9685", bus=str(tmp_path / "i2c-1"))
 
 
+def test_a_start_takes_no_signal_as_the_policy_left_it_and_never_waits_for_the_socket(
+    chip: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fork(given: Settings, driver: Any, commands: socket.socket, *_: Any) -> int:
+        timeouts.append(commands.gettimeout())
+        return 5
+
+    timeouts: list[float | None] = []
+    monkeypatch.setattr(keeper.rights, "in_container", lambda: False)
+    monkeypatch.setattr(keeper, "_fork", fork)
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    source, commands = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with source:
+        assert main([str(commands.detach()), chip[1].to_json()]) == 5
+    assert timeouts == [0.0]
+    assert signal.getsignal(signal.SIGCHLD) == signal.SIG_DFL
+
+
+def test_a_bus_by_number_is_its_device_file() -> None:
+    given = replace(settings(), bus=250, options={"bus": "/dev/null"})
+    status, told = begun(given)
+    assert status == 1
+    assert "'/dev/i2c-250'" in json.loads(told)["error"]
+
+
 def test_a_container_is_refused_before_anything_is_sent(chip: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(keeper.rights, "in_container", lambda: True)
     status, told = begun(chip[1])
@@ -403,8 +528,10 @@ def test_a_folder_of_devices_has_one_owner(tmp_path: Path, monkeypatch: pytest.M
 def test_parent_and_child_of_the_fork_are_keeper_and_worker(
     chip: Any, monkeypatch: pytest.MonkeyPatch, unnamed: list[str], meant: bool
 ) -> None:
+    done: list[str] = []
     monkeypatch.setattr(keeper.rights, "in_container", lambda: meant)
-    monkeypatch.setattr(keeper.gc, "freeze", lambda: None)
+    monkeypatch.setattr(keeper.rights, "claim", lambda: done.append("claim") or {"realtime": True})
+    monkeypatch.setattr(keeper.gc, "freeze", lambda: done.append("freeze"))
     given = replace(chip[1], in_container=meant)
     child = subprocess.Popen([sys.executable, "-S", "-c", "import time; time.sleep(60)"])
     before = list(sys.path)
@@ -412,6 +539,7 @@ def test_parent_and_child_of_the_fork_are_keeper_and_worker(
     status, told = begun(given, "/somewhere")
     assert (status, told[:4], sys.path[-1]) == (0, b"TRAL", "/somewhere")
     assert chip[0].seen[-1] == OFF
+    assert done == ["claim", "freeze"]
     sys.path[:] = before
     child.wait()
 
@@ -419,16 +547,99 @@ def test_parent_and_child_of_the_fork_are_keeper_and_worker(
         pass
 
     def end(status: int) -> None:
-        raise Ended(status)
+        statuses.append(status)
+        raise Ended
 
+    statuses: list[int] = []
     monkeypatch.setattr(keeper.os, "fork", lambda: 0)
     monkeypatch.setattr(keeper.os, "_exit", end)
     source, commands = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     number = commands.detach()
-    source.close()
+    source.shutdown(socket.SHUT_WR)
     with pytest.raises(Ended):
         main([str(number), given.to_json()])
+    assert statuses == [0, 1], "the worker's own, and that of whatever comes behind it"
+    hello = json.loads(source.recv(4096))
+    assert hello == {"worker": os.getpid(), "keeper": os.getppid(), "realtime": True}
+    source.close()
     assert unnamed == ["tral-keeper", "tral-keeper", "tral-worker"]
+    assert done == ["claim", "freeze"] * 2 + ["claim"]
+
+
+@pytest.fixture
+def forked(chip: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """A start whose fork is none: the test is parent (1) or child (0), and gives what worker or keeper then does."""
+
+    def start(pid: int, role: str, run: Any) -> int:
+        class Role:
+            def __init__(self, *arguments: Any, **named: Any) -> None:
+                self.arguments, self.named = arguments, named
+
+            def run(self) -> int:
+                run(*self.arguments, **self.named)
+                return 0
+
+        monkeypatch.setattr(keeper.rights, "in_container", lambda: False)
+        monkeypatch.setattr(keeper.gc, "freeze", lambda: None)
+        monkeypatch.setattr(keeper.os, "fork", lambda: pid)
+        monkeypatch.setattr(keeper, role, Role)
+        return begun(chip[1])[0]
+
+    return start
+
+
+def test_the_keeper_holds_no_end_of_the_worker(forked: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def run(given: Settings, driver: Any, commands: socket.socket, worker: socket.socket, pid: int, shown: Any) -> None:
+        assert (worker.gettimeout(), pid, shown) == (0.0, 1, None)
+        assert worker.recv(8) == b"", "the other end is the worker's alone"
+        with pytest.raises(OSError, match="Bad file descriptor"):
+            os.fstat(policies[0])
+
+    real, policies = os.pidfd_open, []
+
+    def open_policy(pid: int) -> int:
+        policies.append(real(pid))
+        return policies[-1]
+
+    monkeypatch.setattr(keeper.os, "pidfd_open", open_policy)
+    assert forked(1, "Keeper", run) == 0
+
+
+def test_the_worker_holds_no_end_of_the_keeper_and_knows_its_policy(
+    forked: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run(given: Settings, driver: Any, commands: Any, kept: socket.socket, policy: int, shown: Any) -> None:
+        assert (kept.gettimeout(), shown) == (0.0, None)
+        assert kept.recv(8) == b"", "the other end is the keeper's alone"
+        os.fstat(policy)
+        ended.append(-1)
+
+    ended: list[int] = []
+    monkeypatch.setattr(keeper.os, "_exit", ended.append)
+    with suppress(UnboundLocalError, TypeError, OSError):
+        forked(0, "Worker", run)
+    assert ended[:3] == [-1, 0, 1]
+
+
+def test_a_worker_that_fails_says_why(
+    forked: Any, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    class Ended(BaseException):
+        pass
+
+    def end(status: int) -> None:
+        statuses.append(status)
+        raise Ended
+
+    def run(*_: Any, **__: Any) -> None:
+        raise RuntimeError("the worker has a flaw")
+
+    statuses: list[int] = []
+    monkeypatch.setattr(keeper.os, "_exit", end)
+    with pytest.raises(Ended):
+        forked(0, "Worker", run)
+    assert statuses == [1]
+    assert "RuntimeError: the worker has a flaw" in capfd.readouterr().err
 
 
 def test_a_link_does_not_hide_the_owner_of_a_board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -442,6 +653,44 @@ def test_a_link_does_not_hide_the_owner_of_a_board(tmp_path: Path, monkeypatch: 
     assert status == 1
     assert b"another process drives the board at 0x40" in told
     assert (tmp_path / "bus").read_text() == ""
+
+
+@pytest.fixture
+def owned(tmp_path: Path) -> Iterator[Any]:
+    """The file of a bus on which another process drives the board 0x40."""
+    (tmp_path / "bus").touch()
+    with (tmp_path / "bus").open("r+b") as owner:
+        fcntl.fcntl(owner, fcntl.F_OFD_SETLK, struct.pack("hhqqi4x", fcntl.F_WRLCK, os.SEEK_SET, 0x40, 1, 0))
+        yield owner
+
+
+@pytest.mark.parametrize("address", [0x3F, 0x41])
+def test_another_board_on_the_same_bus_has_an_owner_of_its_own(
+    owned: Any, monkeypatch: pytest.MonkeyPatch, address: int
+) -> None:
+    monkeypatch.setattr(keeper, "_CLAIM_S", 0.02)
+    monkeypatch.setattr(keeper, "_fork", lambda *_: 5)
+    assert main_of(replace(settings(), bus=owned.name, address=address)) == 5
+
+
+def test_a_board_whose_owner_is_about_to_end_is_waited_for(owned: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def sleep(seconds: float) -> None:
+        naps.append(seconds)
+        if len(naps) == 3:
+            owned.close()
+
+    naps: list[float] = []
+    monkeypatch.setattr(keeper.time, "sleep", sleep)
+    monkeypatch.setattr(keeper, "_fork", lambda *_: 5)
+    assert main_of(replace(settings(), bus=owned.name)) == 5
+    assert len(naps) == 3
+
+
+def main_of(given: Settings) -> int:
+    """Exit status of a start in this process; nobody listens."""
+    source, commands = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with source:
+        return main([str(commands.detach()), given.to_json()])
 
 
 class Hurry(Clock):

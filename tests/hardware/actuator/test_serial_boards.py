@@ -17,6 +17,7 @@ import pytest
 from rig import SETTINGS
 
 from tral_env.errors import ConfigError, HardwareError, MissingExtraError
+from tral_env.hardware.actuator import serial_boards
 from tral_env.hardware.actuator.drivers import open_driver
 from tral_env.hardware.actuator.laws import pulse_us
 from tral_env.hardware.actuator.serial_boards import Board2016Options, UcboardOptions
@@ -348,6 +349,23 @@ def test_pyserial_that_is_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setitem(sys.modules, "serial", None)
     with pytest.raises(MissingExtraError, match="pyserial"):
         UcboardOptions(port="/dev/null").open(SETTINGS)
+
+
+@pytest.mark.parametrize(
+    ("options", "baud"),
+    [
+        (Board2016Options(port="/dev/ttyUSB0"), 115200),
+        (UcboardOptions(port="/dev/ttyUSB0"), 921600),
+        (UcboardOptions(port="/dev/ttyUSB0", baud=115200), 115200),
+    ],
+)
+def test_a_port_is_opened_with_the_speed_of_its_board(
+    monkeypatch: pytest.MonkeyPatch, options: Board2016Options | UcboardOptions, baud: int
+) -> None:
+    opened: list[tuple[str, int]] = []
+    monkeypatch.setattr(serial_boards, "open_port", lambda *port: opened.append(port))
+    options.open(SETTINGS)
+    assert opened == [("/dev/ttyUSB0", baud)]
 
 
 def test_a_baud_rate_that_no_port_has_is_refused() -> None:

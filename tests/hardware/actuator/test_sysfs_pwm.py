@@ -95,6 +95,19 @@ def test_pulses_after_the_end_switch_the_outputs_on_again(chip: Path, kernel: Ke
     kernel.writes.clear()
     board.set_pulses(1530.0, 1500.0)
     assert [name for _, name, _ in kernel.writes] == ["duty_cycle", "enable"] * 2
+    assert board.check() == ""
+
+
+def test_pulses_after_a_start_that_failed_switch_the_outputs_on(chip: Path, kernel: Kernel) -> None:
+    board = opened(chip)
+    board.start()
+    kernel.dead = "pwm0"
+    with pytest.raises(OSError, match="No such device"):
+        board.start()
+    kernel.dead = "none"
+    kernel.writes.clear()
+    board.set_pulses(1530.0, 1500.0)
+    assert [name for _, name, _ in kernel.writes] == ["duty_cycle", "enable"] * 2
 
 
 def test_an_output_that_ran_with_another_period_stops_before_it_takes_ours(chip: Path, kernel: Kernel) -> None:

@@ -9,7 +9,7 @@ from rig import MS
 from tral_env.hardware.actuator.wire import (
     NOTHING_YET,
     TOLD,
-    Command,
+    CommandPacket,
     Flag,
     Reason,
     Refusal,
@@ -23,8 +23,8 @@ from tral_env.hardware.actuator.wire import (
 )
 
 NOW = 1000 * MS
-BEFORE = Command(7, NOW - 12 * MS, 0.1, 0.2, 5)
-RIGHT = Command(8, NOW - MS, -0.5, 0.25, 6, Flag.ARM, 3)
+BEFORE = CommandPacket(7, NOW - 12 * MS, 0.1, 0.2, 5)
+RIGHT = CommandPacket(8, NOW - MS, -0.5, 0.25, 6, Flag.ARM, 3)
 REPLY = Reply(State.LATCHED, Reason.BUS, Refusal.OLD, 8, NOW, -0.5, 0.25, 1600.0, 1400.0, 1, 2, 3, 4)
 
 

@@ -74,6 +74,15 @@ def test_a_source_that_ends_is_neutral_at_once_and_no_pulses_later(works: Any) -
     assert car.worker.guard.is_over
 
 
+def test_the_pulses_end_by_the_boards_own_off_and_never_as_pulses_of_no_length(works: Any) -> None:
+    """A driver brings pulses within their limits, so a pulse of 0 would be full throttle."""
+    car = works().arm()
+    car.drive(100, 0.5)
+    car.turns(600)
+    assert car.board.done[-1][1:] == ("off", OFF)
+    assert not [pulses for _, method, pulses in car.board.done if method == "pulses" and pulses == OFF]
+
+
 def test_one_error_in_ten_thousand_transactions_does_not_end_a_drive(works: Any) -> None:
     car = works().arm()
     for _ in range(50):

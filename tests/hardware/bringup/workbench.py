@@ -9,7 +9,7 @@ from rig import MS, OFF, Pulses, Works
 
 from tral_env.errors import HardwareError
 from tral_env.hardware.actuator.settings import Settings
-from tral_env.hardware.actuator.wire import Command, Flag, State, pack
+from tral_env.hardware.actuator.wire import CommandPacket, Flag, State, pack
 from tral_env.hardware.bringup.bench import Bench
 from tral_env.hardware.bringup.person import Person
 
@@ -66,7 +66,7 @@ class Workbench:
 
 
 class RigActuator:
-    """The worker of the actuator's process in this process, as `Commands`."""
+    """The worker of the actuator's process in this process, as `Actuator`."""
 
     hello = {"realtime": False, "locked": True}  # noqa: RUF012
 
@@ -126,7 +126,7 @@ class RigActuator:
     def _send(self, steering: float, throttle: float, flags: Flag) -> None:
         self.works.sequence += 1
         now_ns = self.works.clock.now_ns
-        self.works.source.send(pack(Command(self.works.sequence, now_ns, steering, throttle, 0, flags)))
+        self.works.source.send(pack(CommandPacket(self.works.sequence, now_ns, steering, throttle, 0, flags)))
         self.works.told()
 
 

@@ -20,12 +20,13 @@ from tral_env.hardware.actuator.drivers import BOARDS, board_class
 from tral_env.hardware.actuator.guard import OFF
 from tral_env.hardware.actuator.laws import pulse_us
 from tral_env.hardware.actuator.settings import Settings
+from tral_env.hardware.actuator.stand_in import GIVEN_UP
 from tral_env.hardware.actuator.wire import (
     ENDED,
     MAX_PACKET,
     NS,
     TOLD,
-    Command,
+    CommandPacket,
     Flag,
     Reason,
     Reply,
@@ -176,7 +177,8 @@ class ActuatorProcess(Physical):
         """Let go of the process, which ends in neutral, then no pulses; wait for that. A second call does nothing.
 
         Raises:
-            HardwareError: the pulses could not be ended. The process goes on trying; another call waits again.
+            HardwareError: the pulses could not be ended. The process goes on trying, unless the board is a stand-in
+                whose program is gone; another call waits again.
         """
         if os.getpid() != self._owner:  # a fork: the process is not its own
             return
@@ -186,7 +188,7 @@ class ActuatorProcess(Physical):
         while not self._has_ended and (left_s := until_s - time.monotonic()) > 0.0:
             if not self._hears_within(left_s):
                 break
-        if not self._has_ended:
+        if not self._has_ended and self._process.poll() != GIVEN_UP:
             raise HardwareError(f"the actuator's process could not end the pulses yet. {_POWER}")
         self._socket.close()
         with suppress(subprocess.TimeoutExpired):
@@ -262,7 +264,7 @@ class ActuatorProcess(Physical):
                 "car"
             )
         self._sequence += 1
-        command = Command(self._sequence, time.monotonic_ns(), steering, throttle, self._evidence, flags)
+        command = CommandPacket(self._sequence, time.monotonic_ns(), steering, throttle, self._evidence, flags)
         try:
             self._socket.settimeout(_ANSWER_S)
             self._socket.send(pack(command))

@@ -12,7 +12,7 @@ from tral_env.hardware.actuator.settings import Settings
 from tral_env.hardware.actuator.wire import (
     NOTHING_YET,
     NS,
-    Command,
+    CommandPacket,
     Flag,
     Reason,
     Refusal,
@@ -146,7 +146,7 @@ class Guard:
             *(min(count, 2**32 - 1) for count in counts),
         )  # fmt: skip
 
-    def _follow(self, command: Command, now_ns: int) -> None:
+    def _follow(self, command: CommandPacket, now_ns: int) -> None:
         """Take a command that was not refused."""
         before, self._last, self._refusal = self._last, command, Refusal.NONE
         gap_ns, self._heard_ns = now_ns - self._heard_ns, now_ns
@@ -161,7 +161,7 @@ class Guard:
         elif command.flags & Flag.ARM and command.throttle == 0.0 and not self.ending:
             self._arm(before, now_ns)
 
-    def _arm(self, before: Command, now_ns: int) -> None:
+    def _arm(self, before: CommandPacket, now_ns: int) -> None:
         """Do what an ARM may do: undo a latch if it was not held all along, or arm if neutral has stood."""
         if self.state is State.LATCHED:
             if not before.flags & Flag.ARM:
@@ -181,14 +181,14 @@ class Guard:
             return _NEUTRAL
         return self._applied if self.state is State.ARMED and not self._stopped else self._halt
 
-    def _weigh(self, command: Command, before: Command, gap_ns: int) -> None:
+    def _weigh(self, command: CommandPacket, before: CommandPacket, gap_ns: int) -> None:
         """Sum up the time of driving since the observations changed."""
         if command.evidence > before.evidence:
             self._blind_ns = 0
         elif self._told_to_drive:
             self._blind_ns += gap_ns
 
-    def _apply(self, command: Command, now_ns: int) -> None:
+    def _apply(self, command: CommandPacket, now_ns: int) -> None:
         """Bring a command within all limits of range and slew."""
         seconds = min((now_ns - self._applied_ns) / NS, MAX_SLEW_S)
         limits, (steering, throttle) = self._limits, self._applied

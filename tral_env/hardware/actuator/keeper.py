@@ -1,7 +1,8 @@
 """The keeper: the worker's parent. It opens the board, starts the worker, and does one thing if that dies or hangs.
 
 It touches the board only before the worker begins and after the worker was killed, so the board has one owner at any
-time. It is opened before the fork: an emergency is no time to open files, import, or ask for memory.
+time. It is opened before the fork: an emergency is no time to open files, import, or ask for memory. It tries for ever,
+unless the board is a stand-in whose program has ended.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from tral_env.hardware.actuator import rights
 from tral_env.hardware.actuator.drivers import Driver, open_driver
 from tral_env.hardware.actuator.pca9685 import all_off, still_on
 from tral_env.hardware.actuator.settings import MAX_ADDRESS, MIN_ADDRESS, Settings
+from tral_env.hardware.actuator.stand_in import GIVEN_UP, StandIn, stand_in
 from tral_env.hardware.actuator.wire import ENDED, MAX_PACKET, NS, Reason, Refusal, Reply, State, pack_reply
 from tral_env.hardware.actuator.worker import ALIVE, Worker
 from tral_env.hardware.i2c import Bus
@@ -59,7 +61,7 @@ def main(arguments: list[str]) -> int:
         arguments: number of the socket's file descriptor, `Settings` as JSON, then folders to import from, if any.
 
     Returns:
-        Exit status 0: the pulses have ended; 1: it could not begin.
+        Exit status 0: the pulses have ended; 1: it could not begin; `GIVEN_UP`: the program behind a stand-in is gone.
     """
     own_signals()
     rights.name("tral-keeper")
@@ -72,8 +74,9 @@ def main(arguments: list[str]) -> int:
             driver = open_driver(settings)
             with _claimed(settings):
                 _check_container(settings)
+                shown = stand_in(_device_file(settings))
                 driver.start()
-                return _fork(settings, driver, commands, policy)
+                return _fork(settings, driver, commands, policy, shown)
         except (TralError, OSError) as error:
             told: dict[str, object] = {"error": str(error), "kind": type(error).__name__}
             if isinstance(error, MissingExtraError):
@@ -96,6 +99,11 @@ def own_signals() -> None:
     signal.pthread_sigmask(signal.SIG_SETMASK, ())
 
 
+def _device_file(settings: Settings) -> str:
+    """Path of the board's device file."""
+    return f"/dev/i2c-{settings.bus}" if isinstance(settings.bus, int) else settings.bus
+
+
 @contextmanager
 def _claimed(settings: Settings) -> Iterator[None]:
     """Make sure that no other process of this kind drives the board: a lock, free when keeper and worker are gone.
@@ -106,7 +114,7 @@ def _claimed(settings: Settings) -> Iterator[None]:
     Raises:
         HardwareError: another one drives it, and does not end.
     """
-    bus = f"/dev/i2c-{settings.bus}" if isinstance(settings.bus, int) else settings.bus
+    bus = _device_file(settings)
     lock = struct.pack("hhqqi4x", fcntl.F_WRLCK, os.SEEK_SET, settings.address, 1, 0)
     how = os.O_RDONLY | os.O_DIRECTORY if os.path.isdir(bus) else os.O_RDWR | os.O_NONBLOCK | os.O_NOCTTY  # noqa: PTH112
     file, until_s = os.open(bus, how | os.O_CLOEXEC), time.monotonic() + _CLAIM_S
@@ -121,7 +129,8 @@ def _claimed(settings: Settings) -> Iterator[None]:
             time.sleep(_TRY_S)
         yield
     finally:
-        os.close(file)
+        with suppress(OSError):  # a file of a mount that is dead
+            os.close(file)
 
 
 def _locks(file: int, lock: bytes | None) -> bool:
@@ -150,7 +159,7 @@ def _check_container(settings: Settings) -> None:
         )
 
 
-def _fork(settings: Settings, driver: Driver, commands: socket.socket, policy: int) -> int:
+def _fork(settings: Settings, driver: Driver, commands: socket.socket, policy: int, shown: StandIn | None) -> int:
     """Split into worker and keeper."""
     rights.claim()
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -161,20 +170,20 @@ def _fork(settings: Settings, driver: Driver, commands: socket.socket, policy: i
         worker = os.fork()
         if worker == 0:
             ours.close()
-            _work(settings, driver, commands, theirs, policy)
+            _work(commands, lambda: Worker(settings, driver, commands, theirs, policy=policy, shown=shown))
         theirs.close()
         os.close(policy)
-        return Keeper(settings, driver, commands, ours, worker).run()
+        return Keeper(settings, driver, commands, ours, worker, shown=shown).run()
 
 
-def _work(settings: Settings, driver: Driver, commands: socket.socket, keeper: socket.socket, policy: int) -> NoReturn:
+def _work(commands: socket.socket, make_worker: Callable[[], Worker]) -> NoReturn:
     """Be the worker, to the end of this process."""
     try:
         rights.name("tral-worker")
         hello = {"worker": os.getpid(), "keeper": os.getppid(), **rights.claim()}
         with suppress(OSError):  # a policy that is gone is noticed soon enough
             commands.send(json.dumps(hello).encode())
-        os._exit(Worker(settings, driver, commands, keeper, policy=policy).run())
+        os._exit(make_worker().run())
     except BaseException:
         _complain(traceback.format_exc())
     finally:
@@ -203,29 +212,45 @@ class Keeper:
         pid: int,
         clock_ns: Callable[[], int] = time.monotonic_ns,
         sleep: Callable[[float], None] = time.sleep,
+        shown: StandIn | None = None,
     ) -> None:
-        """Watch a child that shows its life on a socket."""
+        """Watch a child that shows its life on a socket.
+
+        Args:
+            settings: what to keep to.
+            driver: the board.
+            commands: where the policy's process sends commands.
+            worker: where the worker shows its life.
+            pid: of the worker.
+            clock_ns: monotonic clock, ns.
+            sleep: waits some seconds.
+            shown: the stand-in that the board is; None: a board of its own, which is never given up.
+        """
         self._settings, self._driver, self._commands = settings, driver, commands
-        self._worker, self._clock_ns, self._sleep = worker, clock_ns, sleep
+        self._worker, self._clock_ns, self._sleep, self._shown = worker, clock_ns, sleep, shown
         self._pid, self._process = pid, os.pidfd_open(pid)
         self._told_to_end = False
 
     def run(self) -> int:
-        """Watch until the worker ends; if it does not end by itself with status 0, end the pulses.
+        """Watch until the worker ends; if it does not end by itself with a status that is final, end the pulses.
 
         Returns:
-            Exit status 0: the pulses have ended.
+            Exit status 0: the pulses have ended; `GIVEN_UP`: the program behind a stand-in is gone.
         """
         trouble = "the worker died or stood still"
         try:
             signal.signal(signal.SIGTERM, self.end)
-            if self._watch() and self._status() == 0:
+            status = self._status() if self._watch() else None
+            if status == 0:
                 notify({"WATCHDOG_USEC": "0"})
                 return 0
+            if status == GIVEN_UP and self._shown is not None:
+                return self._give_up()
         except BaseException:  # whatever it is, the pulses have to end
             trouble = traceback.format_exc()
         self._kill()
-        self.end_pulses()
+        if not self.end_pulses():
+            return self._give_up()
         with suppress(OSError):
             self._commands.send(ENDED)
         notify({"WATCHDOG_USEC": "0"})
@@ -236,8 +261,12 @@ class Keeper:
         """Let the worker stop the car, at its next sign of life: a signal handler."""
         self._told_to_end = True
 
-    def end_pulses(self) -> None:
-        """Write neutral until it has stood, then off; again and again while the board refuses, for ever if need be."""
+    def end_pulses(self) -> bool:
+        """Write neutral until it has stood, then off; again and again while the board refuses, for ever if need be.
+
+        Returns:
+            Whether the pulses have ended; False: the board was a stand-in, and the program behind it is gone.
+        """
         limits, begun_ns = self._settings.limits, self._clock_ns()
         neutral_us = self._settings.steering.centre_us, self._settings.throttle.centre_us
         told = complained = False
@@ -246,13 +275,28 @@ class Keeper:
             with suppress(Exception):  # a driver that fails in its own way is a board that refuses
                 if past_s >= limits.off_s - limits.silence_s:
                     self._driver.off()
-                    return
+                    return True
                 self._driver.set_pulses(*neutral_us)
                 told = told or self._tell(neutral_us)
             if past_s > _COMPLAIN_S and not complained:
                 complained = True
                 _complain("THE PULSES COULD NOT BE ENDED YET: cut the power of the motor. The keeper goes on trying")
+            if self._shown is not None and self._shown.is_given_up(self._clock_ns()):
+                return False
             self._sleep(_TRY_S if past_s < _HURRY_S else _LATER_S)
+
+    def _give_up(self) -> int:
+        """Leave a stand-in whose program is gone.
+
+        Returns:
+            Exit status.
+        """
+        notify({"WATCHDOG_USEC": "0"})
+        _complain(
+            f"the pulses were not ended: {_device_file(self._settings)} is no board but a stand-in, such as the "
+            "twin's, and the program that showed it is gone. Nothing drives"
+        )
+        return GIVEN_UP
 
     def _watch(self) -> bool:
         """Return when the worker has closed its socket (True), or has shown no life for too long (False)."""

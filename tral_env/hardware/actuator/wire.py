@@ -91,7 +91,7 @@ class Refusal(IntEnum):
     """From another source than the one that armed."""
 
 
-class Command(NamedTuple):
+class CommandPacket(NamedTuple):
     """What the policy's process sends."""
 
     sequence: int
@@ -132,7 +132,7 @@ class Reply(NamedTuple):
     """Transactions with the board that were tried again."""
 
 
-NOTHING_YET = Command(sequence=0, stamp_ns=0, steering=0.0, throttle=0.0, evidence=0)
+NOTHING_YET = CommandPacket(sequence=0, stamp_ns=0, steering=0.0, throttle=0.0, evidence=0)
 """Stands for the command before the first one."""
 
 _COMMAND = struct.Struct("<4sHHHxxQqddQ")
@@ -144,22 +144,22 @@ MAX_PACKET = 4096
 """No packet is longer."""
 
 
-def pack(command: Command) -> bytes:
+def pack(command: CommandPacket) -> bytes:
     """Bytes of a command."""
     return _COMMAND.pack(MAGIC, VERSION, command.flags, command.source, *command[:5])
 
 
-def read(packet: bytes) -> Command | None:
+def read(packet: bytes) -> CommandPacket | None:
     """Command of a packet, or None if it is none. Its content has not been judged yet: see `refusal`."""
     if len(packet) != _COMMAND.size:
         return None
     magic, version, flags, source, sequence, stamp_ns, steering, throttle, evidence = _COMMAND.unpack(packet)
     if magic != MAGIC or version != VERSION or flags & ~_FLAGS:
         return None
-    return Command(sequence, stamp_ns, steering, throttle, evidence, Flag(flags), source)
+    return CommandPacket(sequence, stamp_ns, steering, throttle, evidence, Flag(flags), source)
 
 
-def refusal(command: Command, before: Command, now_ns: int, max_age_ns: int) -> Refusal:
+def refusal(command: CommandPacket, before: CommandPacket, now_ns: int, max_age_ns: int) -> Refusal:
     """Why a command must not be followed.
 
     Args:

@@ -12,6 +12,7 @@ from contextlib import suppress
 from tral_env.hardware.actuator.drivers import ATTEMPTS, BUDGET_S, Driver
 from tral_env.hardware.actuator.guard import OFF, Guard, Pulses
 from tral_env.hardware.actuator.settings import Settings
+from tral_env.hardware.actuator.stand_in import GIVEN_UP, StandIn
 from tral_env.hardware.actuator.wire import ENDED, MAX_PACKET, NS, Reason, State, pack_reply
 
 TICK_S = 0.01
@@ -38,6 +39,7 @@ class Worker:
         keeper: socket.socket,
         clock_ns: Callable[[], int] = time.monotonic_ns,
         policy: int | None = None,
+        shown: StandIn | None = None,
     ) -> None:
         """Take over a board that has been set up; neither socket may block.
 
@@ -49,9 +51,10 @@ class Worker:
             clock_ns: monotonic clock, ns.
             policy: file descriptor that becomes readable when the policy's process ends (pidfd): a fork of it that
                 holds the socket is no source of commands.
+            shown: the stand-in that the board is; None: a board of its own, which is never given up.
         """
         self._settings, self._driver, self._clock_ns = settings, driver, clock_ns
-        self._commands, self._keeper, self._policy = commands, keeper, policy
+        self._commands, self._keeper, self._policy, self._shown = commands, keeper, policy, shown
         now_ns = clock_ns()
         self.guard = Guard(settings, now_ns)
         self.retries = 0
@@ -69,7 +72,7 @@ class Worker:
         """Work until nobody is left that could command, and no pulses leave the board, however long that takes.
 
         Returns:
-            Exit status 0: the pulses have ended.
+            Exit status 0: the pulses have ended; `GIVEN_UP`: the program behind a stand-in is gone.
         """
         signal.signal(signal.SIGTERM, self.end)
         poll = select.poll()
@@ -85,6 +88,8 @@ class Worker:
                 self.guard.fail(Reason.LOST, self._clock_ns())
             for lost in self.turn(self._commands.fileno() in ready, self._keeper.fileno() in ready):
                 poll.unregister(lost)
+            if self.guard.ending and self._shown is not None and self._shown.is_given_up(self._clock_ns()):
+                return GIVEN_UP
         self.say_ended()
         return 0
 

@@ -16,7 +16,7 @@ from tral_env.hardware.actuator.drivers import takes_commands
 from tral_env.hardware.actuator.laws import Channel, command_of, pulse_us
 from tral_env.hardware.actuator.settings import Limits, Settings
 from tral_env.hardware.car_file import CarFile
-from tral_env.hardware.commands import Commands
+from tral_env.hardware.commands import Actuator
 from tral_env.interface import CONTROL_PERIOD_S
 
 STEERING_REACH_US, THROTTLE_REACH_US = 700, 250
@@ -31,7 +31,7 @@ class Bench:
 
     def __init__(
         self,
-        start: Callable[[Settings], Commands] = ActuatorProcess,
+        start: Callable[[Settings], Actuator] = ActuatorProcess,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
@@ -76,7 +76,7 @@ class Bench:
 class Holder:
     """An open board."""
 
-    def __init__(self, actuator: Commands, settings: Settings, drive: Settings, bench: Bench) -> None:
+    def __init__(self, actuator: Actuator, settings: Settings, drive: Settings, bench: Bench) -> None:
         """Take over a board that has sent neutral; `Bench.open` makes one.
 
         Args:

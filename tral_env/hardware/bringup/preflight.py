@@ -12,7 +12,7 @@ from tral_env.hardware.actuator.client import ActuatorProcess
 from tral_env.hardware.actuator.settings import Settings
 from tral_env.hardware.bringup.steps import missing_steps
 from tral_env.hardware.car_file import CarFile
-from tral_env.hardware.commands import Commands
+from tral_env.hardware.commands import Actuator
 from tral_env.hardware.opening import Device, devices
 from tral_env.hardware.sensors import image_times, provided_by
 from tral_env.interface import CONTROL_PERIOD_S, NO_ECHO_M
@@ -38,7 +38,7 @@ class Finding:
 
 def check_car(
     car: CarFile,
-    start: Callable[[Settings], Commands] = ActuatorProcess,
+    start: Callable[[Settings], Actuator] = ActuatorProcess,
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
 ) -> list[Finding]:
@@ -75,7 +75,7 @@ def check_car(
     return findings
 
 
-def _granted(actuator: Commands) -> str:
+def _granted(actuator: Actuator) -> str:
     """What the system granted the actuator's process."""
     hello: Mapping[str, object] = getattr(actuator, "hello", {})
     refused = [what for what in ("realtime", "locked") if not hello.get(what, True)]

@@ -32,7 +32,7 @@ from tral_fsm.control.speed import ROLLING_MPS, SingleBrake
 from tral_fsm.programs.ros.course_markers import course_markers
 
 if TYPE_CHECKING:
-    from tral_env.twin.camera import Exposure, Scene
+    from tral_env.twin.camera import RenderRequest, RenderSetup
     from tral_env.world import World
 
 _STOP_BRAKE = 1.0
@@ -190,41 +190,41 @@ class SimulatedCamera:
         Raises:
             RenderError: this computer cannot render.
         """
-        from tral_env.twin.camera import Camera
+        from tral_env.twin.camera import CameraStream
 
         self._world = world
-        self._camera = Camera(self._scene(), self._exposure())
+        self._camera = CameraStream(self._render_setup(), self._render_request())
         self.url = self._camera.url
 
     def place(self) -> None:
         """A new episode."""
-        self._camera.place(self._scene())
+        self._camera.place(self._render_setup())
 
     def look(self) -> None:
         """Expose an image, if it is time for one."""
         if self._camera.is_due(time.monotonic()):
-            self._camera.expose(self._exposure())
+            self._camera.expose(self._render_request())
 
     def close(self) -> None:
         """End the process."""
         self._camera.close()
 
-    def _scene(self) -> Scene:
-        from tral_env.twin.camera import Scene
+    def _render_setup(self) -> RenderSetup:
+        from tral_env.twin.camera import RenderSetup
 
         sim, plan = self._world.sim, self._world.plans[0]
         assert plan is not None
         drawn = {name: float(values[0]) for name, values in sim.car_parameters.drawn.items()}
         degradation, latency_s = drawn["image_degradation"], drawn["camera_latency_s"]
         faults = sim.image_faults or ImageCorruption()
-        return Scene(sim.pool, plan, sim.lens, faults, degradation, int(sim.cameras.image_seeds[0]), latency_s)
+        return RenderSetup(sim.pool, plan, sim.lens, faults, degradation, int(sim.cameras.image_seeds[0]), latency_s)
 
-    def _exposure(self) -> Exposure:
-        from tral_env.twin.camera import Exposure
+    def _render_request(self) -> RenderRequest:
+        from tral_env.twin.camera import RenderRequest
 
         sim = self._world.sim
         mounting = sim.cameras.mounting(np.array([0]))[0]
-        return Exposure(time.monotonic_ns(), sim.physics.qpos[0].copy(), mounting)
+        return RenderRequest(time.monotonic_ns(), sim.physics.qpos[0].copy(), mounting)
 
 
 def _ended(info: dict[str, Any]) -> str:

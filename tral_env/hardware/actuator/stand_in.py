@@ -1,0 +1,78 @@
+"""Devices that a program shows in place of a board: pseudo-terminals, and files of FUSE. The twin has both.
+
+A board whose plug fell out may touch again, so worker and keeper never give it up. When the program behind a stand-in
+has ended, no wheel turns, and nobody is left that could take the end of the pulses.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+from tral_env.hardware.actuator.wire import NS
+
+GIVEN_UP = 3
+"""Exit status of a worker or keeper that gave a stand-in up: the pulses were not ended."""
+_GONE_S = 10.0
+"""A stand-in whose file is missing for this long is given up, s: a fault of the twin that takes its port away is over
+by then."""
+_PTY_MAJORS = range(136, 144)
+"""Major numbers of pseudo-terminals. Source: Documentation/admin-guide/devices.txt of the kernel."""
+_MISSING = (errno.ENOENT, errno.ENOTCONN, errno.ENODEV)
+
+
+class StandIn:
+    """A device file that a program shows."""
+
+    def __init__(self, path: str) -> None:
+        """Note which file system the device file is on.
+
+        Raises:
+            OSError: it is not there.
+        """
+        self._path, self._file_system = path, os.stat(path).st_dev  # noqa: PTH116
+        self._missing_ns: int | None = None
+        """It is missing since then."""
+
+    def is_given_up(self, now_ns: int) -> bool:
+        """Look whether the file is there; True: it has been missing at each look for too long."""
+        if not self._is_missing():
+            self._missing_ns = None
+            return False
+        self._missing_ns = now_ns if self._missing_ns is None else self._missing_ns
+        return now_ns - self._missing_ns >= _GONE_S * NS
+
+    def _is_missing(self) -> bool:
+        """Whether no file is there, or one of another mount: the open one is as dead then."""
+        try:
+            return os.stat(self._path).st_dev != self._file_system  # noqa: PTH116
+        except OSError as error:
+            return error.errno in _MISSING
+
+
+def stand_in(path: str, mounts: Path = Path("/proc/self/mountinfo")) -> StandIn | None:
+    """The stand-in behind a path; None: a board of its own, or nobody can tell.
+
+    Args:
+        path: device file, or folder of device files.
+        mounts: list of the mounts, see proc_pid_mountinfo(5).
+    """
+    try:
+        found = os.stat(path)  # noqa: PTH116
+        is_pty = stat.S_ISCHR(found.st_mode) and os.major(found.st_rdev) in _PTY_MAJORS
+        is_shown = is_pty or (not stat.S_ISCHR(found.st_mode) and _is_fuse(found.st_dev, mounts))
+        return StandIn(path) if is_shown else None
+    except OSError:
+        return None
+
+
+def _is_fuse(file_system: int, mounts: Path) -> bool:
+    """Whether a file system, by its number, is one of FUSE."""
+    number = f"{os.major(file_system)}:{os.minor(file_system)}"
+    for line in mounts.read_text(errors="replace").splitlines():
+        where, _, what = line.partition(" - ")
+        if where.split()[2] == number and what.startswith("fuse"):
+            return True
+    return False
