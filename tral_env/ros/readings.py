@@ -196,7 +196,8 @@ class MessageReadings:
         """Nothing heard yet."""
         self._since_ns: dict[str, int] = {}
         self._values: dict[str, float] = {}
-        self._distance_zero: float | None = None
+        self.heard = self.refused = 0
+        """Number of messages until now, and of those that were refused: older than the last one, or no reading."""
 
     def reset(self) -> None:
         """Forget all: a new drive."""
@@ -204,7 +205,8 @@ class MessageReadings:
         self._values.clear()
 
     def hear(self, message: IdlStruct) -> None:
-        """Take a message of any topic of readings; an older one than the last is passed over."""
+        """Take a message of any topic of readings; an older one than the last is refused."""
+        self.heard += 1
         match message:
             case Range():
                 self._hear_range(message)
@@ -241,6 +243,7 @@ class MessageReadings:
         """REP 117: infinite: no echo; minus infinite: too close to measure; NaN: no measurement."""
         name = message.header.frame_id
         if math.isnan(message.range) or not self._newer(name, message.header):
+            self.refused += 1
             return
         instead = {math.inf: NO_ECHO_M, -math.inf: message.min_range}
         self._values[name] = instead.get(message.range, message.range)
@@ -258,6 +261,7 @@ class MessageReadings:
         best = max(detection.results, key=lambda result: result.hypothesis.score)
         subject, _, number = best.hypothesis.class_id.partition("_")
         if subject not in SUBJECTS or not number.isdecimal() or not self._newer(subject, detection.header):
+            self.refused += 1
             return
         pose = best.pose.pose
         self._values[f"{subject}_id"] = float(number)

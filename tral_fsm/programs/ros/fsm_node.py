@@ -9,21 +9,25 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tral_env.errors import TralError
-from tral_env.interface import Layout
+from tral_env.interface import CONTROL_PERIOD_S, Layout
 from tral_env.ros import topics
 from tral_env.ros.car_node import PUBLISHED
 from tral_env.ros.commands import drive_of
+from tral_env.ros.diagnostics import FAILED, OK, WARNING, Diagnostics, in_words
 from tral_env.ros.msg.sensor import AckermannDriveStamped, Odometry
 from tral_env.ros.msg.std import Bool, Header, State, String, Transition, TransitionEvent
 from tral_env.ros.node import WARN, Node, Subscription
+from tral_env.ros.patience import CAMERA_TIMEOUT_S
 from tral_env.ros.qos import COMMAND, LATCHED, STATE
 from tral_env.ros.readings import MessageReadings
-from tral_env.ros.times import nanoseconds, stamp
+from tral_env.ros.times import nanoseconds, seconds_ns, stamp
 
 READINGS = (*topics.RANGES.values(), topics.BATTERY, topics.IMU, topics.JOINTS, topics.APPLIED)
 
 _MISSED_S = 0.1
 """A camera that is said to be dead is believed to be when it was silent for so long, s: an image was missed."""
+_LATE_NS = seconds_ns(CONTROL_PERIOD_S)
+"""A tick that comes later than this after it was told is late, ns."""
 _LOOK_S = 0.02
 """While it drives, the node looks this often whether the camera is still there, s."""
 
@@ -34,7 +38,7 @@ class FsmOptions:
 
     namespace: str = ""
     use_sim_time: bool = False
-    camera_timeout_s: float = 0.3
+    camera_timeout_s: float = CAMERA_TIMEOUT_S
     """A policy that needs the camera stops the car when nothing came from it for so long, s; when the camera's process
     is dead, sooner."""
 
@@ -62,7 +66,12 @@ class FsmNode:
         self._arm = node.publisher(topics.ARM, Bool, STATE)
         self._state = node.publisher(topics.STATE, String, LATCHED)
         self._transitions = node.publisher(topics.TRANSITION, TransitionEvent, STATE)
-        self.armed = False
+        self._diagnostics = Diagnostics(node, "readings", str(getattr(policy, "name", "")))
+        self.armed, self.why = False, ""
+        """Whether the car drives, and why this node stopped it last."""
+        self.answered = self.late = self.skipped = 0
+        """Number of ticks that were answered, that came over a control period late, and that were not answered because
+        the next one had come too."""
         self._tick_ns = self._answered_ns = 0
         self._told_state = ""
         self.watch: Callable[[Mapping[str, float]], None] = lambda readings: None
@@ -76,12 +85,28 @@ class FsmNode:
             while not ended.is_set():
                 self.spin(0.1)
         finally:
+            self.node.log(in_words(self.figures))
             self.node.close()
+
+    @property
+    def figures(self) -> dict[str, object]:
+        """What came of the readings until now."""
+        heard = (*self._heard, self._detections, self._odometry)
+        return {
+            "ticks answered": self.answered,
+            "late ticks": self.late,
+            "skipped ticks": self.skipped,
+            "readings": self._readings.heard,
+            "lost messages": sum(subscription.lost for subscription in heard),
+            "refused readings": self._readings.refused,
+        }
 
     def spin(self, patience_s: float) -> None:
         """Wait for a tick, and answer it."""
         self.node.wait(min(patience_s, _LOOK_S) if self.armed else patience_s)
         self._hear()
+        if self._diagnostics.due:
+            self._diagnose()
         if not self.armed:
             return
         if self._looks and (why := self._camera_trouble()):
@@ -91,9 +116,10 @@ class FsmNode:
 
     def stop(self, why: str) -> None:
         """Ask the car to stop, and answer no more until it was armed again."""
-        self.armed = False
+        self.armed, self.why = False, why
         self._arm.publish(Bool(False))
         self.node.log(f"stops the car: {why}", WARN)
+        self._diagnostics.hurry()
 
     def _hear(self) -> None:
         """Take all that came. The odometry of a tick comes last; so it is looked at first."""
@@ -110,9 +136,13 @@ class FsmNode:
             self._readings.hear(message)
         if ticks:
             self._tick_ns = nanoseconds(ticks[-1].header.stamp)
+            if self.armed:
+                self.skipped += len(ticks) - 1
+                self.late += not self.options.use_sim_time and time.time_ns() - self._tick_ns > _LATE_NS
 
     def _begin(self) -> None:
         """A new drive: the policy and the readings start anew."""
+        self.why = ""
         self._policy.reset(1)
         self._readings.reset()
         self._answered_ns, self._seen_s = 0, None
@@ -140,8 +170,18 @@ class FsmNode:
         self.watch(readings)
         command = AckermannDriveStamped(Header(stamp(self._tick_ns), topics.BASE), drive_of(steering, throttle))
         self._command.publish(command)
+        self.answered += 1
         self._tell_state()
         return None
+
+    def _diagnose(self) -> None:
+        if self.why:
+            level, message = FAILED, f"stopped the car: {self.why}"
+        else:
+            level, message = (OK, "drives") if self.armed else (WARNING, "the car is not armed")
+        self._diagnostics.tell(
+            self._tick_ns if self.options.use_sim_time else time.time_ns(), level, message, self.figures
+        )
 
     def _tell_state(self) -> None:
         states = getattr(self._policy, "active_states", None)
