@@ -1,15 +1,16 @@
-"""A policy drives the simulated car and the twin through processes of ROS 2 over loopback, and in the plain env beside it.
+"""A policy drives the simulated car and the twin through processes of ROS 2 over loopback, and in the plain env too.
 
     python benchmarks/ros.py --part lock-step --out benchmarks/results/ros.json
     nice -n -10 python benchmarks/ros.py --part real-time --seeds 1000,1001,1008,1009,1014,1015 --out ...
     nice -n -10 python benchmarks/ros.py --part twin --seeds 1000,1008,1009,1014 --out ...
     nice -n -10 python benchmarks/ros.py --part kill --out ...
 
-The processes are `tral ros car`, `tral ros fsm` and, on the twin, `tral ros camera`. This program resets and arms the
-car by messages, and hears what it tells. The courses are those of `deploy_twin.py`. In lock-step each tick waits for its
-answer, so that a busy computer changes nothing, and no ages are measured. The age of a range at the policy is the time
-from its stamp until a command is here. "kill" ends each node in turn in the middle of a drive instead, on the simulated
-car and on the twin. Each result is written as it comes; the script begins where its file ends.
+The processes are `tral ros car`, `tral ros fsm` and, on the twin, `tral ros camera`. This program resets and arms
+the car by messages, and hears what it tells. The courses are those of `deploy_twin.py`. In lock-step each tick waits
+for its answer, so that a busy computer changes nothing, and no ages are measured. The age of a range at the policy is
+the time from its stamp until a command is here. "kill" ends each node in turn in the middle of a drive instead, on the
+simulated car and on the twin (`ros_kill.py`). Each result is written as it comes; the script begins where its file
+ends.
 """
 
 from __future__ import annotations
@@ -126,16 +127,15 @@ def courses_of(families: str, first_seed: int, wanted: str) -> list[tuple[str, i
 
 def keep(out: Path, part: str, one: dict[str, Any]) -> None:
     """Add a result to the file, or replace the one of its course; other parts may be written meanwhile."""
-    with out.with_suffix(".lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        report = json.loads(out.read_text()) if out.exists() else {}
+    with out.open("a+") as stream:
+        fcntl.flock(stream, fcntl.LOCK_EX)
+        report = json.loads(out.read_text() or "{}")
         kept = report.setdefault(part, {"host": {}, "results": []})
         kept["host"] = host()
         same = ("family", "seed", "car", "killed")
         kept["results"] = [old for old in kept["results"] if any(old.get(name) != one.get(name) for name in same)]
         kept["results"].append(one)
         out.write_text(json.dumps(report, indent=1))
-    out.with_suffix(".lock").unlink(missing_ok=True)
     print(json.dumps(one), flush=True)
 
 

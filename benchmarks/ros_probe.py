@@ -1,4 +1,4 @@
-"""What the benchmark of the ROS nodes has in common: nodes in processes of their own, and a node that listens to them."""
+"""What the benchmarks of the ROS nodes have in common: nodes in processes of their own, and one that hears them."""
 
 from __future__ import annotations
 
@@ -75,8 +75,7 @@ class Probe:
     def begin(self, seed: int | None = None) -> bool:
         """Put the car at the start of the course of a seed, if one is given, and arm it; whether it is armed."""
         until_s = time.monotonic() + START_S
-        while not (self._arm.listeners and self._commands.publishers) and time.monotonic() < until_s:
-            self.hear(0.1)
+        self.wait_for_nodes()
         if seed is not None:
             self._reset.publish(Int64(seed))
             self.hear_until(time.monotonic() + 0.2)
@@ -86,6 +85,12 @@ class Probe:
         while not self.armed and time.monotonic() < until_s:
             self.hear(0.05)
         return self.armed
+
+    def wait_for_nodes(self) -> None:
+        """Wait until the nodes `car` and `fsm` are there."""
+        until_s = time.monotonic() + START_S
+        while not (self._reset.listeners and self._commands.publishers) and time.monotonic() < until_s:
+            self.hear(0.1)
 
     def lost(self) -> dict[str, int]:
         """Messages that were sent and never came here."""

@@ -14,8 +14,8 @@ from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.ros import topics
 from tral_env.ros.body import Body, Tick
 from tral_env.ros.commands import CommandGate, CommandLimits, Received
-from tral_env.ros.diagnostics import OK, WARNING, Diagnostics, in_words
 from tral_env.ros.description import robot_description, static_transforms
+from tral_env.ros.diagnostics import OK, WARNING, Diagnostics, in_words
 from tral_env.ros.msg.geometry import TFMessage, TransformStamped
 from tral_env.ros.msg.sensor import AckermannDriveStamped, BatteryState, Imu, JointState, Odometry, Range
 from tral_env.ros.msg.std import Bool, Clock, Int64, String

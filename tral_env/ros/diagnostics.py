@@ -1,4 +1,4 @@
-"""How a node does: a level, a sentence and figures on /diagnostics, once a second and at once when something changed."""
+"""How a node does: a level, a sentence and figures on /diagnostics, each second and at once when something changed."""
 
 from __future__ import annotations
 
