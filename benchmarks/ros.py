@@ -69,7 +69,7 @@ def drive(probe: Probe, part: str, seed: int) -> dict[str, Any]:
 
 def drive_plain(family: str, seed: int, camera: str) -> dict[str, Any]:
     """The same course and car in the plain environment."""
-    env = gym.make("tral_env:TralCorridor-v0", scenario=family, camera=camera)
+    env = gym.make("tral_env:TralCorridor-v0", scenario=family, camera=camera, groups=("imu", "battery"))
     policy = load_policy(POLICY)
     policy.reset()
     observation, _ = env.reset(seed=seed)

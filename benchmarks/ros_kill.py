@@ -116,8 +116,12 @@ def of_twin(victim: str, twin: Twin, folder: Path) -> dict[str, Any]:
     with processes(*nodes.values()) as started:
         probe = Probe((topics.ARMED,))
         looks = Looks(twin)
+
+        def speed() -> float:
+            return looks.rows[-1][2] if looks.rows else 0.0
+
         try:
-            begin(probe, lambda: looks.rows[-1][2])
+            begin(probe, speed)
             killed_s = end_something(victim, twin, started)
             probe.hear_until(killed_s + LOOK_S)
             rows = list(looks.rows)
@@ -132,8 +136,7 @@ def of_twin(victim: str, twin: Twin, folder: Path) -> dict[str, Any]:
                 twin.faults.end(victim)
             elif victim in NODES:
                 started[NODES.index(victim)] = start(nodes[victim])
-            twin.reset(SEED)
-            found |= again(probe, lambda: looks.rows[-1][2])
+            found |= again(probe, speed)
         finally:
             looks.close()
             probe.node.close()

@@ -20,7 +20,7 @@ from tral_env.ros.images import Exposed, Images, StreamImages
 from tral_env.ros.msg.sensor import CameraInfo, CompressedImage, JointState
 from tral_env.ros.msg.std import Bool, Header, String
 from tral_env.ros.msg.vision import Detection3DArray
-from tral_env.ros.node import ERROR, WARN, Node
+from tral_env.ros.node import ERROR, INFO, WARN, Node
 from tral_env.ros.qos import LATCHED, SEEN, SENSOR_DATA, STATE
 from tral_env.ros.readings import MessageReadings, detections_of
 from tral_env.ros.times import stamp
@@ -29,6 +29,8 @@ _RETRY_S = 0.5
 """A camera that is gone is opened again this often, s."""
 _JUDGE_S = 0.05
 """While the car drives, its images are judged this often, s."""
+_SPEED_S = 0.2
+"""A speed that was told longer ago is that of a car whose node is gone, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +74,8 @@ class CameraNode:
         self._diagnostics = Diagnostics(node, "images")
         self._guard, self._readings = ImageGuard(self.options.faults), MessageReadings()
         self._armed, self._why = False, ""
+        self._said: set[str] = set()
+        self._told_s = 0.0
         self.images = self.unreadable = 0
         """Number of images until now, and of those that were none."""
 
@@ -84,7 +88,7 @@ class CameraNode:
                 try:
                     self._watch(ended)
                 except HardwareError as error:
-                    self.node.log(str(error), WARN)
+                    self._say(str(error), WARN)
                     ended.wait(_RETRY_S)
         finally:
             ended.set()
@@ -104,10 +108,7 @@ class CameraNode:
                 self._guard.begin()
                 self._why = ""
             self._armed = armed.data
-        for joints in self._joints.take():
-            self._readings.hear(joints)
-        speed = self._readings.readings(time.time_ns()).get("speed", 0.0)
-        if self._armed and (fault := self._guard.judge(speed)):
+        if self._armed and (fault := self._guard.judge(self._speed())):
             self._armed, self._why = False, str(fault)
             self._arm.publish(Bool(False))
             self.node.log(f"stops the car: {fault}", ERROR)
@@ -127,6 +128,21 @@ class CameraNode:
         if self._image.listeners:
             self._image.publish(CompressedImage(header, "jpeg", image.jpeg))
 
+    def _speed(self) -> float:
+        """Speed of the car, m/s; one that nobody tells any more counts as standstill: its images are then the same."""
+        now_s = time.monotonic()
+        for joints in self._joints.take():
+            self._readings.hear(joints)
+            self._told_s = now_s
+        is_old = now_s - self._told_s > _SPEED_S
+        return 0.0 if is_old else self._readings.readings(time.time_ns()).get("speed", 0.0)
+
+    def _say(self, text: str, level: int = INFO) -> None:
+        """Log something once until another image comes."""
+        if text not in self._said:
+            self._said.add(text)
+            self.node.log(text, level)
+
     def _judge_until(self, ended: threading.Event) -> None:
         while not ended.wait(_JUDGE_S):
             self.judge()
@@ -145,6 +161,7 @@ class CameraNode:
         try:
             while not ended.is_set():
                 if (image := images.next()) is not None:
+                    self._said.clear()
                     self.look(image)
                 else:
                     self.unreadable += 1
@@ -154,7 +171,7 @@ class CameraNode:
     def _simulated(self, ended: threading.Event) -> Images | None:
         """The images of a simulated car, once it tells where they are."""
         assert self._url is not None
-        self.node.log("waiting for a simulated car with --camera rendered")
+        self._say("waiting for a simulated car with --camera rendered")
         while not ended.is_set():
             for message in reversed(self._url.take()):
                 self._last_url = message.data
