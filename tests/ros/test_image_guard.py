@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from test_ros_nodes import after, until
 
+from tral_env.geometry import WHEEL_RADIUS_M
 from tral_env.hardware.faults import FaultLimits
 from tral_env.ros import topics
 from tral_env.ros.camera_node import CameraNode, CameraNodeOptions
@@ -101,6 +102,17 @@ def test_the_node_stops_the_car_once_and_watches_again_after_the_next_arming() -
     finally:
         node.node.close()
         probe.close()
+
+
+def test_a_car_whose_speed_nobody_tells_any_more_counts_as_standing() -> None:
+    probe, node = Node("probe"), CameraNode(lambda: pytest.fail("no camera"))
+    joints = probe.publisher(topics.JOINTS, JointState, STATE)
+    until(lambda: joints.listeners)
+    joints.publish(JointState(name=[topics.HALL_WHEEL], position=[1.0], velocity=[20.0]))
+    assert until(node.speed) == pytest.approx(20.0 * WHEEL_RADIUS_M)
+    until(lambda: node.speed() == 0.0)
+    node.node.close()
+    probe.close()
 
 
 def see_the_same(node: CameraNode) -> None:

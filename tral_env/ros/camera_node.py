@@ -108,13 +108,22 @@ class CameraNode:
                 self._guard.begin()
                 self._why = ""
             self._armed = armed.data
-        if self._armed and (fault := self._guard.judge(self._speed())):
+        if self._armed and (fault := self._guard.judge(self.speed())):
             self._armed, self._why = False, str(fault)
             self._arm.publish(Bool(False))
             self.node.log(f"stops the car: {fault}", ERROR)
             self._diagnostics.hurry()
         if self._diagnostics.due:
             self._diagnose()
+
+    def speed(self) -> float:
+        """Speed of the car, m/s; one that nobody tells any more counts as standstill: its images are then the same."""
+        now_s = time.monotonic()
+        for joints in self._joints.take():
+            self._readings.hear(joints)
+            self._told_s = now_s
+        is_old = now_s - self._told_s > _SPEED_S
+        return 0.0 if is_old else self._readings.readings(time.time_ns()).get("speed", 0.0)
 
     def look(self, image: Exposed) -> None:
         """Tell an image, and what it shows."""
@@ -127,15 +136,6 @@ class CameraNode:
         self._info.publish(camera_info(lens, header))
         if self._image.listeners:
             self._image.publish(CompressedImage(header, "jpeg", image.jpeg))
-
-    def _speed(self) -> float:
-        """Speed of the car, m/s; one that nobody tells any more counts as standstill: its images are then the same."""
-        now_s = time.monotonic()
-        for joints in self._joints.take():
-            self._readings.hear(joints)
-            self._told_s = now_s
-        is_old = now_s - self._told_s > _SPEED_S
-        return 0.0 if is_old else self._readings.readings(time.time_ns()).get("speed", 0.0)
 
     def _say(self, text: str, level: int = INFO) -> None:
         """Log something once until another image comes."""
