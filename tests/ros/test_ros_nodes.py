@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -227,7 +229,6 @@ def test_a_message_that_came_before_a_stop_does_not_arm_the_car_after_it(car: Cl
 
     def fails(steering: float, throttle: float) -> Any:
         car.node.body.step = step  # type: ignore[method-assign]
-        car.node.node.wait(0.0)
         car.arm.publish(Bool(True))
         assert car.node.node.wait(PATIENCE_S)  # it has come
         raise HardwareError("a device failed")
@@ -397,6 +398,51 @@ def test_two_cars_in_one_network_do_not_hear_each_other() -> None:
     assert heard[1].publishers == 0
     for node in nodes:
         node.close()
+
+
+def test_a_node_wakes_for_a_message_and_not_again_once_it_was_taken() -> None:
+    node = Node("car")
+    arm, heard = node.publisher(topics.ARM, Bool, STATE), node.subscription(topics.ARM, Bool, STATE, wakes=True)
+    until(lambda: arm.listeners)
+    assert not node.wait(0.0)
+    arm.publish(Bool(True))
+    assert node.wait(PATIENCE_S)
+    assert node.wait(0.0)
+    assert len(heard.take()) == 1
+    assert not node.wait(0.0)
+    node.close()
+
+
+def test_two_processes_that_write_one_topic_do_not_hang_a_node_that_hears_it() -> None:
+    """A node writes and hears a topic, as nodes of one process do, while another process writes it all the time."""
+    other = subprocess.Popen([sys.executable, "-c", FLOOD])
+    node = Node("car")
+    arm, heard = node.publisher(topics.ARM, Bool, STATE), node.subscription(topics.ARM, Bool, STATE, wakes=True)
+    try:
+        until(lambda: arm.listeners and heard.publishers == 2)
+        count = 0
+        for _ in range(3000):
+            arm.publish(Bool(True))
+            node.wait(0.0)
+            count += len(heard.take())
+        assert count > 3000
+    finally:
+        other.terminate()
+        other.wait()
+        node.close()
+
+
+FLOOD = """
+import time
+from tral_env.ros.msg.std import Bool
+from tral_env.ros.node import Node
+from tral_env.ros.qos import STATE
+
+arm = Node("laptop").publisher("arm", Bool, STATE)
+while True:
+    arm.publish(Bool(False))
+    time.sleep(0.0001)
+"""
 
 
 def test_the_graph_names_each_node_and_what_it_owns() -> None:
