@@ -209,8 +209,10 @@ class Node:
     def close(self) -> None:
         """Leave the domain: others know it at once."""
         self._participant._delete(self._participant._ref)  # and all that it holds
-        for entity in (*self._readers, *self._writers, self._graph, self._participant):
+        conditions = self._wakes.get_entities()
+        for entity in (*self._readers, *self._writers, *conditions, self._wakes, self._graph, self._participant):
             Entity._entities.pop(entity._ref, None)
+        self._wakes.attached.clear()
         self._readers, self._writers = [], []
 
     def _writer(self, topic: str, kind: type[M], profile: Profile) -> DataWriter[M]:
