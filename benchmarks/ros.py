@@ -132,7 +132,7 @@ def keep(out: Path, part: str, one: dict[str, Any]) -> None:
         report = json.loads(out.read_text() or "{}")
         kept = report.setdefault(part, {"host": {}, "results": []})
         kept["host"] = host()
-        same = ("family", "seed", "car", "killed")
+        same = ("family", "seed", "run", "car", "killed")
         kept["results"] = [old for old in kept["results"] if any(old.get(name) != one.get(name) for name in same)]
         kept["results"].append(one)
         out.write_text(json.dumps(report, indent=1))
@@ -153,6 +153,7 @@ def main() -> None:
     parser.add_argument("--families", default=FAMILIES, help="family:number of courses, ...")
     parser.add_argument("--seed", type=int, default=FIRST_SEED)
     parser.add_argument("--seeds", default="", help="only the courses of these seeds")
+    parser.add_argument("--run", type=int, default=1, help="number of this run of the part: in real time they differ")
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()
     prepare_folder(given.out.parent)
@@ -163,9 +164,10 @@ def main() -> None:
         for one in kills(known):
             keep(given.out, "kill", one)
         return
-    known = [(each["family"], each["seed"]) for each in done(given.out, given.part) if "plain" in each]
+    done_before = [each for each in done(given.out, given.part) if "plain" in each and each["run"] == given.run]
+    known = [(each["family"], each["seed"]) for each in done_before]
     courses = [each for each in courses_of(given.families, given.seed, given.seeds) if each not in known]
-    made = drives(given.part, courses)
+    made = ({**one, "run": given.run} for one in drives(given.part, courses))
     noted = (keep(given.out, given.part, one) or one for one in made) if given.part != "lock-step" else made
     for one in with_plain(given.part, noted):
         keep(given.out, given.part, one)

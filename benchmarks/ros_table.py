@@ -15,6 +15,7 @@ from typing import Any
 Results = Sequence[Mapping[str, Any]]
 PARTS = {"lock-step": "simulation, lock-step", "real-time": "simulation, real time", "twin": "twin, real time"}
 """Part of the results -> its name in the tables."""
+FAMILIES = ("gates", "corners", "office")
 VICTIMS = {
     "camera-frozen": "camera frozen", "camera-gone": "camera gone", "worker": "worker of the actuator",
     "keeper": "keeper of the actuator",
@@ -28,14 +29,22 @@ def load(path: Path) -> dict[str, Results]:
 
 def success_table(found: Mapping[str, Results]) -> str:
     """Success through ROS and in the plain environment, on the same courses."""
-    lines = ["| car | family | through ROS | plain environment | load |", "| --- | --- | --- | --- | --- |"]
+    lines = [
+        "| car | run | gates | corners | office | plain environment | load |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
     for part, name in PARTS.items():
-        for family in dict.fromkeys(each["family"] for each in found[part]):
-            drives = [each for each in found[part] if each["family"] == family]
-            cells = [f"{sum(each[side]['success'] for each in drives)} of {len(drives)}" for side in ("ros", "plain")]
+        for run in sorted({each["run"] for each in found[part]}):
+            drives = [each for each in found[part] if each["run"] == run]
+            cells = [_arrived([each for each in drives if each["family"] == family], "ros") for family in FAMILIES]
             loads = [each["load"] for each in drives]
-            lines.append(f"| {name} | {family} | {' | '.join(cells)} | {min(loads):.0f} to {max(loads):.0f} |")
+            cells += [_arrived(drives, "plain"), f"{min(loads):.0f} to {max(loads):.0f}"]
+            lines.append(f"| {name} | {run} | {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def _arrived(drives: Results, side: str) -> str:
+    return f"{sum(each[side]['success'] for each in drives)} of {len(drives)}"
 
 
 def age_table(found: Mapping[str, Results]) -> str:
@@ -55,7 +64,7 @@ def loss_table(found: Mapping[str, Results]) -> str:
     """What came late or never; nodes count on from drive to drive of a family, so the last one has all."""
     lines = ["| car | what | of | late | lost | refused |", "| --- | --- | --- | --- | --- | --- |"]
     for part in ("real-time", "twin"):
-        last = {each["family"]: each["ros"]["nodes"] for each in found[part]}.values()
+        last = {(each["family"], each["run"]): each["ros"]["nodes"] for each in found[part]}.values()
         car, fsm = (
             {name: sum(int(nodes[node][name]) for nodes in last) for name in names}
             for node, names in (

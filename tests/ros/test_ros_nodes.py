@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -20,7 +20,7 @@ from cyclonedds.topic import Topic
 from tral_env.errors import ConfigError, HardwareError
 from tral_env.ros import topics
 from tral_env.ros.car_node import CarNode, CarOptions
-from tral_env.ros.commands import CommandLimits
+from tral_env.ros.commands import CommandLimits, drive_of
 from tral_env.ros.definition import type_hash
 from tral_env.ros.msg.graph import ParticipantEntitiesInfo
 from tral_env.ros.msg.sensor import AckermannDrive, AckermannDriveStamped, Odometry, Range
@@ -350,6 +350,29 @@ def test_a_policy_begins_anew_also_when_the_car_is_armed_again_at_once(probe: No
     for told in (False, True):
         armed.publish(Bool(told))
     until(lambda: after(lambda: fsm.spin(0.1), lambda: len(begun) == 2))
+    fsm.node.close()
+
+
+def test_a_tick_is_answered_when_it_is_whole_also_if_its_odometry_came_first(
+    probe: Node, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tral_fsm.programs.ros.fsm_node._WHOLE_S", PATIENCE_S)
+    seen: list[Mapping[str, float]] = []
+    fsm = FsmNode(load_policy("wall"))
+    fsm.watch = seen.append
+    armed = probe.publisher(topics.ARMED, Bool, LATCHED)
+    odometry = probe.publisher(topics.ODOMETRY, Odometry, STATE)
+    applied = probe.publisher(topics.APPLIED, AckermannDriveStamped, STATE)
+    until(lambda: armed.listeners and odometry.listeners and applied.listeners)
+    armed.publish(Bool(True))
+    until(lambda: after(lambda: fsm.spin(0.0), lambda: fsm.armed))
+    now = stamp(time.time_ns())
+    odometry.publish(Odometry(Header(now)))
+    until(lambda: after(lambda: fsm.spin(0.0), lambda: fsm._tick_ns))
+    assert seen == []
+    applied.publish(AckermannDriveStamped(Header(now), drive_of(0.5, 0.0)))
+    until(lambda: after(lambda: fsm.spin(0.0), lambda: seen))
+    assert seen[0]["steering"] == pytest.approx(0.5)
     fsm.node.close()
 
 

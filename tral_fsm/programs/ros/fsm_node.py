@@ -28,6 +28,9 @@ _MISSED_S = 0.1
 """A camera that is said to be dead is believed to be when it was silent for so long, s: an image was missed."""
 _LATE_NS = seconds_ns(CONTROL_PERIOD_S)
 """A tick that comes later than this after it was told is late, ns."""
+_WHOLE_S = 0.005
+"""The other messages of a tick may come so much later than its odometry, s: a topic that others hear too takes another
+way."""
 _LOOK_S = 0.02
 """While it drives, the node looks this often whether the camera is still there, s."""
 
@@ -53,7 +56,9 @@ class FsmNode:
         self.node = node = Node("fsm", namespace=self.options.namespace)
         self._readings = MessageReadings()
         self._layout = Layout()
-        self._heard: list[Subscription[Any]] = [node.subscription(topic, *PUBLISHED[topic]) for topic in READINGS]
+        self._heard: list[Subscription[Any]] = [
+            node.subscription(topic, *PUBLISHED[topic], wakes=topic == topics.APPLIED) for topic in READINGS
+        ]
         self._detections = node.subscription(topics.DETECTIONS, *PUBLISHED[topics.DETECTIONS])
         needed = getattr(policy, "needed_readings", None) or ()
         self._looks = any(name.startswith(("gate_", "marker_")) for name in needed)
@@ -72,7 +77,8 @@ class FsmNode:
         self.answered = self.late = self.skipped = 0
         """Number of ticks that were answered, that came over a control period late, and that were not answered because
         the next one had come too."""
-        self._tick_ns = self._answered_ns = 0
+        self._tick_ns = self._answered_ns = self._applied_ns = 0
+        self._came_s = 0.0
         self._told_state = ""
         self.watch: Callable[[Mapping[str, float]], None] = lambda readings: None
         """Called with the readings of each tick that is answered."""
@@ -103,7 +109,8 @@ class FsmNode:
 
     def spin(self, patience_s: float) -> None:
         """Wait for a tick, and answer it."""
-        self.node.wait(min(patience_s, _LOOK_S) if self.armed else patience_s)
+        wait_s = min(patience_s, _LOOK_S) if self.armed else patience_s
+        self.node.wait(wait_s if self._is_whole() else min(patience_s, _WHOLE_S))
         self._hear()
         if self._diagnostics.due:
             self._diagnose()
@@ -111,8 +118,12 @@ class FsmNode:
             return
         if self._looks and (why := self._camera_trouble()):
             self.stop(why)
-        elif self._tick_ns > self._answered_ns and (self._seen_s is not None or not self._looks):
+        elif self._tick_ns > self._answered_ns and (self._seen_s is not None or not self._looks) and self._is_whole():
             self._answer()
+
+    def _is_whole(self) -> bool:
+        """Whether all messages of the last tick have come: the command as applied is the last one before odometry."""
+        return self._applied_ns >= self._tick_ns or time.monotonic() - self._came_s >= _WHOLE_S
 
     def stop(self, why: str) -> None:
         """Ask the car to stop, and answer no more until it was armed again."""
@@ -131,11 +142,13 @@ class FsmNode:
         for subscription in self._heard:
             for message in subscription.take():
                 self._readings.hear(message)
+                if isinstance(message, AckermannDriveStamped):
+                    self._applied_ns = nanoseconds(message.header.stamp)
         for message in self._detections.take():
             self._seen_s = time.monotonic()
             self._readings.hear(message)
         if ticks:
-            self._tick_ns = nanoseconds(ticks[-1].header.stamp)
+            self._tick_ns, self._came_s = nanoseconds(ticks[-1].header.stamp), time.monotonic()
             if self.armed:
                 self.skipped += len(ticks) - 1
                 self.late += not self.options.use_sim_time and time.time_ns() - self._tick_ns > _LATE_NS
