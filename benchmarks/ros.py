@@ -1,233 +1,176 @@
-"""A policy drives the simulated car through three processes of ROS 2 over loopback, and in the plain env beside it.
+"""A policy drives the simulated car and the twin through processes of ROS 2 over loopback, and in the plain env too.
 
-    python benchmarks/ros.py --families straight,gates --courses 10 --seed 1000 --out runs/ros.json
+    python benchmarks/ros.py --part lock-step --out benchmarks/results/ros.json
+    nice -n -10 python benchmarks/ros.py --part real-time --seeds 1000,1001,1008,1009,1014,1015 --out ...
+    nice -n -10 python benchmarks/ros.py --part twin --seeds 1000,1008,1009,1014 --out ...
+    nice -n -10 python benchmarks/ros.py --part kill --out ...
 
-The processes are `tral ros car`, `tral ros fsm` and, with `--camera rendered`, `tral ros camera`. This program resets
-and arms the car by messages, and hears what it tells. The age of a range at the policy is the time from its stamp until
-a command is here. With `--lock-step` each tick waits for its answer, so that a busy computer changes nothing, and no
-ages are measured. `--kill` ends each node in turn in the middle of a drive instead.
+The processes are `tral ros car`, `tral ros fsm` and, on the twin, `tral ros camera`. This program resets and arms
+the car by messages, and hears what it tells. The courses are those of `deploy_twin.py`. In lock-step each tick waits
+for its answer, so that a busy computer changes nothing, and no ages are measured. The age of a range at the policy is
+the time from its stamp until a command is here. "kill" ends each node in turn in the middle of a drive instead, on the
+simulated car and on the twin (`ros_kill.py`). Each result is written as it comes; the script begins where its file
+ends.
 """
 
 from __future__ import annotations
 
 import argparse
+import fcntl
 import json
 import os
-import signal
-import subprocess
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from deploy_twin import FAMILIES, FIRST_SEED
+from ros_probe import Probe, processes
 
-from tral_env.ros import topics
-from tral_env.ros.car_node import PUBLISHED
-from tral_env.ros.msg.sensor import AckermannDriveStamped
-from tral_env.ros.msg.std import Bool, Int64, Log
-from tral_env.ros.node import WARN, Node
-from tral_env.ros.qos import ANY_COMMAND, LOG, STATE
-from tral_env.ros.times import nanoseconds
 from tral_fsm import load_policy
 from tral_fsm.evaluation.files import prepare_folder
 from tral_fsm.evaluation.host import host
 
-_TRAL = [sys.executable, "-c", "from tral_fsm.cli import app; app()", "ros"]
-_START_S, _DRIVE_S = 90.0, 400.0
-_STANDING_MPS = 0.05
+POLICY = "office"
+DRIVES = ("lock-step", "real-time", "twin")
+PATIENCE_S = {"lock-step": 3600.0, "real-time": 300.0, "twin": 300.0}
+"""A drive has ended after this time, or it counts as broken."""
+SIDES = ("left", "front", "right")
 
 
-class Probe:
-    """A node that resets and arms the car, and hears what goes to and fro."""
-
-    def __init__(self) -> None:
-        self.node = node = Node("probe")
-        self._arm, self._reset = node.publisher(topics.ARM, Bool, STATE), node.publisher(topics.RESET, Int64, STATE)
-        self._heard = {
-            topic: node.subscription(topic, *PUBLISHED[topic], wakes=True)
-            for topic in (topics.RESULT, topics.ARMED, topics.TRUTH, *topics.RANGES.values(), topics.DETECTIONS)
-        }
-        self._log = node.subscription("/rosout", Log, LOG)
-        self.why = ""
-        self._commands = node.subscription(topics.THROTTLE_COMMAND, AckermannDriveStamped, ANY_COMMAND, wakes=True)
-        self.armed, self.result, self.speed = False, {}, 0.0
-        self.fired_ns: dict[str, int] = {}
-        self.ages_ms: list[float] = []
-        self.counts: dict[str, int] = {}
-        self.last_command_s = 0.0
-        self.disarmed_s: float | None = None
-        self.stood_s: float | None = None
-
-    def hear(self, seconds: float) -> None:
-        """Listen for some time at most."""
-        self.node.wait(seconds)
-        for topic, subscription in self._heard.items():
-            for message in subscription.take():
-                self.counts[topic] = self.counts.get(topic, 0) + 1
-                self._note(topic, message)
-        for line in self._log.take():
-            if line.level >= WARN:
-                self.why = f"{line.name}: {line.msg}"
-        for _ in self._commands.take():
-            self.counts["commands"] = self.counts.get("commands", 0) + 1
-            self.last_command_s = time.monotonic()
-            now_ns = time.time_ns()
-            self.ages_ms += [(now_ns - fired_ns) / 1e6 for fired_ns in self.fired_ns.values()]
-
-    def begin(self, seed: int) -> None:
-        """Put the car at the start of a course, and arm it."""
-        while not (self._arm.listeners and self._commands.publishers):
-            self.hear(0.1)
-        self._reset.publish(Int64(seed))
-        self.hear(0.2)
-        self.result, self.ages_ms, self.counts, self.fired_ns = {}, [], {}, {}
-        self.disarmed_s = self.stood_s = None
-        until_s = time.monotonic() + _START_S
-        self._arm.publish(Bool(True))
-        while not self.armed and time.monotonic() < until_s:
-            self.hear(0.05)
-
-    def lost(self) -> dict[str, int]:
-        """Messages that were sent and never came here."""
-        return {topic: subscription.lost for topic, subscription in self._heard.items()}
-
-    def _note(self, topic: str, message: Any) -> None:
-        now_s = time.monotonic()
-        if topic == topics.RESULT:
-            self.result = json.loads(message.data)
-        elif topic == topics.ARMED:
-            if self.armed and not message.data:
-                self.disarmed_s = now_s
-            self.armed = message.data
-        elif topic == topics.TRUTH:
-            self.speed = message.twist.twist.linear.x
-            if self.stood_s is None and abs(self.speed) < _STANDING_MPS:
-                self.stood_s = now_s
-        elif topic in topics.RANGES.values():
-            self.fired_ns[topic] = nanoseconds(message.header.stamp)
-
-
-@contextmanager
-def processes(*commands: list[str]) -> Iterator[list[subprocess.Popen[bytes]]]:
-    """Run nodes, each in a process of its own."""
-    started = [subprocess.Popen([*_TRAL, *command]) for command in commands]
-    try:
-        yield started
-    finally:
-        for process in started:
-            process.send_signal(signal.SIGTERM)
-        for process in started:
-            try:
-                process.wait(10.0)
-            except subprocess.TimeoutExpired:
-                process.kill()
-
-
-def commands_of(given: argparse.Namespace, family: str) -> list[list[str]]:
+def commands_of(part: str, family: str, seed: int) -> list[list[str]]:
     """Command lines of the nodes."""
-    found = [
-        ["car", "--backend", given.backend, "--scenario", family, "--camera", given.camera, "--seed", str(given.seed)],
-        ["fsm", "--policy", given.policy],
-    ]
-    found[0] += ["--command-timeout", str(given.command_timeout)]
-    if given.lock_step:
-        found[0], found[1] = [*found[0], "--lock-step"], [*found[1], "--use-sim-time"]
-    return found + ([["camera"]] if given.camera == "rendered" else [])
+    car = ["car", "--scenario", family, "--seed", str(seed)]
+    if part == "lock-step":
+        return [[*car, "--lock-step"], ["fsm", "--policy", POLICY, "--use-sim-time"]]
+    if part == "real-time":
+        return [car, ["fsm", "--policy", POLICY]]
+    return [[*car, "--backend", "twin", "--camera", "rendered"], ["camera"], ["fsm", "--policy", POLICY]]
 
 
-def drive(probe: Probe, seed: int) -> dict[str, Any]:
+def drive(probe: Probe, part: str, seed: int) -> dict[str, Any]:
     """One drive through ROS."""
+    before = probe.lost()
     probe.begin(seed)
-    until_s = time.monotonic() + _DRIVE_S
+    until_s = time.monotonic() + PATIENCE_S[part]
     while probe.armed and time.monotonic() < until_s:
         probe.hear(0.05)
     until_s = time.monotonic() + 5.0
-    while not probe.result and time.monotonic() < until_s:
+    while time.monotonic() < until_s and not (probe.result and len(probe.figures) > 1):
         probe.hear(0.05)
-    ages = np.percentile(probe.ages_ms or [np.nan], [50, 99]).tolist()
-    ended = probe.result or {"success": False, "ended": probe.why}
-    return {**ended, "age_ms": dict(zip(("p50", "p99"), ages, strict=True)), "messages": dict(probe.counts)}
+    told = probe.result or {"success": False, "ended": probe.why}
+    if part != "lock-step":
+        told |= {"age_ms": percentiles(probe.ages_ms)}
+    lost = {topic: count - before[topic] for topic, count in probe.lost().items()}
+    return {**told, "messages": dict(probe.counts), "lost": lost, "nodes": dict(probe.figures)}
 
 
-def drive_plain(policy_name: str, family: str, seed: int, camera: str) -> dict[str, Any]:
+def drive_plain(family: str, seed: int, camera: str) -> dict[str, Any]:
     """The same course and car in the plain environment."""
     env = gym.make("tral_env:TralCorridor-v0", scenario=family, camera=camera, groups=("imu", "battery"))
-    policy = load_policy(policy_name)
+    policy = load_policy(POLICY)
     policy.reset()
     observation, _ = env.reset(seed=seed)
+    layout = env.unwrapped.world.layout  # type: ignore[attr-defined]
+    columns = [layout.column(f"ultrasonic_{side}_age") for side in SIDES]
+    ages_ms: list[float] = []
     ended = False
     while not ended:
         observation, _, terminated, truncated, info = env.step(policy.act(observation))
+        ages_ms += (observation[columns] * 1e3).tolist()
         ended = terminated or truncated
     env.close()
-    return {"success": bool(info["success"]), "progress": float(info["progress"]), "time_s": float(info["time_s"])}
+    told = {name: np.asarray(info[name]).item() for name in ("success", "progress", "time_s", "gates_passed")}
+    return told | {"age_ms": percentiles(ages_ms)}
 
 
-def kill_each(given: argparse.Namespace, family: str) -> list[dict[str, Any]]:
-    """End each node in turn by SIGKILL, after some seconds of a drive."""
-    found = []
-    for number, command in enumerate(commands_of(given, family)):
-        if command[0] not in given.nodes.split(","):
-            continue
-        with processes(*commands_of(given, family)) as started:
+def percentiles(values: Sequence[float]) -> dict[str, float]:
+    """Median and 99th percentile."""
+    found = np.percentile(values or [np.nan], [50, 99]).tolist()
+    return dict(zip(("p50", "p99"), found, strict=True))
+
+
+def drives(part: str, courses: Sequence[tuple[str, int]]) -> Iterator[dict[str, Any]]:
+    """Drives on courses, those of a family by the same processes."""
+    for family in dict.fromkeys(family for family, _ in courses):
+        seeds = [seed for each, seed in courses if each == family]
+        with processes(*commands_of(part, family, seeds[0])):
             probe = Probe()
-            probe.begin(given.seed + number)
-            until_s = time.monotonic() + given.after
-            while time.monotonic() < until_s:
-                probe.hear(0.02)
-            speed = probe.speed
-            probe.stood_s = None
-            killed_s = time.monotonic()
-            os.kill(started[number].pid, signal.SIGKILL)
-            while time.monotonic() < killed_s + 4.0:
-                probe.hear(0.005)
-            report = {"killed": command[0], "speed_mps": speed, "why": probe.why}
-            for name, when_s in (("disarmed_s", probe.disarmed_s), ("stood_s", probe.stood_s)):
-                report[name] = None if when_s is None else when_s - killed_s
-            report["last_command_s"] = probe.last_command_s - killed_s
+            for seed in seeds:
+                one: dict[str, Any] = {"family": family, "seed": seed, "nice": os.nice(0)}
+                one["ros"] = drive(probe, part, seed)
+                one["load"] = os.getloadavg()[0]
+                yield one
             probe.node.close()
-            found.append(report)
-            print(json.dumps(report), flush=True)
+
+
+def with_plain(part: str, made: Iterator[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """Drives with those of the plain environment beside them; in real time these come after all others."""
+    camera = "rendered" if part == "twin" else "projected"
+    found = made if part == "lock-step" else list(made)
+    for one in found:
+        yield one | {"plain": drive_plain(one["family"], one["seed"], camera)}
+
+
+def courses_of(families: str, first_seed: int, wanted: str) -> list[tuple[str, int]]:
+    """Family and seed of each course."""
+    found, seed = [], first_seed
+    for each in families.split(","):
+        family, number = each.split(":")
+        found += [(family, one) for one in range(seed, seed + int(number))]
+        seed += int(number)
+    only = {int(one) for one in wanted.split(",") if one}
+    return [course for course in found if not only or course[1] in only]
+
+
+def keep(out: Path, part: str, one: dict[str, Any]) -> None:
+    """Add a result to the file, or replace the one of its course; other parts may be written meanwhile."""
+    with out.open("a+") as stream:
+        fcntl.flock(stream, fcntl.LOCK_EX)
+        report = json.loads(out.read_text() or "{}")
+        kept = report.setdefault(part, {"host": {}, "results": []})
+        kept["host"] = host()
+        same = ("family", "seed", "run", "car", "killed")
+        kept["results"] = [old for old in kept["results"] if any(old.get(name) != one.get(name) for name in same)]
+        kept["results"].append(one)
+        out.write_text(json.dumps(report, indent=1))
+    print(json.dumps(one), flush=True)
+
+
+def done(out: Path, part: str) -> list[dict[str, Any]]:
+    """Results of a part that the file has."""
+    report = json.loads(out.read_text()) if out.exists() else {}
+    found: list[dict[str, Any]] = report.get(part, {"results": []})["results"]
     return found
 
 
 def main() -> None:
-    """Drive all courses."""
+    """Measure what has no result yet."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("--families", default="straight,gates")
-    parser.add_argument("--policy", default="office")
-    parser.add_argument("--backend", default="simulation")
-    parser.add_argument("--camera", default="projected")
-    parser.add_argument("--courses", type=int, default=10)
-    parser.add_argument("--seed", type=int, default=1000)
-    parser.add_argument("--command-timeout", type=float, default=0.15)
-    parser.add_argument("--lock-step", action="store_true")
-    parser.add_argument("--kill", action="store_true")
-    parser.add_argument("--nodes", default="car,fsm,camera", help="which of them --kill ends")
-    parser.add_argument("--after", type=float, default=6.0, help="s of a drive before a node is ended")
+    parser.add_argument("--part", choices=(*DRIVES, "kill"), required=True)
+    parser.add_argument("--families", default=FAMILIES, help="family:number of courses, ...")
+    parser.add_argument("--seed", type=int, default=FIRST_SEED)
+    parser.add_argument("--seeds", default="", help="only the courses of these seeds")
+    parser.add_argument("--run", type=int, default=1, help="number of this run of the part: in real time they differ")
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()
     prepare_folder(given.out.parent)
-    report: dict[str, Any] = {"host": host(), "load": os.getloadavg(), "drives": []}
-    report["arguments"] = {name: str(value) for name, value in vars(given).items()}
-    for family in given.families.split(","):
-        if given.kill:
-            report["drives"] += kill_each(given, family)
-            given.out.write_text(json.dumps(report, indent=1))
-            continue
-        with processes(*commands_of(given, family)):
-            probe = Probe()
-            for seed in range(given.seed, given.seed + given.courses):
-                one = {"family": family, "seed": seed, "ros": drive(probe, seed), "lost": probe.lost()}
-                one["plain"] = drive_plain(given.policy, family, seed, given.camera)
-                report["drives"].append(one)
-                given.out.write_text(json.dumps(report, indent=1))
-                print(json.dumps(one), flush=True)
-            probe.node.close()
+    if given.part == "kill":
+        from ros_kill import kills
+
+        known = [(each["car"], each["killed"]) for each in done(given.out, "kill")]
+        for one in kills(known):
+            keep(given.out, "kill", one)
+        return
+    done_before = [each for each in done(given.out, given.part) if "plain" in each and each["run"] == given.run]
+    known = [(each["family"], each["seed"]) for each in done_before]
+    courses = [each for each in courses_of(given.families, given.seed, given.seeds) if each not in known]
+    made = ({**one, "run": given.run} for one in drives(given.part, courses))
+    noted = (keep(given.out, given.part, one) or one for one in made) if given.part != "lock-step" else made
+    for one in with_plain(given.part, noted):
+        keep(given.out, given.part, one)
 
 
 if __name__ == "__main__":

@@ -76,6 +76,10 @@ class HardwareError(TralError, OSError):
     """A device of the real car does not answer, or answers nonsense."""
 
 
+class ActuatorLostError(HardwareError):
+    """The actuator's process is gone, and its keeper ends the pulses; only a car that is opened anew drives again."""
+
+
 class CarStoppedError(HardwareError):
     """A fault of the car was noticed, and it was stopped; only a reset arms it again."""
 

@@ -16,7 +16,9 @@ from tral_env.errors import BadFileError, ConfigError
 from tral_env.ros.parameters import read_parameters
 from tral_fsm.cli import app
 from tral_fsm.cli.console import BAD_USAGE
-from tral_fsm.programs.ros.nodes import Asked, car_node, has_images
+from tral_fsm.cli.ros import NODES
+from tral_fsm.programs.ros.asked import Asked
+from tral_fsm.programs.ros.nodes import car_node, has_images
 
 PACKAGED = Path(__file__).parents[2] / "tral_env/ros/config/tral.yaml"
 
@@ -38,33 +40,76 @@ def test_what_does_not_fit_together_is_refused(options: dict[str, Any], said: st
         Asked(**options)
 
 
+def file(folder: Path, text: str) -> Path:
+    path = folder / "p.yaml"
+    path.write_text(text)
+    return path
+
+
 def test_parameters_of_a_node_count_more_than_those_of_all(tmp_path: Path) -> None:
-    path = tmp_path / "p.yaml"
-    path.write_text(
-        "/**:\n  ros__parameters: {seed: 1, camera: rendered}\n/car1/car:\n  ros__parameters: {seed: 2}\n"
-        "fsm:\n  ros__parameters: {policy: wall}\n"
+    path = file(
+        tmp_path,
+        "/car1/car:\n  ros__parameters: {seed: 2}\n/**:\n  ros__parameters: {seed: 1, camera: rendered}\n"
+        "fsm:\n  ros__parameters: {policy: wall}\nrviz2:\n  ros__parameters: {anything: 1}\n",
     )
-    assert read_parameters(path, "car") == {"seed": 2, "camera": "rendered"}
+    assert read_parameters(path, NODES, ["car"]) == {"seed": 2, "camera": "rendered"}
+
+
+def test_what_is_for_all_nodes_is_for_those_that_have_it(tmp_path: Path) -> None:
+    path = file(tmp_path, "/**:\n  ros__parameters: {use_sim_time: true, namespace: car1}\n")
+    assert read_parameters(path, NODES, ["fsm"]) == {"use_sim_time": True, "namespace": "car1"}
+    assert read_parameters(path, NODES, ["camera"]) == {"namespace": "car1"}
+
+
+def test_one_process_takes_the_parameters_of_all_its_nodes(tmp_path: Path) -> None:
+    text = "car:\n  ros__parameters: {seed: 2, namespace: /a}\nfsm:\n  ros__parameters: {policy: wall, namespace: /a}\n"
+    assert read_parameters(file(tmp_path, text), NODES, list(NODES)) == {"seed": 2, "namespace": "/a", "policy": "wall"}
+
+
+def test_two_values_for_one_process_are_refused(tmp_path: Path) -> None:
+    text = "car:\n  ros__parameters: {namespace: /a}\nfsm:\n  ros__parameters: {namespace: /b}\n"
+    path = file(tmp_path, text)
+    with pytest.raises(BadFileError, match=r"car and fsm have two values of 'namespace'.*below /\*\*"):
+        read_parameters(path, NODES, list(NODES))
+    assert read_parameters(path, NODES, ["fsm"]) == {"namespace": "/b"}
 
 
 @pytest.mark.parametrize("text", ["[1]", "car: 3", "car: {seed: 1}", "a: ["])
 def test_a_file_that_is_none_is_refused(text: str, tmp_path: Path) -> None:
-    path = tmp_path / "p.yaml"
-    path.write_text(text)
     with pytest.raises(BadFileError, match=r"p\.yaml"):
-        read_parameters(path, "car")
+        read_parameters(file(tmp_path, text), NODES, ["car"])
 
 
-@pytest.mark.parametrize("node", ["car", "camera", "fsm"])
-def test_the_packaged_parameters_are_those_of_the_commands(node: str, tmp_path: Path) -> None:
-    given = read_parameters(PACKAGED, node)
-    assert given
-    path = tmp_path / "p.yaml"
-    path.write_text(f"{node}:\n  ros__parameters: {{speling: 1}}\n")
-    result = tral(node, "--params-file", str(path))
-    assert result.exit_code == BAD_USAGE
-    for name in given:
-        assert name in result.stderr
+@pytest.mark.parametrize("command", ["car", "camera", "fsm", "up"])
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("fsm:\n  ros__parameters: {polcy: wall}\n", "fsm: unknown parameter 'polcy': did you mean 'policy'?"),
+        ("/**:\n  ros__parameters: {sed: 1}\n", "/**: unknown parameter 'sed': did you mean 'seed'?"),
+        ("fsm:\n  ros__parameters: {scenario: office}\n", "fsm: unknown parameter 'scenario'"),
+    ],
+)
+def test_an_unknown_parameter_is_refused_with_the_nearest_one(
+    command: str, text: str, said: str, tmp_path: Path
+) -> None:
+    result = tral(command, "--params-file", str(file(tmp_path, text)))
+    assert result.exit_code == 1
+    assert said in " ".join(result.stderr.split())
+
+
+def test_all_nodes_in_one_process_read_the_file_of_the_launch_and_the_command_line_counts_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Asked] = []
+    monkeypatch.setattr("tral_fsm.programs.ros.nodes.fsm_node", lambda each: asked.append(each) or pytest.skip("never"))
+    path = file(tmp_path, PACKAGED.read_text().replace("seed: 7", "seed: 8").replace("policy: office", "policy: wall"))
+    tral("up", "--params-file", str(path), "--scenario", "gates")
+    assert (asked[0].seed, asked[0].policy, asked[0].scenario) == (8, "wall", "gates")
+
+
+def test_the_packaged_file_has_each_node_and_the_defaults() -> None:
+    given = read_parameters(PACKAGED, NODES, list(NODES))
+    assert Asked(**given) == Asked()
 
 
 class Launched:

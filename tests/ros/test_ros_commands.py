@@ -121,7 +121,7 @@ def test_a_time_that_is_none_is_refused(seconds: float) -> None:
 def test_a_command_of_a_clock_that_is_ahead_is_no_command() -> None:
     gate = armed()
     gate.hear(command(age_s=-5.0), 0.0, NOW_NS)
-    assert gate.late == 1
+    assert (gate.late, gate.refused) == (0, 1)
     assert gate.command(0.0, 0.0) == (0.0, 0.0)
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import subprocess
+import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -17,13 +20,14 @@ from cyclonedds.topic import Topic
 from tral_env.errors import ConfigError, HardwareError
 from tral_env.ros import topics
 from tral_env.ros.car_node import CarNode, CarOptions
-from tral_env.ros.commands import CommandLimits
+from tral_env.ros.commands import CommandLimits, drive_of
 from tral_env.ros.definition import type_hash
 from tral_env.ros.msg.graph import ParticipantEntitiesInfo
-from tral_env.ros.msg.sensor import AckermannDrive, AckermannDriveStamped, Odometry
-from tral_env.ros.msg.std import Bool, Int64, String
+from tral_env.ros.msg.sensor import AckermannDrive, AckermannDriveStamped, Odometry, Range
+from tral_env.ros.msg.std import Bool, DiagnosticArray, DiagnosticStatus, Header, Int64, String
 from tral_env.ros.node import Node, check_namespace, domain_id
-from tral_env.ros.qos import COMMAND, LATCHED, STATE, Profile
+from tral_env.ros.qos import COMMAND, LATCHED, SENSOR_DATA, STATE, Profile
+from tral_env.ros.times import stamp
 from tral_fsm import load_policy
 from tral_fsm.programs.ros.fsm_node import FsmNode, FsmOptions
 from tral_fsm.programs.ros.simulation import SimulatedBody, SimulationOptions
@@ -115,6 +119,25 @@ def test_in_lock_step_the_car_drives_as_in_the_plain_environment(probe: Node) ->
     np.testing.assert_allclose(places[shift : shift + n], plain_way()[:n], atol=0.02)
 
 
+class Statuses:
+    """Hears what nodes tell of themselves."""
+
+    def __init__(self, probe: Node) -> None:
+        self._heard = probe.subscription(topics.DIAGNOSTICS, DiagnosticArray, STATE)
+        self.last: dict[str, DiagnosticStatus] = {}
+
+    def hear(self, name: str) -> DiagnosticStatus | None:
+        """The last status of a name."""
+        for array in self._heard.take():
+            self.last |= {each.name: each for each in array.status}
+        return self.last.get(name)
+
+    def figures(self, name: str) -> dict[str, str]:
+        """Its figures."""
+        told = self.hear(name)
+        return {} if told is None else {each.key: each.value for each in told.values}
+
+
 class Clockless:
     """A car node that a test spins, on simulated time, and a publisher of commands."""
 
@@ -199,6 +222,76 @@ def test_a_node_tells_on_the_terminal_too_why_the_car_stands(car: Clockless, cap
     ]
 
 
+def test_a_message_that_came_before_a_stop_does_not_arm_the_car_after_it(car: Clockless) -> None:
+    car.ask(True)
+    car.spin(5, speed=0.5)
+    step = car.node.body.step
+
+    def fails(steering: float, throttle: float) -> Any:
+        car.node.body.step = step  # type: ignore[method-assign]
+        car.arm.publish(Bool(True))
+        assert car.node.node.wait(PATIENCE_S)  # it has come
+        raise HardwareError("a device failed")
+
+    car.node.body.step = fails  # type: ignore[method-assign]
+    car.spin(20)
+    assert not car.node.gate.armed
+    assert car.node.gate.why == "a device failed"
+
+
+def test_the_car_tells_on_diagnostics_and_at_the_end_what_came_of_the_commands(
+    probe: Node, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    statuses = Statuses(probe)
+    car = Clockless(probe)
+    car.ask(True)
+    car.spin(20, speed=0.5)
+    car.command.publish(AckermannDriveStamped(drive=AckermannDrive(speed=math.nan)))
+    until(lambda: after(car.node.spin, lambda: statuses.figures("/car: commands").get("refused commands") == "1"))
+    told = statuses.last["/car: commands"]
+    assert told.level == 1
+    assert told.message.startswith("stopped: a command is no number")
+    figures = statuses.figures("/car: commands")
+    assert (figures["commands"], figures["late commands"], figures["lost commands"]) == ("20", "0", "0")
+    car.node.close()
+    assert "20 commands, 0 late commands, 0 lost commands, 1 refused commands" in caplog.records[-1].message
+
+
+def test_a_tick_for_which_no_answer_came_is_counted(car: Clockless) -> None:
+    car.ask(True)
+    car.spin(5, speed=0.5)
+    before = car.node.unanswered
+    car.spin(3)
+    assert car.node.unanswered - before == 3
+
+
+def test_the_policy_node_tells_ticks_that_were_skipped_or_late_and_readings_that_were_refused(probe: Node) -> None:
+    statuses = Statuses(probe)
+    fsm = FsmNode(load_policy("wall"))
+    armed = probe.publisher(topics.ARMED, Bool, LATCHED)
+    odometry = probe.publisher(topics.ODOMETRY, Odometry, STATE)
+    sonar = probe.publisher(topics.RANGES["left"], Range, SENSOR_DATA)
+    until(lambda: armed.listeners and odometry.listeners and sonar.listeners)
+    armed.publish(Bool(True))
+    until(lambda: after(lambda: fsm.spin(0.0), lambda: fsm.armed))
+    for _ in range(3):
+        sonar.publish(Range(Header(stamp(time.time_ns()), "ultrasonic_left"), range=math.nan))
+    until(lambda: after(lambda: fsm.spin(0.0), lambda: fsm.figures["refused readings"] == 3))
+    for _ in range(2):
+        odometry.publish(Odometry(Header(stamp(time.time_ns() - 10**9))))
+    until(lambda: after(lambda: fsm.spin(0.0), lambda: fsm.answered + fsm.skipped == 2))
+    assert fsm.late == fsm.answered
+    until(
+        lambda: after(lambda: fsm.spin(0.0), lambda: statuses.figures("/fsm: readings").get("refused readings") == "3")
+    )
+    assert statuses.last["/fsm: readings"].level == 0
+    fsm.stop("the policy failed")
+    until(lambda: after(lambda: fsm.spin(0.0), lambda: statuses.hear("/fsm: readings").level == 2))
+    assert statuses.last["/fsm: readings"].message == "stopped the car: the policy failed"
+    fsm.node.close()
+
+
 def test_one_message_does_not_arm_two_cars_of_one_name(car: Clockless) -> None:
     other = CarNode(body(), CarOptions(use_sim_time=True))
     other._begin()
@@ -260,6 +353,29 @@ def test_a_policy_begins_anew_also_when_the_car_is_armed_again_at_once(probe: No
     fsm.node.close()
 
 
+def test_a_tick_is_answered_when_it_is_whole_also_if_its_odometry_came_first(
+    probe: Node, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tral_fsm.programs.ros.fsm_node._WHOLE_S", PATIENCE_S)
+    seen: list[Mapping[str, float]] = []
+    fsm = FsmNode(load_policy("wall"))
+    fsm.watch = seen.append
+    armed = probe.publisher(topics.ARMED, Bool, LATCHED)
+    odometry = probe.publisher(topics.ODOMETRY, Odometry, STATE)
+    applied = probe.publisher(topics.APPLIED, AckermannDriveStamped, STATE)
+    until(lambda: armed.listeners and odometry.listeners and applied.listeners)
+    armed.publish(Bool(True))
+    until(lambda: after(lambda: fsm.spin(0.0), lambda: fsm.armed))
+    now = stamp(time.time_ns())
+    odometry.publish(Odometry(Header(now)))
+    until(lambda: after(lambda: fsm.spin(0.0), lambda: fsm._tick_ns))
+    assert seen == []
+    applied.publish(AckermannDriveStamped(Header(now), drive_of(0.5, 0.0)))
+    until(lambda: after(lambda: fsm.spin(0.0), lambda: seen))
+    assert seen[0]["steering"] == pytest.approx(0.5)
+    fsm.node.close()
+
+
 @pytest.mark.parametrize("text", ["233", "-1", "one"])
 def test_a_domain_that_is_none_is_refused(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", text)
@@ -305,6 +421,51 @@ def test_two_cars_in_one_network_do_not_hear_each_other() -> None:
     assert heard[1].publishers == 0
     for node in nodes:
         node.close()
+
+
+def test_a_node_wakes_for_a_message_and_not_again_once_it_was_taken() -> None:
+    node = Node("car")
+    arm, heard = node.publisher(topics.ARM, Bool, STATE), node.subscription(topics.ARM, Bool, STATE, wakes=True)
+    until(lambda: arm.listeners)
+    assert not node.wait(0.0)
+    arm.publish(Bool(True))
+    assert node.wait(PATIENCE_S)
+    assert node.wait(0.0)
+    assert len(heard.take()) == 1
+    assert not node.wait(0.0)
+    node.close()
+
+
+def test_two_processes_that_write_one_topic_do_not_hang_a_node_that_hears_it() -> None:
+    """A node writes and hears a topic, as nodes of one process do, while another process writes it all the time."""
+    other = subprocess.Popen([sys.executable, "-c", FLOOD])
+    node = Node("car")
+    arm, heard = node.publisher(topics.ARM, Bool, STATE), node.subscription(topics.ARM, Bool, STATE, wakes=True)
+    try:
+        until(lambda: arm.listeners and heard.publishers == 2)
+        count = 0
+        for _ in range(3000):
+            arm.publish(Bool(True))
+            node.wait(0.0)
+            count += len(heard.take())
+        assert count > 3000
+    finally:
+        other.terminate()
+        other.wait()
+        node.close()
+
+
+FLOOD = """
+import time
+from tral_env.ros.msg.std import Bool
+from tral_env.ros.node import Node
+from tral_env.ros.qos import STATE
+
+arm = Node("laptop").publisher("arm", Bool, STATE)
+while True:
+    arm.publish(Bool(False))
+    time.sleep(0.0001)
+"""
 
 
 def test_the_graph_names_each_node_and_what_it_owns() -> None:

@@ -17,7 +17,7 @@ from tral_env.config import CarConfig
 from tral_env.errors import ConfigError, HardwareError
 from tral_env.hardware.camera_options import CameraOptions
 from tral_env.hardware.physical import Physical
-from tral_env.hardware.sensors import ImageTimes, ImageWatcher
+from tral_env.hardware.sensors import ImageLog, ImageTimes, ImageWatcher
 from tral_env.perception.aruco import Detector, marker_poses
 from tral_env.perception.camera_pipeline import QUANTITIES, SUBJECTS, CameraPipeline
 from tral_env.perception.gate import nearest_in_image
@@ -61,11 +61,7 @@ class Camera(Physical):
         self._failure: Exception | None = None
         self.images = 0
         """Number of images since the camera was opened."""
-        self.exposed_s = clock()
-        """Time of the newest image, s."""
-        self.changed_s = clock()
-        """Time of the newest image that differed from the one before, s: a frozen camera sends the same one again."""
-        self._before: NDArray[np.uint8] | None = None
+        self._log = ImageLog(clock())
         self._watcher: ImageWatcher | None = None
         # It begins here, long before a car is armed: a camera takes a while until its first image.
         self._thread = threading.Thread(target=self._watch, name="tral-camera", daemon=True)
@@ -79,12 +75,12 @@ class Camera(Physical):
         """Forget what was seen."""
         with self._lock:
             self._pipeline.reset(_ONE_CAR, np.zeros(1))
-            self.exposed_s = self.changed_s = self._clock()
+            self._log.reset(self._clock())
 
     def read(self, now: float) -> Mapping[str, float]:
         """Give the gate and the marker that were seen last; see `Sensors.read`."""
         with self._lock:
-            failure, waited_s = self._failure, now - self.exposed_s
+            failure, waited_s = self._failure, now - self._log.times.exposed_s
             readings = self._pipeline.readings(np.array([now]))
         if failure is not None:
             raise HardwareError(f"the camera {self._options.device} failed: {failure}") from failure
@@ -96,7 +92,7 @@ class Camera(Physical):
     def image_times(self) -> ImageTimes:
         """Times of the images."""
         with self._lock:
-            return ImageTimes(self.exposed_s, self.changed_s)
+            return self._log.times
 
     def stop(self) -> None:
         """End the thread and let go of the camera; a second call does nothing."""
@@ -129,12 +125,9 @@ class Camera(Physical):
         require_size(image, self._options)
         grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image, np.uint8)
         seen = nearest_in_image(marker_poses(self._detector.detect(grey), self._lens, self._car))
-        changed = self._before is None or not np.array_equal(self._before, grey)
-        self._before = grey
         with self._lock:
             self.images += 1
-            self.exposed_s = exposed_s
-            self.changed_s = exposed_s if changed else self.changed_s
+            self._log.note(grey, exposed_s)
             self._pipeline.expose(_ONE_CAR, np.array([exposed_s]), seen)
             self._pipeline.deliver(np.array([exposed_s]))
         if self._watcher is not None:

@@ -84,6 +84,25 @@ class ImageTimes(NamedTuple):
     """Of the newest one that differed from the one before it."""
 
 
+class ImageLog:
+    """Notes when the images of a camera were exposed, and when one differed from the one before it."""
+
+    def __init__(self, now_s: float) -> None:
+        """No image yet; the camera has until now."""
+        self.times = ImageTimes(now_s, now_s)
+        self._before: NDArray[np.uint8] | None = None
+
+    def reset(self, now_s: float) -> None:
+        """Begin anew: the camera has until now."""
+        self.times = ImageTimes(now_s, now_s)
+
+    def note(self, grey: NDArray[np.uint8], exposed_s: float) -> None:
+        """Take an image, (height, width); a frozen camera sends the same one again."""
+        is_new = self._before is None or not np.array_equal(self._before, grey)
+        self._before = grey
+        self.times = ImageTimes(exposed_s, exposed_s if is_new else self.times.changed_s)
+
+
 def image_times(sensors: Sensors | None) -> ImageTimes | None:
     """Times of the images of a camera among sensors; None: there is none."""
     times: ImageTimes | None = getattr(sensors, "image_times", None)

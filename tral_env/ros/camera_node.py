@@ -3,26 +3,34 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 
 from tral_env.arrays import number
 from tral_env.config import CameraConfig, CarConfig
 from tral_env.errors import HardwareError
+from tral_env.hardware.faults import FaultLimits
 from tral_env.perception.aruco import Detector, marker_poses
 from tral_env.perception.gate import Detection, nearest_in_image
 from tral_env.ros import topics
+from tral_env.ros.diagnostics import FAILED, OK, WARNING, Diagnostics, in_words
+from tral_env.ros.image_guard import ImageGuard
 from tral_env.ros.images import Exposed, Images, StreamImages
-from tral_env.ros.msg.sensor import CameraInfo, CompressedImage
-from tral_env.ros.msg.std import Header, String
+from tral_env.ros.msg.sensor import CameraInfo, CompressedImage, JointState
+from tral_env.ros.msg.std import Bool, Header, String
 from tral_env.ros.msg.vision import Detection3DArray
-from tral_env.ros.node import WARN, Node
-from tral_env.ros.qos import LATCHED, SEEN, SENSOR_DATA
-from tral_env.ros.readings import detections_of
+from tral_env.ros.node import ERROR, INFO, WARN, Node
+from tral_env.ros.qos import LATCHED, SEEN, SENSOR_DATA, STATE
+from tral_env.ros.readings import MessageReadings, detections_of
 from tral_env.ros.times import stamp
 
 _RETRY_S = 0.5
 """A camera that is gone is opened again this often, s."""
+_JUDGE_S = 0.05
+"""While the car drives, its images are judged this often, s."""
+_SPEED_S = 0.2
+"""A speed that was told longer ago is that of a car whose node is gone, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,10 +41,16 @@ class CameraNodeOptions:
     lens: CameraConfig = CameraConfig()  # noqa: RUF009 - frozen
     forward: float = CarConfig.camera_x
     """The camera stands this far ahead of the rear axle, m."""
+    faults: FaultLimits = FaultLimits()  # noqa: RUF009 - frozen
+    """When images are too old or too long the same; see docs/safety.md."""
 
 
 class CameraNode:
-    """Looks for markers in each image as soon as it comes."""
+    """Looks for markers in each image as soon as it comes.
+
+    While the car is armed, a thread judges the images: when they are too old, or the same while the car moves, it stops
+    the car, whatever the policy is.
+    """
 
     def __init__(self, open_images: Callable[[], Images] | None, options: CameraNodeOptions | None = None) -> None:
         """Open the topics.
@@ -54,24 +68,67 @@ class CameraNode:
         self._seen = node.publisher(topics.DETECTIONS, Detection3DArray, SEEN)
         self._detector, self._car = Detector(), replace(CarConfig(), camera_x=self.options.forward)
         self._last_url = ""
-        self.images = 0
-        """Number of images until now."""
+        self._armed_topic = node.subscription(topics.ARMED, Bool, LATCHED)
+        self._joints = node.subscription(topics.JOINTS, JointState, STATE)
+        self._arm = node.publisher(topics.ARM, Bool, STATE)
+        self._diagnostics = Diagnostics(node, "images")
+        self._guard, self._readings = ImageGuard(self.options.faults), MessageReadings()
+        self._armed, self._why = False, ""
+        self._said: set[str] = set()
+        self._told_s = 0.0
+        self.images = self.unreadable = 0
+        """Number of images until now, and of those that were none."""
 
     def run(self, ended: threading.Event) -> None:
         """Look until the event is set; a camera that is gone is opened again."""
+        guard = threading.Thread(target=self._judge_until, args=(ended,))
+        guard.start()
         try:
             while not ended.is_set():
                 try:
                     self._watch(ended)
                 except HardwareError as error:
-                    self.node.log(str(error), WARN)
+                    self._say(str(error), WARN)
                     ended.wait(_RETRY_S)
         finally:
+            ended.set()
+            guard.join()
+            self.node.log(in_words(self.figures))
             self.node.close()
+
+    @property
+    def figures(self) -> dict[str, object]:
+        """What came of the images until now."""
+        return {"images": self.images, "unreadable images": self.unreadable}
+
+    def judge(self) -> None:
+        """Stop the car if its images cannot be trusted any more."""
+        for armed in self._armed_topic.take():
+            if armed.data and not self._armed:
+                self._guard.begin()
+                self._why = ""
+            self._armed = armed.data
+        if self._armed and (fault := self._guard.judge(self.speed())):
+            self._armed, self._why = False, str(fault)
+            self._arm.publish(Bool(False))
+            self.node.log(f"stops the car: {fault}", ERROR)
+            self._diagnostics.hurry()
+        if self._diagnostics.due:
+            self._diagnose()
+
+    def speed(self) -> float:
+        """Speed of the car, m/s; one that nobody tells any more counts as standstill: its images are then the same."""
+        now_s = time.monotonic()
+        for joints in self._joints.take():
+            self._readings.hear(joints)
+            self._told_s = now_s
+        is_old = now_s - self._told_s > _SPEED_S
+        return 0.0 if is_old else self._readings.readings(time.time_ns()).get("speed", 0.0)
 
     def look(self, image: Exposed) -> None:
         """Tell an image, and what it shows."""
         self.images += 1
+        self._guard.note(image.grey, (time.time_ns() - image.exposed_ns) / 1e9)
         lens = self.options.lens
         seen = nearest_in_image(marker_poses(self._detector.detect(image.grey), lens, self._car))
         self._seen.publish(detections_of(_named(seen), image.exposed_ns))
@@ -80,6 +137,23 @@ class CameraNode:
         if self._image.listeners:
             self._image.publish(CompressedImage(header, "jpeg", image.jpeg))
 
+    def _say(self, text: str, level: int = INFO) -> None:
+        """Log something once until another image comes."""
+        if text not in self._said:
+            self._said.add(text)
+            self.node.log(text, level)
+
+    def _judge_until(self, ended: threading.Event) -> None:
+        while not ended.wait(_JUDGE_S):
+            self.judge()
+
+    def _diagnose(self) -> None:
+        if self._why:
+            level, message = FAILED, f"stopped the car: {self._why}"
+        else:
+            level, message = (OK, "looks") if self.images else (WARNING, "no image yet")
+        self._diagnostics.tell(time.time_ns(), level, message, self.figures)
+
     def _watch(self, ended: threading.Event) -> None:
         images = self._open() if self._open is not None else self._simulated(ended)
         if images is None:
@@ -87,14 +161,17 @@ class CameraNode:
         try:
             while not ended.is_set():
                 if (image := images.next()) is not None:
+                    self._said.clear()
                     self.look(image)
+                else:
+                    self.unreadable += 1
         finally:
             images.close()
 
     def _simulated(self, ended: threading.Event) -> Images | None:
         """The images of a simulated car, once it tells where they are."""
         assert self._url is not None
-        self.node.log("waiting for a simulated car with --camera rendered")
+        self._say("waiting for a simulated car with --camera rendered")
         while not ended.is_set():
             for message in reversed(self._url.take()):
                 self._last_url = message.data

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.errors import ActuatorLostError, HardwareError
 from tral_env.hardware.env import TralCarEnv
 from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT
 from tral_env.ros.body import Tick
@@ -18,48 +20,70 @@ FOR_EVER_S = 1e9
 
 
 class CarBody:
-    """Drives the environment of the real car."""
+    """Drives the environment of the real car.
+
+    When the actuator's process is gone, because its worker died or its keeper had to end the pulses, the car stands
+    without pulses. Then the next arming opens the car anew. A new process is refused while an old one still tries to
+    end the pulses.
+    """
 
     sim_time_s = None
 
     def __init__(
         self,
-        env: TralCarEnv,
+        open_car: Callable[[], TralCarEnv],
         name: str,
         *,
         sees: bool,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """Take over an open environment.
+        """Open the car.
 
         Args:
-            env: the car.
+            open_car: opens its environment, which is closed again by this body.
             name: which car this is.
             sees: whether its sensors have a camera.
             clock: gives a time that never goes back, s.
             sleep: waits some seconds.
+
+        Raises:
+            ConfigError: the car cannot be opened as it is described.
+            HardwareError: a device does not answer.
         """
-        self.env, self.name, self.sees = env, name, sees
+        self._open_car = open_car
+        self.env: TralCarEnv | None = open_car()
+        """None: its actuator's process is gone, and it could not be opened anew yet."""
+        self.name, self.sees = name, sees
         self._clock, self._sleep = clock, sleep
         self._started = False
 
     def arm(self) -> Tick:
         """See `Body.arm`; it takes as long as the motor controller wants to see neutral."""
-        observation, _ = self.env.reset()
+        if self.env is None:
+            self.env = self._open_car()
+        try:
+            observation, _ = self.env.reset()
+        except ActuatorLostError:
+            observation, _ = self._opened_anew().reset()
         self._started = True
         return Tick(self._named(observation))
 
     def step(self, steering: float, throttle: float) -> Tick:
         """See `Body.step`."""
-        observation, _, _, truncated, _ = self.env.step(np.array([steering, throttle], np.float32))
+        if self.env is None:
+            raise HardwareError("the car is not open")
+        try:
+            observation, _, _, truncated, _ = self.env.step(np.array([steering, throttle], np.float32))
+        except ActuatorLostError as error:
+            raise HardwareError(f"{error}: true on the topic arm does that") from error
         return Tick(self._named(observation), "time limit" if truncated else "")
 
     def rest(self) -> Tick:
         """See `Body.rest`; the sensors are read, and a sensor that fails reads nothing."""
         began_s = self._clock()
         readings: Mapping[str, float] = {}
-        sensors = self.env.sensors
+        sensors = None if self.env is None else self.env.sensors
         if sensors is not None:
             try:
                 if not self._started:
@@ -72,8 +96,10 @@ class CarBody:
         return Tick({**readings, "steering": 0.0, "throttle": 0.0})
 
     def stop(self) -> None:
-        """See `Body.stop`."""
-        self.env.stop()
+        """See `Body.stop`; where the actuator's process is gone, its keeper has stopped the car."""
+        if self.env is not None:
+            with suppress(ActuatorLostError):
+                self.env.stop()
 
     def reset(self, seed: int) -> None:
         """See `Body.reset`: nothing."""
@@ -90,8 +116,23 @@ class CarBody:
 
     def close(self) -> None:
         """See `Body.close`."""
-        self.env.close()
+        if self.env is not None:
+            self.env.close()
+
+    def _opened_anew(self) -> TralCarEnv:
+        """The car with another process of its actuator.
+
+        Raises:
+            HardwareError: it cannot be opened; the next arming tries again.
+        """
+        lost, self.env = self.env, None
+        self._started = False
+        if lost is not None:
+            with suppress(HardwareError):  # an old process that lives yet keeps the new one from the board
+                lost.close()
+        self.env = self._open_car()
+        return self.env
 
     def _named(self, observation: NDArray[np.float32]) -> dict[str, float]:
         applied = {name: float(observation[CORE_LAYOUT.column(name)]) for name in ("steering", "throttle")}
-        return {**self.env.readings, **applied}
+        return {**({} if self.env is None else self.env.readings), **applied}

@@ -15,21 +15,10 @@ from tral_env.ros import topics
 from tral_env.ros.body import Body, Tick
 from tral_env.ros.commands import CommandGate, CommandLimits, Received
 from tral_env.ros.description import robot_description, static_transforms
-from tral_env.ros.msg.geometry import (
-    TFMessage,
-    TransformStamped,
-)
+from tral_env.ros.diagnostics import OK, WARNING, Diagnostics, in_words
+from tral_env.ros.msg.geometry import TFMessage, TransformStamped
 from tral_env.ros.msg.sensor import AckermannDriveStamped, BatteryState, Imu, JointState, Odometry, Range
-from tral_env.ros.msg.std import (
-    Bool,
-    Clock,
-    DiagnosticArray,
-    DiagnosticStatus,
-    Header,
-    Int64,
-    KeyValue,
-    String,
-)
+from tral_env.ros.msg.std import Bool, Clock, Int64, String
 from tral_env.ros.msg.vision import Detection3DArray, MarkerArray
 from tral_env.ros.node import ERROR, WARN, Node, Publisher
 from tral_env.ros.odometry import DeadReckoning
@@ -37,7 +26,6 @@ from tral_env.ros.qos import ANY_COMMAND, CLOCK, LATCHED, SEEN, SENSOR_DATA, STA
 from tral_env.ros.readings import ReadingMessages
 from tral_env.ros.times import seconds_ns, stamp
 
-_DIAGNOSTICS_S = 1.0
 _EPOCH_NS = 1_000_000_000
 """The simulated time begins here: a stamp of 0 would mean "now"."""
 _WINDOW = 0.8
@@ -97,15 +85,16 @@ class CarNode:
         self._arms = hear(topics.ARM, Bool, STATE, wakes=True)
         self._cars = hear(topics.ARMED, Bool, LATCHED)
         self._resets = hear(topics.RESET, Int64, STATE, wakes=True)
-        self._diagnostics = self.node.publisher(topics.DIAGNOSTICS, DiagnosticArray, STATE)
+        self._diagnostics = Diagnostics(self.node, "commands", body.name)
         self._clock = self.node.publisher(topics.CLOCK, Clock, CLOCK) if self.options.use_sim_time else None
         self._tick = Tick({})
-        self._now_ns, self._told_s, self._began_s = 0, -_DIAGNOSTICS_S, 0.0
+        self._now_ns = 0
         self._drives = False
         """Whether the body is armed."""
         self._over = False
         """Whether the drive is over: the next one begins at the start. Else a car goes on where it was stopped."""
-        self.ticks = 0
+        self.ticks = self.unanswered = 0
+        """Number of ticks until now, and of those that an armed car drove by an older command: no answer had come."""
 
     def run(self, ended: threading.Event) -> None:
         """Drive until the event is set; the car stops at the end."""
@@ -132,9 +121,22 @@ class CarNode:
         self._tell()
 
     def close(self) -> None:
-        """Stop the car and leave."""
+        """Stop the car, say how it went, and leave."""
         self.body.close()
+        self.node.log(in_words(self.figures))
         self.node.close()
+
+    @property
+    def figures(self) -> dict[str, object]:
+        """What came of the commands until now."""
+        return {
+            "ticks": self.ticks,
+            "commands": self.gate.taken,
+            "late commands": self.gate.late,
+            "lost commands": sum(subscription.lost for subscription, _ in self._commands),
+            "refused commands": self.gate.refused,
+            "ticks without an answer": self.unanswered,
+        }
 
     def _begin(self) -> None:
         self._tell_armed()
@@ -163,6 +165,7 @@ class CarNode:
             if self.gate.answers_ns >= self._now_ns:
                 break
             if left_s <= 0.0:
+                self.unanswered += self.gate.has_command
                 if self.options.lock_step:
                     self._disarm(f"no answer to a tick for {_STEP_PATIENCE_S:g} s")
                 break
@@ -183,7 +186,8 @@ class CarNode:
             self._tell_stop()
 
     def _hear_orders(self) -> None:
-        for message in self._resets.take():
+        resets, orders = self._resets.take(), self._arms.take()
+        for message in resets:
             self._disarm("reset")
             if message.data < 0:
                 self.node.log(f"not reset: the seed {message.data} is below 0", ERROR)
@@ -194,7 +198,7 @@ class CarNode:
             self._reckoning.reset()
             self._tell_latched()
             self.node.log(f"reset to seed {message.data}")
-        for order in self._arms.take():
+        for order in orders:
             if not order.data:
                 self._disarm("stopped by a message on the topic arm")
             elif not self.gate.armed:
@@ -229,11 +233,12 @@ class CarNode:
             self._tell_stop()
 
     def _tell_stop(self) -> None:
-        """The gate has shut: stop the body, and say why."""
+        """The gate has shut: stop the body, and say why. Who asked to arm before that did not know of it."""
+        self._arms.take()
         self._stop_body()
         self._tell_armed()
         self.node.log(f"stopped: {self.gate.why}", WARN)
-        self._told_s = -_DIAGNOSTICS_S
+        self._diagnostics.hurry()
 
     def _stop_body(self) -> None:
         if not self._drives:
@@ -269,9 +274,8 @@ class CarNode:
             )
         self._publish(topics.TF, TFMessage([self._reckoning.transform(now_ns)]))
         self._publish(topics.ODOMETRY, self._reckoning.message(now_ns))
-        if time.monotonic() - self._told_s >= _DIAGNOSTICS_S:
-            self._told_s = time.monotonic()
-            self._diagnostics.publish(self._diagnosis(now_ns))
+        if self._diagnostics.due:
+            self._diagnose(now_ns)
 
     def _publish(self, topic: str, message: IdlStruct) -> None:
         if topic not in self._publishers:
@@ -294,19 +298,8 @@ class CarNode:
                 self._publish(topic, message)
         self._publish(topics.TF_STATIC, TFMessage(transforms))
 
-    def _diagnosis(self, now_ns: int) -> DiagnosticArray:
-        figures = {
-            "armed": str(self.gate.armed).lower(),
-            "commands": str(self.gate.taken),
-            "late commands": str(self.gate.late),
-            "lost commands": str(sum(subscription.lost for subscription, _ in self._commands)),
-            "ticks": str(self.ticks),
-        }
-        status = DiagnosticStatus(
-            level=0 if self.gate.armed else 1,
-            name=f"{self.node.full_name}: commands",
-            message="armed" if self.gate.armed else f"stopped: {self.gate.why}",
-            hardware_id=self.body.name,
-            values=[KeyValue(key, value) for key, value in figures.items()],
-        )
-        return DiagnosticArray(Header(stamp(now_ns)), [status])
+    def _diagnose(self, now_ns: int) -> None:
+        armed = self.gate.armed
+        message = "armed" if armed else f"stopped: {self.gate.why}"
+        figures = {"armed": str(armed).lower(), **self.figures}
+        self._diagnostics.tell(now_ns, OK if armed else WARNING, message, figures)

@@ -10,6 +10,7 @@ from tral_env.checks import check_number
 from tral_env.errors import ConfigError
 from tral_env.geometry import FULL_LOCK
 from tral_env.ros.msg.sensor import AckermannDrive, AckermannDriveStamped
+from tral_env.ros.patience import COMMAND_TIMEOUT_S
 from tral_env.ros.times import nanoseconds
 from tral_env.se2 import clip
 from tral_env.speed_control import SPEED_PER_THROTTLE, SpeedRegulator
@@ -34,7 +35,7 @@ def throttle_of(drive: AckermannDrive) -> float:
 class CommandLimits:
     """When a command is none any more."""
 
-    timeout_s: float = 0.15
+    timeout_s: float = COMMAND_TIMEOUT_S
     """A command may be so old, since its stamp and since it came, s. Then the car stops, and must be armed again."""
     patience_s: float = 2.0
     """After arming, the first command may take so long, s; until then the car stands in neutral."""
@@ -76,21 +77,27 @@ class CommandGate:
         self.armed = False
         self.why = "not armed yet"
         """Why the car is not armed."""
-        self.late, self.taken = 0, 0
-        """Number of commands that came too late, and of those that were taken."""
+        self.late = self.refused = self.taken = 0
+        """Number of commands that came too late; that were refused because they are none, come from a second publisher
+        or are of another clock; and that were taken."""
         self.answers_ns = 0
         """Stamp of the command that was taken last, ns."""
         self._regulator = SpeedRegulator()
         self._source: int | None = None
         self._last: Received | None = None
         self._came_s = self._armed_s = 0.0
-        self._refused = 0
+        self._off = 0
         """Number of commands with a stamp that is refused, since the last good one."""
+
+    @property
+    def has_command(self) -> bool:
+        """Whether a command was taken since the car was armed."""
+        return self._last is not None
 
     def arm(self, now_s: float) -> None:
         """Take commands from now on; older ones are forgotten."""
         self.armed, self.why = True, ""
-        self._source, self._last, self._armed_s, self._refused = None, None, now_s, 0
+        self._source, self._last, self._armed_s, self._off = None, None, now_s, 0
         self._regulator = SpeedRegulator()
 
     def disarm(self, why: str) -> None:
@@ -101,8 +108,8 @@ class CommandGate:
 
     def _disarm_silent(self, time: str) -> None:
         why = f"no command for {time}"
-        if self._refused:
-            why += f"; {self._refused} came with stamps over {self.limits.timeout_s:g} s off: compare both clocks"
+        if self._off:
+            why += f"; {self._off} came with stamps over {self.limits.timeout_s:g} s off: compare both clocks"
         self.disarm(why)
 
     def hear(self, received: Received, now_s: float, now_ns: int) -> None:
@@ -117,16 +124,19 @@ class CommandGate:
             return None
         drive, stamp_ns = received.message.drive, nanoseconds(received.message.header.stamp)
         if not (math.isfinite(drive.steering_angle) and math.isfinite(drive.speed)):
+            self.refused += 1
             return self.disarm(f"a command is no number: steering_angle {drive.steering_angle}, speed {drive.speed}")
         if self._source is not None and received.source != self._source:
+            self.refused += 1
             return self.disarm("two publishers send commands: end one of them")
         self._source = received.source
         if stamp_ns and abs(now_ns - stamp_ns) > self.limits.timeout_s * 1e9:
-            self.late += 1
-            self._refused += 1
+            self.late += stamp_ns < now_ns
+            self.refused += stamp_ns > now_ns
+            self._off += 1
             return None
         self.taken += 1
-        self._refused = 0
+        self._off = 0
         self.answers_ns = stamp_ns or now_ns
         self._last, self._came_s = received, now_s
         return None

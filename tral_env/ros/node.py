@@ -5,11 +5,12 @@ from __future__ import annotations
 import logging
 import os
 import re
-import threading
 import time
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
-from cyclonedds.core import DDSException, Entity, Listener, Policy, Qos
+from cyclonedds.core import DDSException, Entity, Policy, Qos, ReadCondition, SampleState, WaitSet
+from cyclonedds.core import InstanceState as Instance
+from cyclonedds.core import ViewState as View
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.idl import IdlStruct
 from cyclonedds.pub import DataWriter
@@ -21,11 +22,12 @@ from tral_env.ros.definition import type_hash
 from tral_env.ros.msg.graph import Gid, NodeEntitiesInfo, ParticipantEntitiesInfo
 from tral_env.ros.msg.std import Clock, Log
 from tral_env.ros.qos import CLOCK, GRAPH, LOG, Profile
-from tral_env.ros.times import nanoseconds, stamp
+from tral_env.ros.times import nanoseconds, seconds_ns, stamp
 
 MAX_DOMAIN = 232
 """Domains above have no port."""
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_UNREAD = SampleState.NotRead | Instance.Any | View.Any
 INFO, WARN, ERROR = 20, 30, 40
 """Levels of rcl_interfaces/msg/Log."""
 M = TypeVar("M", bound=IdlStruct)
@@ -112,20 +114,12 @@ class Subscription(Generic[M]):
         return int(self._reader.get_sample_lost_status().total_count)
 
 
-class _Wakes(Listener):
-    """Sets an event when a message comes."""
-
-    def __init__(self, event: threading.Event) -> None:
-        super().__init__()  # type: ignore[no-untyped-call]
-        self._event = event
-
-    def on_data_available(self, reader: Any) -> None:
-        """A message came."""
-        self._event.set()
-
-
 class Node:
-    """One node: a participant of its own, as a process has in ROS 2."""
+    """One node: a participant of its own, as a process has in ROS 2.
+
+    It waits by a wait set, not by a listener: a listener is called with locks of Cyclone DDS held, and would wait for
+    Python's lock while a thread that has that one writes to the same topic and waits for those.
+    """
 
     def __init__(
         self, name: str, *, namespace: str = "", use_sim_time: bool = False, clock_topic: str = "/clock"
@@ -153,7 +147,7 @@ class Node:
             ) from error
         self._readers: list[Entity] = []
         self._writers: list[Entity] = []
-        self._woken = threading.Event()
+        self._wakes = WaitSet(self._participant)
         self._graph = self._writer("ros_discovery_info", ParticipantEntitiesInfo, GRAPH)
         self._log = self.publisher("/rosout", Log, LOG)
         self._clock = self.subscription("/clock", Clock, CLOCK) if use_sim_time else None
@@ -184,20 +178,19 @@ class Node:
             topic: its name.
             kind: type of its messages.
             profile: how they come.
-            wakes: whether a message ends a `wait`.
+            wakes: whether a message that was not taken yet ends a `wait`.
         """
         described = Topic(self._participant, f"rt{self.resolve(topic)}", kind)
-        listener = _Wakes(self._woken) if wakes else None
-        reader = DataReader(self._participant, described, profile.qos(_hash_of(kind)), listener)
+        reader = DataReader(self._participant, described, profile.qos(_hash_of(kind)))
+        if wakes:
+            self._wakes.attach(ReadCondition(reader, _UNREAD))
         self._readers.append(reader)
         self._tell_graph()
         return Subscription(reader, profile.depth)
 
     def wait(self, seconds: float) -> bool:
-        """Wait for a message of a subscription that wakes; whether one came."""
-        came = self._woken.wait(max(seconds, 0.0))
-        self._woken.clear()
-        return came
+        """Wait until a subscription that wakes has a message that was not taken; whether one has."""
+        return self._wakes.wait(seconds_ns(max(seconds, 0.0))) > 0
 
     def now_ns(self) -> int:
         """The time of ROS: that of the computer, or of /clock; 0 before the first one."""
@@ -216,8 +209,10 @@ class Node:
     def close(self) -> None:
         """Leave the domain: others know it at once."""
         self._participant._delete(self._participant._ref)  # and all that it holds
-        for entity in (*self._readers, *self._writers, self._graph, self._participant):
+        conditions = self._wakes.get_entities()
+        for entity in (*self._readers, *self._writers, *conditions, self._wakes, self._graph, self._participant):
             Entity._entities.pop(entity._ref, None)
+        self._wakes.attached.clear()
         self._readers, self._writers = [], []
 
     def _writer(self, topic: str, kind: type[M], profile: Profile) -> DataWriter[M]:

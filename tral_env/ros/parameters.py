@@ -2,39 +2,71 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from tral_env.errors import BadFileError
+from tral_env.errors import BadFileError, nearest
+
+_ALL = "/**"
+"""What stands below this name is for all nodes."""
 
 
-def read_parameters(path: Path, node: str) -> dict[str, Any]:
-    """The parameters of a node: those below ``/**``, then those below its own name, in any namespace.
+def read_parameters(path: Path, nodes: Mapping[str, Collection[str]], wanted: Collection[str]) -> dict[str, Any]:
+    """The parameters of nodes: those below ``/**``, then those below their own names, in any namespace.
+
+    One that stands below ``/**`` is for the nodes that have it. What the file says of other nodes than the wanted ones
+    is checked too, so that a wrong name is found by whichever command reads the file first; nodes that are not ours
+    are passed over.
 
     Args:
         path: a file of YAML with ``ros__parameters``.
-        node: name of the node, such as "car".
+        nodes: name of each node of ours, such as "car" -> its parameters.
+        wanted: the nodes whose parameters are wanted, as one process has them.
 
     Raises:
-        BadFileError: the file cannot be read, or is no such file.
+        BadFileError: the file cannot be read, or is no such file; a node has no such parameter, or two of the wanted
+            nodes are given one parameter with two values.
     """
+    sections = _sections(path)
+    everything = {name for parameters in nodes.values() for name in parameters}
+    found: dict[str, Any] = {}
+    said: dict[str, str] = {}
+    for section, given in sorted(sections.items(), key=lambda each: each[0] != _ALL):
+        node = section.rpartition("/")[2]
+        if section != _ALL and node not in nodes:
+            continue
+        known = everything if section == _ALL else set(nodes[node])
+        for name, value in given.items():
+            if name not in known:
+                raise BadFileError(f"{path}: {section}: unknown parameter '{name}': {nearest(name, sorted(known))}")
+            if section == _ALL:
+                if any(name in nodes[one] for one in wanted):
+                    found[name] = value
+            elif node in wanted:
+                if name in said and found[name] != value:
+                    raise BadFileError(
+                        f"{path}: {said[name]} and {section} have two values of '{name}', and one process has one: "
+                        f"say it once, below {_ALL}"
+                    )
+                found[name], said[name] = value, section
+    return found
+
+
+def _sections(path: Path) -> dict[str, dict[str, Any]]:
+    """Name of each node in the file -> what it is given."""
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise BadFileError(f"{path}: cannot be read: {error}") from error
-    found: dict[str, Any] = {}
-    for name in _matching(content, node, path):
-        given = content[name].get("ros__parameters") if isinstance(content[name], dict) else None
-        if not isinstance(given, dict):
-            raise BadFileError(f"{path}: {name}: expected a mapping 'ros__parameters' below it")
-        found |= given
-    return found
-
-
-def _matching(content: Any, node: str, path: Path) -> list[str]:
     if not isinstance(content, dict) or not all(isinstance(name, str) for name in content):
         raise BadFileError(f"{path}: expected the names of nodes, each with 'ros__parameters' below it")
-    own = [name for name in content if name.rpartition("/")[2] == node]
-    return [*(["/**"] if "/**" in content else []), *own]
+    sections: dict[str, dict[str, Any]] = {}
+    for name, below in content.items():
+        given = below.get("ros__parameters") if isinstance(below, dict) else None
+        if not isinstance(given, dict):
+            raise BadFileError(f"{path}: {name}: expected a mapping 'ros__parameters' below it")
+        sections[name] = given
+    return sections

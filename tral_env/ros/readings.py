@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+import numpy as np
 from cyclonedds.idl import IdlStruct
 
-from tral_env.config import CameraConfig, UltrasonicConfig
+from tral_env.config import CameraConfig, ImuConfig, UltrasonicConfig
 from tral_env.geometry import FULL_LOCK, WHEEL_RADIUS_M
 from tral_env.interface import MAX_AGE_S, NO_ECHO_M, NOTHING_SEEN_ID
 from tral_env.ros import topics
@@ -24,6 +25,7 @@ from tral_env.ros.msg.vision import (
     ObjectHypothesisWithPose,
 )
 from tral_env.ros.times import nanoseconds, seconds_ns, stamp
+from tral_env.sensors.imu import AXES, draw_bias, noise_sigma
 
 SUBJECTS = ("gate", "marker")
 
@@ -160,13 +162,25 @@ def _detection(subject: str, readings: Mapping[str, float], exposed_ns: int) -> 
 def _imu(readings: Mapping[str, float], now_ns: int) -> Imu:
     rate = Vector3(*(readings[f"imu_gyro_{axis}"] for axis in "xyz"))
     acceleration = Vector3(*(readings[f"imu_accel_{axis}"] for axis in "xyz"))
-    unknown = [-1.0, *[0.0] * 8]
     return Imu(
         Header(stamp(now_ns), topics.IMU_LINK),
-        orientation_covariance=unknown,
+        orientation_covariance=list(_NO_ORIENTATION),
         angular_velocity=rate,
+        angular_velocity_covariance=_diagonal(IMU_VARIANCES[:3]),
         linear_acceleration=acceleration,
+        linear_acceleration_covariance=_diagonal(IMU_VARIANCES[3:]),
     )
+
+
+_NO_ORIENTATION = (-1.0, *[0.0] * 8)
+"""How sensor_msgs/Imu says that a chip does not measure its orientation."""
+IMU_VARIANCES = (noise_sigma(ImuConfig()) ** 2 + draw_bias(np.ones(AXES), ImuConfig()) ** 2).tolist()
+"""Of the rates, (rad/s)^2, and accelerations, (m/s^2)^2: noise and the bias that is left, by the model of the chip."""
+
+
+def _diagonal(variances: Sequence[float]) -> list[float]:
+    """A covariance of three numbers that have nothing to do with each other."""
+    return np.diag(variances).ravel().tolist()
 
 
 def _battery(volts: float, now_ns: int) -> BatteryState:
@@ -196,7 +210,8 @@ class MessageReadings:
         """Nothing heard yet."""
         self._since_ns: dict[str, int] = {}
         self._values: dict[str, float] = {}
-        self._distance_zero: float | None = None
+        self.heard = self.refused = 0
+        """Number of messages until now, and of those that were refused: older than the last one, or no reading."""
 
     def reset(self) -> None:
         """Forget all: a new drive."""
@@ -204,7 +219,8 @@ class MessageReadings:
         self._values.clear()
 
     def hear(self, message: IdlStruct) -> None:
-        """Take a message of any topic of readings; an older one than the last is passed over."""
+        """Take a message of any topic of readings; an older one than the last is refused."""
+        self.heard += 1
         match message:
             case Range():
                 self._hear_range(message)
@@ -241,6 +257,7 @@ class MessageReadings:
         """REP 117: infinite: no echo; minus infinite: too close to measure; NaN: no measurement."""
         name = message.header.frame_id
         if math.isnan(message.range) or not self._newer(name, message.header):
+            self.refused += 1
             return
         instead = {math.inf: NO_ECHO_M, -math.inf: message.min_range}
         self._values[name] = instead.get(message.range, message.range)
@@ -258,6 +275,7 @@ class MessageReadings:
         best = max(detection.results, key=lambda result: result.hypothesis.score)
         subject, _, number = best.hypothesis.class_id.partition("_")
         if subject not in SUBJECTS or not number.isdecimal() or not self._newer(subject, detection.header):
+            self.refused += 1
             return
         pose = best.pose.pose
         self._values[f"{subject}_id"] = float(number)

@@ -16,6 +16,7 @@ from tral_env.options import CorridorConfig
 from tral_env.perception.degrade import ImageCorruption
 from tral_env.sensors.hall import EdgeSpeed
 from tral_env.sensors.ranging import SONARS
+from tral_env.task import how_it_ended
 from tral_env.twin.camera import RenderRequest, RenderSetup
 from tral_env.twin.serial_boards import BoardReadings
 from tral_env.world import World
@@ -51,7 +52,7 @@ class DriveOutcome:
     """How a drive ended."""
 
     ended: str
-    """"success", "collision", "missed gate" or "time is up"."""
+    """See `tral_env.task.how_it_ended`."""
     time_s: float
     progress: float
 
@@ -166,7 +167,9 @@ class TwinCar:
         step = world.step(np.array([[steering, throttle]]))
         self._note(step.info)
         if self.outcome is None and (step.terminated[0] or step.truncated[0]):
-            self.outcome = DriveOutcome(_ended(step.info), float(self.info["time_s"]), float(self.info["progress"]))
+            self.outcome = DriveOutcome(
+                how_it_ended(step.info), float(self.info["time_s"]), float(self.info["progress"])
+            )
         self._keep(now_s)
         self._sag()
         time_s = float(world.sim.time_s[0])
@@ -229,11 +232,3 @@ def _empty_readings() -> BoardReadings:
 def bounces(range_m: float) -> list[float]:
     """Echoes of a wall, m: the sound comes back, and again after it went to and fro once and twice more."""
     return [] if range_m >= NO_ECHO_M else [range_m * k for k in range(1, _MAX_BOUNCES + 1)]
-
-
-def _ended(info: dict[str, Any]) -> str:
-    if info["success"][0]:
-        return "success"
-    if info["collision"][0]:
-        return "collision"
-    return "missed gate" if info["missed_gate"][0] else "time is up"

@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Self
 
-from tral_env.errors import HardwareError, MissingExtraError
+from tral_env.errors import ActuatorLostError, HardwareError, MissingExtraError
 from tral_env.hardware.actuator.drivers import BOARDS, board_class
 from tral_env.hardware.actuator.guard import OFF
 from tral_env.hardware.actuator.laws import pulse_us
@@ -296,10 +296,10 @@ class ActuatorProcess(Physical):
                     return self._reply
         raise HardwareError(f"the actuator's process does not answer. {_POWER}")
 
-    def _lost(self) -> HardwareError:
+    def _lost(self) -> ActuatorLostError:
         reason = Reason.NONE if self._reply is None else self._reply.reason
         told = f": {TOLD[reason]}" if reason is not Reason.NONE else ""
-        return HardwareError(f"the actuator's process is gone; its keeper ends the pulses{told}. Open the car anew")
+        return ActuatorLostError(f"the actuator's process is gone; its keeper ends the pulses{told}. Open the car anew")
 
 
 def library_folders(driver: str) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from tral_env.errors import ConfigError
 from tral_env.hardware.car_file import load_car
@@ -16,49 +16,11 @@ from tral_env.ros.car_node import CarNode, CarOptions
 from tral_env.ros.commands import CommandLimits
 from tral_env.ros.images import CameraImages, Images, StreamImages
 from tral_env.ros.node import check_namespace, domain_id
+from tral_fsm.programs.ros.asked import Asked
 from tral_fsm.programs.ros.fsm_node import FsmNode, FsmOptions
 
 Spinning = Callable[[threading.Event], None]
 """Runs a node until the event is set."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Asked:
-    """What is asked for: the parameters of all nodes. Each node looks at its own."""
-
-    backend: str = "simulation"
-    config: str = "car.toml"
-    """Car file of the backend "car"."""
-    dry: bool = False
-    """Whether the real car's pulses are only recorded."""
-    scenario: str = "office"
-    course: str | None = None
-    seed: int = 7
-    randomization: str = "default"
-    camera: str = "projected"
-    namespace: str = ""
-    use_sim_time: bool = False
-    lock_step: bool = False
-    arm: bool = False
-    command_timeout: float = CommandLimits.timeout_s
-    camera_timeout: float = FsmOptions.camera_timeout_s
-    policy: str = "office"
-    source: str = ""
-    """Camera of the node `camera`: a number, a path or a URL; empty: that of the backend."""
-
-    def __post_init__(self) -> None:
-        """Refuse what does not fit together, before a car is opened."""
-        check_namespace(self.namespace)
-        domain_id()
-        simulated_time = self.use_sim_time or self.lock_step
-        if simulated_time and self.backend != "simulation":
-            raise ConfigError(f"use_sim_time: the backend '{self.backend}' lives in real time")
-        if simulated_time and self.camera == "rendered":
-            raise ConfigError("use_sim_time: rendered images come in real time: leave one of both away")
-        if self.camera not in ("projected", "rendered"):
-            raise ConfigError(f"camera = '{self.camera}'. Allowed: projected, rendered")
-        if self.dry and self.backend != "car":
-            raise ConfigError(f"dry: the backend '{self.backend}' moves no real car; leave it away")
 
 
 def car_node(asked: Asked) -> CarNode:
@@ -68,6 +30,8 @@ def car_node(asked: Asked) -> CarNode:
         ConfigError: an option or the car file cannot be used.
         HardwareError: a device does not answer.
     """
+    check_namespace(asked.namespace)  # and the domain: before a car is opened
+    domain_id()
     options = CarOptions(
         namespace=asked.namespace,
         use_sim_time=asked.use_sim_time or asked.lock_step,
@@ -87,13 +51,15 @@ def camera_node(asked: Asked) -> CameraNode:
     if asked.backend != "car":
         source = functools.partial(_open_source, asked.source) if asked.source else None
         return CameraNode(source, CameraNodeOptions(namespace=asked.namespace))
-    camera = load_car(asked.config).camera
+    car = load_car(asked.config)
+    camera = car.camera
     if camera is None:
         raise ConfigError(f"{asked.config}: it has no [camera]: add one with `tral car init`, and calibrate its lens")
     lens = camera.calibrated()
     own = functools.partial(CameraImages, camera)
     opened: Callable[[], Images] = functools.partial(_open_source, asked.source) if asked.source else own
-    return CameraNode(opened, CameraNodeOptions(namespace=asked.namespace, lens=lens, forward=camera.forward))
+    options = CameraNodeOptions(namespace=asked.namespace, lens=lens, forward=camera.forward, faults=car.fault_limits())
+    return CameraNode(opened, options)
 
 
 def fsm_node(asked: Asked) -> FsmNode:
@@ -152,8 +118,9 @@ def _body(asked: Asked) -> Body:
 
         # The node `camera` opens the camera, and a camera can be opened once.
         car = replace(load_car(asked.config), camera=None)
-        env = TralCarEnv(config=car, output="recorder" if asked.dry else None, max_duration_s=FOR_EVER_S)
-        return CarBody(env, car.name, sees=False)
+        output = "recorder" if asked.dry else None
+        opened = functools.partial(TralCarEnv, config=car, output=output, max_duration_s=FOR_EVER_S)
+        return CarBody(opened, car.name, sees=False)
     if asked.backend == "twin":
         from tral_env.twin.settings import TwinSettings
         from tral_fsm.programs.ros.twin import TwinBody

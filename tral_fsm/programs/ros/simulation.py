@@ -28,6 +28,7 @@ from tral_env.ros.msg.sensor import Odometry
 from tral_env.ros.msg.std import Header, String
 from tral_env.ros.readings import Told, yaw_quaternion
 from tral_env.ros.times import stamp
+from tral_env.task import how_it_ended
 from tral_fsm.control.speed import ROLLING_MPS, SingleBrake
 from tral_fsm.programs.ros.course_markers import course_markers
 
@@ -108,7 +109,7 @@ class SimulatedBody:
         self._waits = False
         if not self._over:
             observation, _, terminated, truncated, self.info = self.env.step(np.array([steering, throttle], np.float32))
-            self._over = _ended(self.info) if terminated or truncated else ""
+            self._over = how_it_ended(self.info) if terminated or truncated else ""
             self._tick = Tick(self._named(observation), self._over)
         self._pace()
         return self._tick
@@ -225,11 +226,3 @@ class SimulatedCamera:
         sim = self._world.sim
         mounting = sim.cameras.mounting(np.array([0]))[0]
         return RenderRequest(time.monotonic_ns(), sim.physics.qpos[0].copy(), mounting)
-
-
-def _ended(info: dict[str, Any]) -> str:
-    if info["success"]:
-        return "success"
-    if info["collision"]:
-        return "collision"
-    return "missed gate" if info["missed_gate"] else "time is up"

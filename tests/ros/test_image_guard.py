@@ -1,0 +1,120 @@
+"""Images that are too old or frozen stop the car, by the laws of the real car."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from test_ros_nodes import after, until
+
+from tral_env.geometry import WHEEL_RADIUS_M
+from tral_env.hardware.faults import FaultLimits
+from tral_env.ros import topics
+from tral_env.ros.camera_node import CameraNode, CameraNodeOptions
+from tral_env.ros.image_guard import ImageGuard
+from tral_env.ros.images import Exposed
+from tral_env.ros.msg.sensor import JointState
+from tral_env.ros.msg.std import Bool
+from tral_env.ros.node import Node
+from tral_env.ros.qos import LATCHED, STATE
+
+GREY = np.zeros((4, 4), np.uint8)
+PERIOD_S = 0.05
+
+
+class Watched:
+    """A guard on a clock of the test, and a camera of 20 Hz."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+        self.guard = ImageGuard(clock=lambda: self.now_s)
+        self.guard.begin()
+
+    def drive(self, seconds: float, speed: float, *, frozen: bool = False, age_s: float = 0.03) -> str:
+        """Drive on; what was found, or nothing."""
+        for _ in range(round(seconds / PERIOD_S)):
+            self.now_s += PERIOD_S
+            if age_s < 1.0:
+                shade = 0 if frozen else round(self.now_s * 1000) % 251
+                self.guard.note(np.full_like(GREY, shade), age_s)
+            if fault := self.guard.judge(speed):
+                return str(fault)
+        return ""
+
+
+@pytest.fixture
+def watched() -> Watched:
+    return Watched()
+
+
+def test_images_that_come_and_change_are_no_fault(watched: Watched) -> None:
+    assert watched.drive(5.0, 0.5) == ""
+
+
+def test_one_image_while_the_car_moves_is_a_fault(watched: Watched) -> None:
+    assert watched.drive(1.0, 0.5) == ""
+    assert watched.drive(1.0, 0.5, frozen=True).startswith("STOP camera frozen: one image for 0.5 s")
+
+
+def test_one_image_while_the_car_stands_is_none(watched: Watched) -> None:
+    assert watched.drive(5.0, 0.0, frozen=True) == ""
+
+
+def test_images_that_stay_away_are_a_fault(watched: Watched) -> None:
+    assert watched.drive(1.0, 0.5) == ""
+    assert watched.drive(1.0, 0.5, age_s=1.0).startswith("STOP camera stale: the newest image is 0.5 s old")
+
+
+def test_images_that_come_too_late_are_a_fault(watched: Watched) -> None:
+    assert watched.drive(1.0, 0.5, age_s=0.6).startswith("STOP camera stale")
+
+
+def test_the_first_image_may_take_two_seconds_after_arming(watched: Watched) -> None:
+    assert watched.drive(1.9, 0.0, age_s=1.0) == ""
+    assert watched.drive(1.0, 0.0, age_s=1.0).startswith("STOP camera stale")
+
+
+def test_the_next_arming_begins_anew(watched: Watched) -> None:
+    watched.drive(1.0, 0.5)
+    assert watched.drive(1.0, 0.5, frozen=True)
+    watched.guard.begin()
+    assert watched.drive(2.0, 0.5) == ""
+
+
+def test_the_node_stops_the_car_once_and_watches_again_after_the_next_arming() -> None:
+    probe = Node("probe")
+    armed = probe.publisher(topics.ARMED, Bool, LATCHED)
+    joints = probe.publisher(topics.JOINTS, JointState, STATE)
+    orders = probe.subscription(topics.ARM, Bool, STATE)
+    node = CameraNode(lambda: pytest.fail("no camera"), CameraNodeOptions(faults=FaultLimits(image_s=0.05)))
+    until(lambda: armed.listeners and joints.listeners and orders.publishers)
+    try:
+        for _ in range(2):
+            armed.publish(Bool(True))
+            joints.publish(JointState(name=[topics.HALL_WHEEL], position=[1.0], velocity=[20.0]))
+            (order,) = until(lambda: after(lambda: see_the_same(node), orders.take))
+            assert order.data is False
+            armed.publish(Bool(False))
+            until(lambda: after(node.judge, lambda: not node._armed))
+            see_the_same(node)
+            assert orders.take() == []
+    finally:
+        node.node.close()
+        probe.close()
+
+
+def test_a_car_whose_speed_nobody_tells_any_more_counts_as_standing() -> None:
+    probe, node = Node("probe"), CameraNode(lambda: pytest.fail("no camera"))
+    joints = probe.publisher(topics.JOINTS, JointState, STATE)
+    until(lambda: joints.listeners)
+    joints.publish(JointState(name=[topics.HALL_WHEEL], position=[1.0], velocity=[20.0]))
+    assert until(node.speed) == pytest.approx(20.0 * WHEEL_RADIUS_M)
+    until(lambda: node.speed() == 0.0)
+    node.node.close()
+    probe.close()
+
+
+def see_the_same(node: CameraNode) -> None:
+    node.look(Exposed(b"", GREY, time.time_ns()))
+    node.judge()
