@@ -53,19 +53,6 @@ _NO_STRAIGHT = -1.0
 """Stands for a straight that is not there: a stretch of negative length holds no car."""
 
 
-def how_it_ended(info: Mapping[str, Any], row: int = 0) -> str:
-    """How an episode that is over has ended: "success", "collision", "missed gate" or "time is up".
-
-    Args:
-        info: that of the last step, each value a scalar or with a row for each car.
-        row: the car.
-    """
-    for name, ended in (("success", "success"), ("collision", "collision"), ("missed_gate", "missed gate")):
-        if np.ravel(info[name])[row]:
-            return ended
-    return "time is up"
-
-
 @dataclass(eq=False)
 class Track:
     """The plans of n cars, padded to common shapes."""

@@ -26,7 +26,9 @@ from tral_env.simulation.culling import LOCAL_BOXES, max_boxes_in_reach
 from tral_env.simulation.sim import Simulation
 from tral_env.simulation.views import VIEWS, Still, Stills, Views, still
 
-__all__ = ["RESET_OPTIONS", "Drawn", "ResetRequest", "Step", "Stills", "World", "car_stream", "check_pictures"]
+__all__ = [
+    "RESET_OPTIONS", "Drawn", "ResetRequest", "Step", "Stills", "World", "car_stream", "check_pictures", "how_it_ended",
+]  # fmt: skip
 
 RESET_OPTIONS = ("course", "car")
 """What ``reset(options=...)`` understands."""
@@ -115,6 +117,19 @@ def car_stream(rng: np.random.Generator) -> np.random.Generator:
         rng: generator of the episode; the course is drawn from it. Each call gives another stream.
     """
     return rng.spawn(1)[0]
+
+
+def how_it_ended(info: Mapping[str, Any], row: int = 0) -> str:
+    """How an episode that is over has ended: "success", "collision", "missed gate" or "time is up".
+
+    Args:
+        info: that of the last step, each value a scalar or with a row for each car.
+        row: the car.
+    """
+    for name, ended in (("success", "success"), ("collision", "collision"), ("missed_gate", "missed gate")):
+        if np.ravel(info[name])[row]:
+            return ended
+    return "time is up"
 
 
 class World:

@@ -41,7 +41,7 @@ CAR_NEEDS = (
     WAIST
     | ON_THE_CAR
     | LAWS - {"tral_env.task"}
-    | {f"tral_env.{room}" for room in ("perception", "calibration", "yaml_text", "atomic", "assets")}
+    | {f"tral_env.{room}" for room in ("perception", "calibration", "yaml_text", "atomic", "assets", "randomization")}
 )
 TWIN_NEEDS = WAIST | {
     f"tral_env.{room}"

@@ -203,19 +203,3 @@ def test_the_terms_are_added_in_their_order_to_the_last_bit() -> None:
         - config.time_cost
     )
     np.testing.assert_array_equal(task.reward(task.reward_terms(drawn, config)), whole)
-
-
-@pytest.mark.parametrize(
-    ("holds", "ended"),
-    [
-        ((), "time is up"),
-        (("success",), "success"),
-        (("collision", "missed_gate"), "collision"),
-        (("missed_gate",), "missed gate"),
-    ],
-)
-def test_an_episode_is_told_to_end_by_what_holds_of_one_car_or_of_a_row(holds: tuple[str, ...], ended: str) -> None:
-    one = {name: name in holds for name in ("success", "collision", "missed_gate")}
-    rows = {name: np.array([False, value]) for name, value in one.items()}
-    assert task.how_it_ended(one) == task.how_it_ended(rows, row=1) == ended
-    assert task.how_it_ended(rows) == "time is up"

@@ -132,6 +132,11 @@ class Statuses:
             self.last |= {each.name: each for each in array.status}
         return self.last.get(name)
 
+    def level(self, name: str) -> int | None:
+        """Its level."""
+        told = self.hear(name)
+        return None if told is None else told.level
+
     def figures(self, name: str) -> dict[str, str]:
         """Its figures."""
         told = self.hear(name)
@@ -287,7 +292,7 @@ def test_the_policy_node_tells_ticks_that_were_skipped_or_late_and_readings_that
     )
     assert statuses.last["/fsm: readings"].level == 0
     fsm.stop("the policy failed")
-    until(lambda: after(lambda: fsm.spin(0.0), lambda: statuses.hear("/fsm: readings").level == 2))
+    until(lambda: after(lambda: fsm.spin(0.0), lambda: statuses.level("/fsm: readings") == 2))
     assert statuses.last["/fsm: readings"].message == "stopped the car: the policy failed"
     fsm.node.close()
 

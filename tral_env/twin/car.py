@@ -16,10 +16,9 @@ from tral_env.options import CorridorConfig
 from tral_env.perception.degrade import ImageCorruption
 from tral_env.sensors.hall import EdgeSpeed
 from tral_env.sensors.ranging import SONARS
-from tral_env.task import how_it_ended
 from tral_env.twin.camera import RenderRequest, RenderSetup
 from tral_env.twin.serial_boards import BoardReadings
-from tral_env.world import World
+from tral_env.world import World, how_it_ended
 
 _KEPT_S = 0.3
 """Rangings are kept so long."""
@@ -52,7 +51,7 @@ class DriveOutcome:
     """How a drive ended."""
 
     ended: str
-    """See `tral_env.task.how_it_ended`."""
+    """See `tral_env.world.how_it_ended`."""
     time_s: float
     progress: float
 

@@ -28,7 +28,7 @@ from tral_env.ros.msg.sensor import Odometry
 from tral_env.ros.msg.std import Header, String
 from tral_env.ros.readings import Told, yaw_quaternion
 from tral_env.ros.times import stamp
-from tral_env.task import how_it_ended
+from tral_env.world import how_it_ended
 from tral_fsm.control.speed import ROLLING_MPS, SingleBrake
 from tral_fsm.programs.ros.course_markers import course_markers
 
