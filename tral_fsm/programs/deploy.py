@@ -15,6 +15,7 @@ from tral_env.hardware.bringup.preflight import Finding, check_car
 from tral_env.hardware.car_file import CarFile, load_car
 from tral_env.interface import check_readings
 from tral_fsm.live import require_viser
+from tral_fsm.live.address import free_port
 from tral_fsm.programs.car_drive import CarDrive, Console, report_of
 from tral_fsm.programs.drive import RECORDING, SUMMARY
 from tral_fsm.programs.seat import AskedOfCar, CarSeat, open_car
@@ -108,6 +109,7 @@ def run(
     require_hands(devices, arguments.arm)
     if arguments.view:
         require_viser()
+        free_port(arguments.host, arguments.port)
     car, (policy, files) = load_car(arguments.config), _policy(arguments.policy)
     preflight(car, arguments, check, console)
     record = prepare(out, arguments.record)
