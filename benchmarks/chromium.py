@@ -34,6 +34,8 @@ _FLAGS = (
     "--remote-allow-origins=*",
 )
 _HELPERS = """
+window.clicked = null;
+addEventListener("click", event => { window.clicked = event.target; }, true);
 window.by = (text, selector) => [...document.querySelectorAll(selector)].find(
     one => one.textContent.trim() === text && one.getBoundingClientRect().width > 0);
 window.beside = (label, selector) => {
@@ -161,13 +163,17 @@ class Window(_Line):
         """Click into the middle of an element that an expression of JavaScript gives, once it is there."""
         place: list[float] = []
 
-        def is_still() -> bool:
+        def is_clicked() -> bool:
+            """Whether a click came there: one into a page that moves at that moment is lost."""
             before = list(place)
             place[:] = self.ask(_PLACE % element) or ()
-            return bool(place) and place == before
+            if not place or place != before:
+                return False
+            self.ask("window.clicked = null")
+            self.click_at(*place)
+            return bool(self.ask("window.clicked !== null"))
 
-        until(is_still, element)
-        self.click_at(*place)
+        until(is_clicked, element)
 
     def click_at(self, x: float, y: float) -> None:
         """Click with the mouse at a place, px."""
