@@ -18,7 +18,8 @@ from pathlib import Path
 from chromium import Chromium, Window, until
 from PIL import Image
 
-from tral_fsm.live.drive import LiveDrive
+from tral_env.interface import CONTROL_PERIOD_S
+from tral_fsm.live.drive import LiveDrive, Order
 from tral_fsm.live.frame import Course
 from tral_fsm.live.page import Page
 
@@ -53,7 +54,7 @@ def main() -> None:
 def film(seed: int, count: int) -> Iterator[Image.Image]:
     """Pictures of one car whose speed is turned down in the middle, then of two cars side by side."""
     with closing(LiveDrive(Course(seed=seed), ["office"])) as live:
-        live.pause(True)
+        live.order(lambda drive: drive.pause(True))
         thread = threading.Thread(target=live.run, daemon=True)
         thread.start()
         try:
@@ -63,9 +64,9 @@ def film(seed: int, count: int) -> Iterator[Image.Image]:
                 window.until('!!document.querySelector("button[class*=Notification-close], .mantine-CloseButton-root")')
                 window.ask('document.querySelectorAll("button[class*=Notification-close]").forEach(one => one.click())')
                 yield from drive(live, window, count // 2, first=80)
-                live.order(lambda drive: drive.lanes[0].retune("state[follow].speed", 0.4))
+                order(live, lambda drive: drive.lanes[0].retune("state[follow].speed", 0.4))
                 yield from drive(live, window, count - count // 2)
-                live.order(lambda drive: drive.drive_with(["office", "corners"]))
+                order(live, lambda drive: drive.drive_with(["office", "corners"]))
                 yield from drive(live, window, count, first=160)
         finally:
             live.stop()
@@ -75,12 +76,20 @@ def film(seed: int, count: int) -> Iterator[Image.Image]:
 def drive(live: LiveDrive, window: Window, count: int, first: int = 0) -> Iterator[Image.Image]:
     """Drive from picture to picture, after so many ticks that are not shown."""
     for k in range(count):
-        before = live.frame.cars[0].time_s
         ticks = first if k == 0 and first else TICKS
-        live.order(lambda drive, ticks=ticks: drive.step(ticks))
-        until(lambda before=before, ticks=ticks: abs(live.frame.cars[0].time_s - before) > ticks / 81)
+        due_s = live.frame.cars[0].time_s + (ticks - 0.5) * CONTROL_PERIOD_S
+        order(live, lambda drive, ticks=ticks: drive.step(ticks))
+        until(lambda due_s=due_s: live.frame.cars[0].time_s >= due_s)
         time.sleep(_DRAWN_S)
         yield Image.open(io.BytesIO(window.shot())).convert("RGB").resize(SHRUNK, Image.Resampling.LANCZOS)
+
+
+def order(live: LiveDrive, what: Order) -> None:
+    """Have something done, and wait until it is."""
+    done = threading.Event()
+    live.order(what)
+    live.order(lambda drive: done.set())
+    done.wait()
 
 
 if __name__ == "__main__":
