@@ -35,6 +35,8 @@ _CHARTS_EVERY, _TEXT_EVERY = 12, 3
 _IDLE_S = 0.2
 """Without a browser the page is renewed so often, so that one that comes sees the path."""
 _VIEWS = ("behind the car", "around the car", "above the car", "free")
+_LOST_RACE = "deque mutated during iteration"
+"""The library wakes the thread that sends without a lock, and fails if that one wakes meanwhile: the next picture helps."""
 _TURN = 0.12
 """Share of the car's turn by which the view from behind follows in each scene."""
 
@@ -129,7 +131,11 @@ class Page:
     def _paint(self) -> None:
         while not self._ends.is_set():
             begun = time.monotonic()
-            self.show(self._source.frame)
+            try:
+                self.show(self._source.frame)
+            except RuntimeError as error:
+                if _LOST_RACE not in str(error):
+                    raise
             period = 1.0 / RATE_HZ if self.server.get_clients() else _IDLE_S
             self._ends.wait(max(period - (time.monotonic() - begun), 0.005))
 
