@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from typing import Any
 
 import viser
@@ -22,6 +24,16 @@ _STEPS = 200
 FILE = "machine.json"
 _SETTLED_S = 0.7
 """A state that is active for so long gets its sliders."""
+
+
+@dataclass(kw_only=True)
+class _Asked:
+    """Changes of a number that were ordered: its slider is where a person put it until they are carried out."""
+
+    open: int = 0
+    """So many wait."""
+    before: Any = None
+    """The frame that was shown before the last one was carried out."""
 
 
 class Numbers:
@@ -50,6 +62,9 @@ class Numbers:
         self.gifts: dict[str, Any] = {}
         """Path of a number that is null in the file -> the box that gives it a value."""
         self._parts: list[Any] = []
+        self._asked: dict[str, _Asked] = {}
+        self._lock = threading.Lock()
+        """Handlers of the page, the thread that drives and the one that shows count what was asked for."""
         self._nulls: tuple[str, ...] = ()
         self._active = "", 0.0, ""
         """The active state, since when, and the one whose numbers are shown."""
@@ -73,9 +88,13 @@ class Numbers:
         if wanted != self._shown:
             self._shown = wanted
             self._build(machine, loaded, active or self._part.value)
-        if machine is not self._machine:
+        with self._lock:
+            before = len(self._asked)
+            self._asked = {path: one for path, one in self._asked.items() if one.open or one.before is frame}
+            waits = set(self._asked)
+        if machine is not self._machine or len(waits) < before:
             self._machine = machine
-            self._follow(machine, loaded)
+            self._follow(machine, loaded, waits)
 
     def _settled(self, car: CarFrame) -> str:
         """The active state, once it has been active for a while."""
@@ -147,16 +166,27 @@ class Numbers:
 
     def change(self, path: str, value: Value | None) -> None:
         """Let the machine of the first car go on with another value."""
-        self._order(lambda drive: drive.lanes[0].retune(path, value))
+        with self._lock:
+            asked = self._asked.setdefault(path, _Asked())
+            asked.open += 1
 
-    def _follow(self, machine: MachineDefinition, loaded: MachineDefinition) -> None:
-        """Show the values of a machine that was changed, and what differs from its file."""
+        def retune(drive: LiveDrive) -> None:
+            try:
+                drive.lanes[0].retune(path, value)
+            finally:
+                with self._lock:
+                    asked.open, asked.before = asked.open - 1, drive.frame
+
+        self._order(retune)
+
+    def _follow(self, machine: MachineDefinition, loaded: MachineDefinition, waits: Collection[str]) -> None:
+        """Show the values of a machine that was changed, but for those that wait, and what differs from its file."""
         values = {one.path: one for one in listing(machine)}
         for path, box in self.gifts.items():
             if box.value != (path in values):
                 box.value = path in values
         for path, handle in self.inputs.items():
-            if path in values and values[path].value != handle.value:
+            if path in values and path not in waits and values[path].value != handle.value:
                 value = values[path].value
                 handle.value = value if isinstance(value, bool | str) else float(value)
         self._changes.content = changes(machine, loaded)
