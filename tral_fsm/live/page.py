@@ -36,7 +36,7 @@ _IDLE_S = 0.2
 """Without a browser the page is renewed so often, so that one that comes sees the path."""
 _VIEWS = ("behind the car", "around the car", "above the car", "free")
 _LOST_RACE = "deque mutated during iteration"
-"""The library wakes the thread that sends without a lock, and fails if that one moves meanwhile: the next frame helps."""
+"""The library wakes the thread that sends without a lock, and fails if that one just moved; the next frame helps."""
 _TURN = 0.12
 """Share of the car's turn by which the view from behind follows in each scene."""
 
