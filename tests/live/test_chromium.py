@@ -52,6 +52,29 @@ def window(chromium: Chromium, page: Page) -> Window:
     return chromium.window(page.url)
 
 
+def test_a_recording_plays_stands_and_is_moved(chromium: Chromium) -> None:
+    replay = Replay(read(RECORDING))
+    replay.pause(True)
+    page = Page(replay, port=0)
+    window = chromium.window(page.url)
+    window.choose("clock", "0.1 x")
+    until(lambda: replay.speed == 0.1)
+    window.press("Go on")
+    until(lambda: replay.time_s > 0.1)
+    window.press("Pause")
+    until(lambda: replay.paused)
+    stood_s = replay.time_s
+    window.click('beside("time [s]", "[role=slider]")')
+    window.key("End")
+    until(lambda: replay.time_s == replay.duration_s > stood_s)
+    window.key("Home")
+    until(lambda: replay.time_s == 0.0)
+    window.until('document.body.innerText.includes("0.0 s")')
+    assert window.errors == []
+    window.close()
+    page.close()
+
+
 def test_a_seed_that_is_typed_is_driven(window: Window, live: LiveDrive) -> None:
     before = live.frame
     window.type("seed", "11")
@@ -87,26 +110,3 @@ def test_two_windows_show_one_drive_and_one_that_is_closed_changes_nothing(
     driven_s = live.frame.cars[0].time_s
     until(lambda: live.frame.cars[0].time_s != driven_s)
     assert window.errors == []
-
-
-def test_a_recording_plays_stands_and_is_moved(chromium: Chromium) -> None:
-    replay = Replay(read(RECORDING))
-    replay.pause(True)
-    page = Page(replay, port=0)
-    window = chromium.window(page.url)
-    window.choose("clock", "0.1 x")
-    until(lambda: replay.speed == 0.1)
-    window.press("Go on")
-    until(lambda: replay.time_s > 0.1)
-    window.press("Pause")
-    until(lambda: replay.paused)
-    stood_s = replay.time_s
-    window.click('beside("time [s]", "[role=slider]")')
-    window.key("End")
-    until(lambda: replay.time_s == replay.duration_s > stood_s)
-    window.key("Home")
-    until(lambda: replay.time_s == 0.0)
-    window.until('document.body.innerText.includes("0.0 s")')
-    assert window.errors == []
-    window.close()
-    page.close()
