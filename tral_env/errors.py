@@ -43,6 +43,9 @@ class MachineError(TralError, ValueError):
 class PolicyError(TralError, RuntimeError):
     """A policy failed while it drove: its code raised an error, or its answer is no command."""
 
+    why = ""
+    """The reason alone, without the policy's name and the time; empty: the whole message is the reason."""
+
 
 class PolicyFileError(TralError, ValueError):
     """A policy file cannot be read, or was made for other readings."""

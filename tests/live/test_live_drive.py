@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from tral_env.errors import ConfigError
 from tral_env.interface import CONTROL_PERIOD_S, MAX_AGE_S
@@ -16,6 +18,7 @@ from tral_fsm import MachinePolicy, load_machine, load_policy
 from tral_fsm.evaluation.rollout import drive
 from tral_fsm.live.drive import LiveDrive
 from tral_fsm.live.frame import Course
+from tral_fsm.live.numbers import nulls
 from tral_fsm.live.pace import Clock, Pace
 
 
@@ -210,17 +213,148 @@ def test_an_unknown_policy_is_refused_and_the_old_one_drives_on(live: LiveDrive)
         Course(scenario="nowhere")
 
 
-def test_a_policy_that_fails_ends_its_drive_and_the_page_says_why(tmp_path: Path) -> None:
-    own = tmp_path / "own.py"
-    own.write_text("class Failing:\n    def act(self, observation):\n        raise RuntimeError('no idea')\n")
-    live = LiveDrive(COURSE, [f"{own}:Failing"], clock=Hand().clock)
-    turns(live, 3)
-    assert "no idea" in live.frame.cars[0].ended
+FAILING = """
+class Failing:
+    {where}
+        self.ticks = getattr(self, "ticks", 0) + 1
+        if self.ticks > 3:
+            {how}
+        return {answer}
+{rest}
+"""
+ACTS = {"where": "def act(self, observation):", "answer": "(0.0, 0.0)", "rest": ""}
+TELLS = {
+    "where": "@property\n    def active_states(self):",
+    "answer": "['on']",
+    "rest": "    def act(self, observation):\n        return (0.0, 0.0)",
+}
+
+
+@pytest.mark.parametrize(
+    ("code", "reason"),
+    [
+        (ACTS | {"how": "raise RuntimeError('no idea')"}, "RuntimeError: no idea (own.py, line 6)"),
+        (ACTS | {"how": "raise SystemExit(3)"}, "SystemExit: 3"),
+        (ACTS | {"how": "return 'left'"}, "answered 'left'"),
+        (TELLS | {"how": "raise KeyError('x')"}, "KeyError: 'x' (own.py, line 7)"),
+    ],
+)
+def test_a_driver_that_fails_pauses_the_drive_and_another_one_goes_on(
+    tmp_path: Path, code: dict[str, str], reason: str
+) -> None:
+    own, told = tmp_path / "own.py", []
+    own.write_text(FAILING.format(**code))
+    live = LiveDrive(COURSE, [f"{own}:Failing"], clock=Hand().clock, warn=told.append)
+    turns(live, 40)
+    assert len(told) == 1
+    assert told[0].startswith(f"driver {own}:Failing failed at 0.")
+    assert reason in told[0]
+    assert "\n" not in told[0]
+    assert (live.frame.paused, live.frame.cars[0].ended) == (True, told[0])
+    failed_s = live.frame.cars[0].time_s
     live.order(lambda drive: drive.lanes[0].take_driver("corners"))
-    live.order(lambda drive: drive.restart())
+    live.order(lambda drive: drive.pause(False))
     turns(live, 3)
     assert live.frame.cars[0].ended == ""
+    assert live.lanes[0].frame().time_s == pytest.approx(failed_s + 3 * CONTROL_PERIOD_S)
     live.close()
+
+
+class Counted:
+    """A policy that counts its resets, and refuses some."""
+
+    resets: ClassVar[list[str]] = []
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def reset(self, n: int = 1) -> None:
+        self.resets.append(self.name)
+        if self.resets.count(self.name) > 1 and self.name == "refuses":
+            raise RuntimeError("not again")
+
+    def act(self, observation: NDArray[np.floating]) -> NDArray[np.float32]:
+        return np.zeros(2, np.float32)
+
+
+@pytest.fixture
+def opened(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Environments that were made and are open still."""
+    found: list[Any] = []
+    make = gym.make
+
+    def made(*args: Any, **options: Any) -> Any:
+        env = make(*args, **options)
+        found.append(env)
+        close = env.close
+        monkeypatch.setattr(env, "close", lambda: (found.remove(env), close()))
+        return env
+
+    monkeypatch.setattr(gym, "make", made)
+    monkeypatch.setattr(Counted, "resets", [])
+    return found
+
+
+def test_what_cannot_be_driven_leaves_nothing_open_and_the_old_one_drives_on(opened: list[Any]) -> None:
+    def find(name: str) -> Any:
+        if name == "nobody":
+            raise ConfigError("nobody drives")
+        return Counted(name)
+
+    live = LiveDrive(COURSE, ["one"], clock=Hand().clock, find=find)
+    first = list(opened)
+    for drivers in (["two", "nobody"], ["two", "refuses"]):
+        live.order(lambda drive, drivers=drivers: drive.drive_with(drivers))
+        turns(live, 2)
+        assert live.frame.notice
+        assert [car.name for car in live.frame.cars] == ["one"]
+        assert opened == first
+    with pytest.raises(ConfigError, match="nobody"):
+        LiveDrive(COURSE, ["two", "nobody"], clock=Hand().clock, find=find)
+    assert opened == first
+    live.close()
+    assert opened == []
+
+
+def test_new_cars_are_put_at_the_start_once(opened: list[Any]) -> None:
+    live = LiveDrive(COURSE, ["one"], clock=Hand().clock, find=Counted)
+    Counted.resets.clear()
+    live.drive_with(["two"])
+    assert Counted.resets == ["two", "two"]  # as it takes the car over, and at the start
+    assert live.frame.episode == 2
+    live.close()
+
+
+def test_the_best_drive_of_a_course_drives_along_as_a_ghost(live: LiveDrive) -> None:
+    assert live.frame.ghost is None
+    poses = []
+    for _ in range(400):
+        live.turn()
+        poses.append(live.lanes[0].place()[0])
+    live.restart()
+    turns(live, 40)
+    assert live.frame.ghost is not None
+    assert live.frame.ghost.pose in poses[20:41]
+    assert live.frame.ghost.name.startswith("corners, ")
+    live.restart()  # the shorter drive is no better one
+    turns(live, 400)
+    assert live.frame.ghost is not None
+    assert live.frame.ghost.pose == pytest.approx(poses[399], abs=0.1)
+    live.choose(seed=4)
+    assert live.frame.ghost is None
+
+
+def test_a_number_that_is_null_in_the_file_gets_a_value_and_is_null_again(live: LiveDrive) -> None:
+    path = "state[settle].unsure_speed"
+    live.lanes[0].retune(path, 0.5)
+    turns(live, 20)
+    machine = live.frame.machine
+    assert machine is not None
+    assert path not in nulls(machine)
+    live.lanes[0].retune(path, None)
+    turns(live, 20)
+    assert live.frame.machine == load_machine("corners")
+    assert live.frame.cars[0].ended == ""
 
 
 def test_the_pace_is_real_time_and_tells_when_it_is_not_kept() -> None:

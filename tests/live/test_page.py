@@ -103,6 +103,25 @@ def test_a_slider_changes_the_machine_that_drives(browser: Browser, shown: Shown
     browser.until(lambda: "Nothing is changed" in browser.words)
 
 
+def test_a_value_that_is_refused_is_told_and_its_slider_goes_back(browser: Browser, shown: Shown) -> None:
+    before = shown.live.frame.machine
+    browser.set("speed [m/s]", -1.0)
+    browser.until(lambda: "speed" in shown.live.frame.notice and browser.value("speed [m/s]") == 1.2)
+    assert shown.live.frame.machine == before
+
+
+def test_a_number_that_is_null_gets_a_slider_and_loses_it_again(browser: Browser, shown: Shown) -> None:
+    browser.set("numbers of", "settle")
+    browser.set("give unsure_speed a value", True)
+    browser.until(lambda: "unsure_speed [m/s]" in browser.labels)
+    browser.set("unsure_speed [m/s]", 0.4)
+    browser.until(lambda: "| `settle.unsure_speed` | null | 0.4 m/s |" in browser.words)
+    browser.set("give unsure_speed a value", False)
+    browser.until(lambda: "unsure_speed [m/s]" not in browser.labels)
+    browser.until(lambda: shown.live.frame.machine == load_machine("corners"))
+    browser.set("numbers of", "follow")
+
+
 def test_the_changed_machine_is_saved_as_a_file_that_drives(browser: Browser) -> None:
     browser.set("speed [m/s]", 0.5)
     browser.until(lambda: "follow.speed" in browser.words)
@@ -176,6 +195,7 @@ def test_two_cars_side_by_side(browser: Browser, shown: Shown) -> None:
     browser.set("beside it", "office")
     browser.press("Drive side by side")
     browser.until(lambda: "/car_1/car" in browser.scene)
+    browser.until(lambda: "rgb(30, 90, 200)" in browser.words and "rgb(220, 120, 0)" in browser.words)
     assert [car.name for car in shown.live.frame.cars] == ["corners", "office"]
     browser.set("beside it", "nobody")
     browser.press("Drive side by side")

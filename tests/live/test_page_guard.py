@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Iterator
 
 import pytest
 from browser import Browser
 from websockets.exceptions import ConnectionClosed
 
+from tral_env.errors import ConfigError
+from tral_fsm.live.address import address, free_port, new_token
 from tral_fsm.live.drive import LiveDrive
 from tral_fsm.live.frame import Course
-from tral_fsm.live.guard import address, new_token, why_refused
+from tral_fsm.live.guard import why_refused
 from tral_fsm.live.page import Page
 
 LOCAL = {"Host": "127.0.0.1:8080", "Origin": "http://127.0.0.1:8080"}
@@ -48,6 +51,21 @@ def test_tokens_differ() -> None:
 def test_the_address_brings_the_token_along() -> None:
     assert address("127.0.0.1", 8080, None) == "http://127.0.0.1:8080"
     assert address("10.0.0.5", 8080, "abc").endswith("?websocket=ws%3A%2F%2F10.0.0.5%3A8080%2F%3Ftoken%3Dabc")
+
+
+def test_a_port_that_is_taken_leaves_the_next_one() -> None:
+    with socket.socket() as door:
+        door.bind(("127.0.0.1", 0))
+        door.listen(1)
+        taken = door.getsockname()[1]
+        assert free_port("127.0.0.1", taken) > taken
+    assert free_port("127.0.0.1", 0) == 0
+
+
+@pytest.mark.parametrize("host", ["192.0.2.1", "nowhere.invalid"])
+def test_an_address_of_another_computer_is_refused_at_once(host: str) -> None:
+    with pytest.raises(ConfigError, match=f"--host {host}.*an address of this computer"):
+        free_port(host, 8080)
 
 
 @pytest.fixture

@@ -20,9 +20,21 @@ from tral_fsm.estimation.wall_filter import WallEstimate
 from tral_fsm.live import meshes
 from tral_fsm.live.charts import History, values
 from tral_fsm.live.frame import CarFrame
-from tral_fsm.live.numbers import hint_of, label_of, limits_of, parts, round_step, span_of_slider
+from tral_fsm.live.numbers import (
+    can_give,
+    first_value,
+    hint_of,
+    label_of,
+    limits_of,
+    nulls,
+    parts,
+    round_step,
+    span_of_slider,
+)
 from tral_fsm.live.overlays import believed, echo
 from tral_fsm.tuning.listing import listing
+from tral_fsm.tuning.parameters import sites, with_value
+from tral_fsm.tuning.ranges import limits
 
 
 def frame(time_s: float = 0.0, **more: object) -> CarFrame:
@@ -45,10 +57,23 @@ def test_every_number_of_every_machine_has_a_slider_that_holds_it(name: str) -> 
 @pytest.mark.parametrize("name", machine_names())
 def test_every_number_belongs_to_a_state(name: str) -> None:
     machine = load_machine(name)
-    shown = {
-        one.path for state in machine.states for _, of in parts(machine, state.label or str(state.id)) for one in of
-    }
-    assert shown == {one.path for one in listing(machine)}
+    shown = {path for state in machine.states for _, of in parts(machine, state.label or str(state.id)) for path in of}
+    assert shown == {one.path for one in listing(machine)} | set(nulls(machine))
+
+
+@pytest.mark.parametrize("name", machine_names())
+def test_every_number_that_is_null_can_be_given_a_value_and_be_null_again(name: str) -> None:
+    machine = load_machine(name)
+    known = {site.path: site for site in sites(machine)}
+    for path in nulls(machine):
+        if not can_give(machine, known[path]):
+            continue
+        value = first_value(known[path])
+        low, high = limits(known[path].spec, path.rpartition(".")[2])
+        assert low <= value <= high
+        given = with_value(machine, path, value)
+        assert path not in nulls(given)
+        assert with_value(given, path, None) == machine
 
 
 @given(st.floats(1e-6, 1e6))

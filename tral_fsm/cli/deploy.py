@@ -44,12 +44,23 @@ def command(
     The pre-flight asks each sensor; a key or a button arms; then any other key, the gamepad's B, and letting go of its
     LB stop the car, as SIGINT, SIGTERM and SIGHUP do. The exit code is 0 if the drive ended as somebody wished, else 1.
     """
-    from tral_fsm.teleop.keyboard import StopKeys
-
     arguments = DeployArguments(
         policy=policy, config=config, dry=dry, arm=arm, max_duration_s=seconds, record=record,
         view=view, host=host, port=port,
     )  # fmt: skip
+    drive(arguments, out, gamepad, gamepad_file, as_json)
+
+
+def drive(
+    arguments: DeployArguments,
+    out: Path,
+    gamepad: bool = False,
+    gamepad_file: str | None = None,
+    as_json: bool = False,
+) -> None:
+    """Drive with what the terminal and a gamepad give a person, and tell how the drive ended."""
+    from tral_fsm.teleop.keyboard import StopKeys
+
     has_pad = gamepad or gamepad_file is not None
     with hands.devices(gamepad, gamepad_file, StopKeys) as devices:
         cockpit = Cockpit(out=out, devices=devices, console=hands.TerminalConsole(), must_hold=has_pad)

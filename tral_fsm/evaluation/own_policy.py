@@ -109,7 +109,10 @@ class OwnPolicy:
         """Word an error of the object; that of a machine within it names its place already."""
         if isinstance(error, PolicyError):
             return type(error)(f"policy {self._name}: {error}")
-        return PolicyError(f"policy {self._name} failed {when}: {reason(error, self._file)}")
+        why = reason(error, self._file)
+        failed = PolicyError(f"policy {self._name} failed {when}: {why}")
+        failed.why = why
+        return failed
 
     @property
     def active_states(self) -> list[str]:

@@ -16,8 +16,10 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
+from tral_env.errors import ConfigError
 from tral_env.interface import CONTROL_RATE_HZ
 from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.live.address import LOCAL, free_port, new_token
 from tral_fsm.live.frame import CarFrame, Frame
 from tral_fsm.runtime.machine import Transit
 from tral_fsm.runtime.policy import MachinePolicy
@@ -43,7 +45,11 @@ class CarPage:
             driver: its name.
             host: address to listen on.
             port: the first port to try.
+
+        Raises:
+            ConfigError: this computer cannot listen there.
         """
+        port = free_port(host, port)
         self._policy, self._driver, self._ticks = policy, driver, 0
         self._transit: Transit | None = None
         machine = None
@@ -149,14 +155,17 @@ class CarView:
 
 def main(arguments: list[str], annotate: Callable[[Any], Any] | None = None) -> None:
     """Be the process of the page: its socket, its address and its port."""
-    from tral_fsm.live.guard import LOCAL, new_token
     from tral_fsm.live.page import Page
 
     os.nice(10)
     number, host, port = arguments
     with socket.socket(fileno=int(number)) as line:
         view = CarView(line)
-        page = Page(view, host=host, port=int(port), token=None if host in LOCAL else new_token(), annotate=annotate)
+        token = None if host in LOCAL else new_token()
+        try:
+            page = Page(view, host=host, port=int(port), token=token, annotate=annotate)
+        except ConfigError as error:
+            sys.exit(f"No page: {error}. The drive goes on without it.")
         print(f"Open {page.url} in a browser.", file=sys.stderr, flush=True)
         try:
             view.run()

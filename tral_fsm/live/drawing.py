@@ -81,17 +81,17 @@ class Drawing:
 
 def reason(car: CarFrame) -> str:
     """The active state, and the values that were compared when the machine last changed it, as Markdown."""
-    lines = [f"**{_text(car.state) or '-'}**"]
+    lines = [f"**{plain(car.state) or '-'}**"]
     if car.transit is not None:
         fired = car.transit
         lines.append(
-            f"at {fired.time:.2f} s from **{_text(str(fired.source))}** to **{_text(str(fired.target))}** by "
-            f"*{_text(str(fired.transition))}*: {_text(fired.why)}"
+            f"at {fired.time:.2f} s from **{plain(str(fired.source))}** to **{plain(str(fired.target))}** by "
+            f"*{plain(str(fired.transition))}*: {plain(fired.why)}"
         )
     return "\n\n".join(lines)
 
 
-def _text(words: str) -> str:
+def plain(words: str) -> str:
     """Words that Markdown shows as they are."""
     return "".join(
         f"\\{letter}" if letter in r"\`*_{}[]()#+-.!|<>$~" else letter for letter in html.escape(words, False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import queue
 from collections.abc import Callable, Sequence
@@ -12,11 +13,12 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.errors import RenderError, TralError
+from tral_env.errors import RenderError
 from tral_fsm.evaluation.own_policy import find_policy
 from tral_fsm.live.frame import Course, Frame
+from tral_fsm.live.ghost import Ghosts
 from tral_fsm.live.hands import Keys
-from tral_fsm.live.lane import Find, Lane
+from tral_fsm.live.lane import FAULTS, Find, Lane, words_of
 from tral_fsm.live.pace import Clock, Pace
 from tral_fsm.runtime.policy import MachinePolicy
 
@@ -48,6 +50,7 @@ class LiveDrive:
         clock: Clock | None = None,
         find: Find = find_policy,
         keys: Keys | None = None,
+        warn: Callable[[str], None] | None = None,
     ) -> None:
         """Put the cars at the start.
 
@@ -57,11 +60,12 @@ class LiveDrive:
             clock: how time is told and waited for.
             find: gives a policy by its name.
             keys: keys that a person presses in the page.
+            warn: is told of a driver that failed, in a line.
 
         Raises:
             TralError: an unknown name, or a policy that cannot drive.
         """
-        self.course, self.find, self.keys = course, find, keys or Keys()
+        self.course, self.find, self.keys, self._warn = course, find, keys or Keys(), warn
         self._clock = clock or Clock()
         self.pace = Pace(self._clock)
         self._orders: queue.SimpleQueue[Order] = queue.SimpleQueue()
@@ -70,19 +74,39 @@ class LiveDrive:
         self.shows_camera = True
         """Whether pictures of the camera are offered."""
         self._picture: Callable[[], NDArray[np.uint8]] | None = None
-        self.lanes = [self._lane(driver) for driver in drivers]
-        self.restart()
+        self._ghosts = Ghosts()
+        self.lanes = self._started(drivers)
+        self._begin()
 
-    def _lane(self, driver: str) -> Lane:
+    def _started(self, drivers: Sequence[str]) -> list[Lane]:
+        """Cars at the start of the course; if one of them cannot be, nothing stays open."""
+        with contextlib.ExitStack() as stack:
+            lanes = []
+            for driver in drivers:
+                env = self._env()
+                stack.callback(env.close)
+                lanes.append(Lane(env, driver, self.find, self._stand_for))
+            for lane in lanes:
+                lane.start(self.course.seed)
+            stack.pop_all()
+        return lanes
+
+    def _env(self) -> gym.Env[Any, Any]:
         course = self.course
-        env = gym.make(
+        return gym.make(
             "tral_env:TralCorridor-v0",
             scenario=course.scenario,
             course=course.course,
             camera=course.camera,
             randomization=course.randomization,
         )
-        return Lane(env, driver, self.find)
+
+    def _stand_for(self, failure: str) -> None:
+        """Pause because a driver failed, so that a person can choose another one."""
+        self._steps = 0
+        self.pause(True)
+        if self._warn is not None:
+            self._warn(failure)
 
     def order(self, what: Order) -> None:
         """Have something done between two ticks, by the thread that drives."""
@@ -92,7 +116,12 @@ class LiveDrive:
         """Put all cars at the start of the course."""
         for lane in self.lanes:
             lane.start(self.course.seed)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Count a drive that begins."""
         self.episode += 1
+        self._ghosts.begin(self.course)
         self._picture = None
         self.pace.restart()
         self._publish()
@@ -103,27 +132,27 @@ class LiveDrive:
         Raises:
             TralError: there is no such course; the old one is driven on.
         """
-        before, self.course = self.course, replace(self.course, **changes)
+        before = self.course
         try:
-            if replace(before, seed=0) != replace(self.course, seed=0):
-                self._rebuild([lane.driver for lane in self.lanes])
-            self.restart()
-        except TralError:
+            self.course = replace(before, **changes)
+            if replace(before, seed=0) == replace(self.course, seed=0):
+                self.restart()
+            else:
+                self.drive_with([lane.driver for lane in self.lanes])
+        except FAULTS:
             self.course = before
             raise
 
     def drive_with(self, drivers: Sequence[str]) -> None:
-        """Let these policies drive side by side, from the start."""
-        self._rebuild(drivers)
-        self.restart()
+        """Let these policies drive side by side, from the start.
 
-    def _rebuild(self, drivers: Sequence[str]) -> None:
-        lanes = [self._lane(driver) for driver in drivers]
-        for lane in lanes:
-            lane.start(self.course.seed)
-        for lane in self.lanes:
+        Raises:
+            TralError: one of them cannot; the old ones drive on.
+        """
+        before, self.lanes = self.lanes, self._started(drivers)
+        for lane in before:
             lane.close()
-        self.lanes = lanes
+        self._begin()
 
     def each(self, what: Callable[[Lane], None]) -> None:
         """Do the same with every car."""
@@ -167,6 +196,7 @@ class LiveDrive:
             self.pace.wait()
         for lane in self.lanes:
             lane.tick()
+        self._ghosts.note(self.lanes)
         self._ticks += 1
         if self.shows_camera and self._ticks % _PICTURE_TICKS == 0:
             self._look()
@@ -179,8 +209,8 @@ class LiveDrive:
             try:
                 self.notice = ""
                 order(self)
-            except TralError as error:
-                self.notice = str(error)
+            except FAULTS as error:
+                self.notice = words_of(error)
             self._publish()
 
     @property
@@ -196,14 +226,16 @@ class LiveDrive:
     def _publish(self) -> None:
         self._shown_until = self._clock.now() + _FRAME_S
         first = self.lanes[0]
-        is_machine = isinstance(first.policy, MachinePolicy)
+        machine = first.policy.definition if isinstance(first.policy, MachinePolicy) else None
+        cars = tuple(lane.frame() for lane in self.lanes)
         self.frame = Frame(
             episode=self.episode,
             title=f"{self.course.course or self.course.scenario}, seed {self.course.seed}",
             plan=first.world.plans[0],
-            cars=tuple(lane.frame() for lane in self.lanes),
-            machine=first.policy.definition if isinstance(first.policy, MachinePolicy) else None,
-            as_loaded=first.as_loaded if is_machine else None,
+            cars=cars,
+            machine=machine,
+            as_loaded=None if machine is None else first.as_loaded,
+            ghost=self._ghosts.at(cars[0].time_s),
             paused=self.paused,
             speed=self.pace.speed,
             lateness=self.pace.told,

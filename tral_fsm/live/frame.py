@@ -81,6 +81,15 @@ class CarFrame:
     """How the drive ended; empty: it goes on."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Ghost:
+    """Where the car of the best earlier drive was at this moment of it."""
+
+    name: str
+    """Who drove, and how it went."""
+    pose: Pose
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Frame:
     """All cars at one moment."""
@@ -92,6 +101,8 @@ class Frame:
     plan: Plan | None
     """The course; None: it is not known."""
     cars: tuple[CarFrame, ...]
+    ghost: Ghost | None = None
+    """The best earlier drive of the course; None: there was none."""
     machine: MachineDefinition | None = None
     """The machine that drives the first car."""
     as_loaded: MachineDefinition | None = None

@@ -4,37 +4,17 @@ from __future__ import annotations
 
 import hmac
 import logging
-import secrets
-import socket
 from collections.abc import Mapping
 from typing import Any
-from urllib.parse import parse_qs, quote, urlsplit
+from urllib.parse import parse_qs, urlsplit
 
 import viser
 
-LOCAL = ("127.0.0.1", "localhost", "::1")
-"""Only this computer can reach a server that listens on one of these."""
-
-_ALL = ("0.0.0.0", "::", "")
-"""A server that listens on one of these listens on every address of the computer."""
+from tral_fsm.live.address import LOCAL
 
 
 class RefusedError(Exception):
     """The browser may not talk to the page."""
-
-
-def new_token() -> str:
-    """A token that nobody guesses."""
-    return secrets.token_urlsafe(16)
-
-
-def address(host: str, port: int, token: str | None) -> str:
-    """What is typed into a browser."""
-    name = socket.gethostname() if host in _ALL else host
-    page = f"[{name}]:{port}" if ":" in name else f"{name}:{port}"
-    if token is None:
-        return f"http://{page}"
-    return f"http://{page}/?websocket={quote(f'ws://{page}/?token={token}', safe='')}"
 
 
 def why_refused(path: str, headers: Mapping[str, str], token: str | None) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.checks import one_of
-from tral_env.errors import ConfigError, TralError
+from tral_env.errors import ConfigError, PolicyError, TralError, reason
 from tral_env.interface import CONTROL_PERIOD_S, MAX_AGE_S, Policy, check_readings
 from tral_env.se2 import Pose
 from tral_env.simulation.sim import CHANGEABLE
@@ -19,29 +19,46 @@ from tral_fsm.evaluation.own_policy import as_policy, find_policy
 from tral_fsm.live.frame import CarFrame
 from tral_fsm.runtime.machine import Transit
 from tral_fsm.runtime.policy import MachinePolicy
-from tral_fsm.tuning.parameters import Value, apply, find
+from tral_fsm.tuning.parameters import Value, with_value
 
 SIDES = ("left", "front", "right")
+ARRIVED = "arrived"
 _OUTCOMES = (
-    ("success", "arrived"),
+    ("success", ARRIVED),
     ("crash", "crash"),
     ("collision", "touched something"),
     ("missed_gate", "missed a gate"),
 )
 Find = Callable[[str], Policy]
 """Gives the policy of a name or path."""
+FAULTS = (Exception, SystemExit)
+"""What the code of a policy may raise, its own exit too."""
+
+
+def words_of(error: BaseException) -> str:
+    """An error in a line: the whole message of ours, the reason alone of a policy's, the place of anybody else's."""
+    if isinstance(error, PolicyError) and error.why:
+        return error.why
+    return str(error) if isinstance(error, TralError) else reason(error)
 
 
 class Lane:
     """A simulated car, alone on its course, and the policy that drives it."""
 
-    def __init__(self, env: gym.Env[Any, Any], driver: str, find: Find = find_policy) -> None:
+    def __init__(
+        self,
+        env: gym.Env[Any, Any],
+        driver: str,
+        find: Find = find_policy,
+        on_failure: Callable[[str], None] | None = None,
+    ) -> None:
         """Take an environment over, and find the driver.
 
         Args:
             env: `TralCorridor-v0`.
             driver: name or path of the policy.
             find: gives a policy by its name.
+            on_failure: is told, once, that the driver failed, in a line.
 
         Raises:
             ConfigError: no such policy, or it needs readings that the car lacks.
@@ -56,11 +73,12 @@ class Lane:
         self._silent: dict[str, int] = {}
         """Ultrasonic that was taken away -> ticks since then."""
         self.ended = ""
+        self._on_failure, self._has_failed = on_failure, False
         self.transit: Transit | None = None
         self.take_driver(driver)
 
     def take_driver(self, driver: str) -> None:
-        """Let another policy drive from now on; it begins as at the start of a drive.
+        """Let another policy drive from now on; it begins as at the start of a drive, and goes on where one failed.
 
         Raises:
             TralError: no such policy, or it cannot drive this car.
@@ -70,6 +88,8 @@ class Lane:
         policy.reset(1)
         self.driver, self.policy = driver, policy
         self.transit = None
+        if self._has_failed:
+            self._has_failed, self.ended = False, ""
         if isinstance(policy, MachinePolicy):
             policy.trace = self._note
             self.as_loaded = policy.definition
@@ -78,20 +98,19 @@ class Lane:
     def _note(self, transit: Transit) -> None:
         self.transit = transit
 
-    def retune(self, path: str, value: Value) -> None:
+    def retune(self, path: str, value: Value | None) -> None:
         """Change a number of the machine at once.
 
         Args:
             path: such as `state[follow].p`; see `tral_fsm.tuning.parameters`.
-            value: the new one.
+            value: the new one; None: null, where the definition allows it.
 
         Raises:
             ConfigError: no machine drives, it has no such number, or does not allow the value.
         """
         if not isinstance(self.policy, MachinePolicy):
             raise ConfigError(f"{self.driver} is no machine: it has no number {path}")
-        machine = self.policy.definition
-        self.policy.retune(apply(machine, find(machine, [path]), [value]))
+        self.policy.retune(with_value(self.policy.definition, path, value))
 
     def retune_all(self) -> None:
         """Give the machine back the numbers of its file."""
@@ -104,19 +123,32 @@ class Lane:
         self.policy.reset(1)
         self._action = np.zeros(2, np.float32)
         self._silent.clear()
-        self.transit, self.ended = None, ""
+        self.transit, self.ended, self._has_failed = None, "", False
 
     def tick(self) -> None:
         """Drive for one tick; a car whose drive has ended stands, and an error of its policy ends it."""
         if self.ended:
             return
         try:
-            self._tick()
+            self._action = np.asarray(self.policy.act(np.array(self._observation)), np.float32)
+        except FAULTS as error:
+            self._fail(error)
+            return
+        try:
+            self._step()
         except TralError as error:
             self.ended = f"an error: {error}"
 
-    def _tick(self) -> None:
-        self._action = np.asarray(self.policy.act(np.array(self._observation)), np.float32)
+    def _fail(self, error: BaseException) -> None:
+        """End the drive for the driver's fault, and tell that once."""
+        if self._has_failed:
+            return
+        self._has_failed = True
+        self.ended = f"driver {self.driver} failed at {self._info['time_s']:.2f} s: {words_of(error)}"
+        if self._on_failure is not None:
+            self._on_failure(self.ended)
+
+    def _step(self) -> None:
         observation, _, terminated, truncated, self._info = self.env.step(self._action.copy())
         self._observation = self._silenced(observation) if self._silent else observation
         if terminated or truncated:
@@ -157,12 +189,15 @@ class Lane:
         picture: Callable[[], NDArray[np.uint8]] = self._stills.take("onboard", width, height)
         return picture
 
+    def place(self) -> tuple[Pose, float]:
+        """True pose, and share of the route."""
+        return tuple(self._info["pose"].tolist()), float(self._info["progress"])
+
     def frame(self) -> CarFrame:
         """The car at this moment."""
         policy, info = self.policy, self._info
-        states = policy.active_states
-        pose: Pose = tuple(info["pose"].tolist())
-        side, clearance = policy.wanted_clearance[0].tolist()
+        state, (side, clearance) = self._told()
+        pose, progress = self.place()
         there = math.nan if math.isnan(side) else info.get(f"clearance_{'left' if side > 0 else 'right'}_m", math.nan)
         return CarFrame(
             name=self.driver,
@@ -171,17 +206,27 @@ class Lane:
             action=(float(self._action[0]), float(self._action[1])),
             pose=pose,
             qpos=self.world.sim.physics.qpos[0].copy(),
-            state=states[0] if states else "",
+            state=state,
             transit=self.transit,
             estimate=policy.estimates[0] if isinstance(policy, MachinePolicy) else None,
             speed_mps=float(info["speed_mps"]),
             wanted_mps=float(policy.speed_target[0]) if isinstance(policy, MachinePolicy) else math.nan,
             clearance_error_m=there - clearance,
             gates=(int(info["gates_passed"]), int(info["gates_total"])),
-            progress=float(info["progress"]),
+            progress=progress,
             silent=tuple(self._silent),
             ended=self.ended,
         )
+
+    def _told(self) -> tuple[str, tuple[float, float]]:
+        """What the driver says of itself: its state, and side and clearance that it wants."""
+        try:
+            states = self.policy.active_states
+            side, clearance = self.policy.wanted_clearance[0].tolist()
+        except FAULTS as error:
+            self._fail(error)
+            return "", (math.nan, math.nan)
+        return states[0] if states else "", (side, clearance)
 
     def close(self) -> None:
         """Free what the environment holds."""

@@ -42,6 +42,29 @@ def body_meshes(model: mujoco.MjModel) -> dict[str, trimesh.Trimesh]:
     return {name: _joined(meshes) for name, meshes in parts.items()}
 
 
+def tint(mesh: trimesh.Trimesh, colour: tuple[int, int, int], share: float) -> None:
+    """Mix a colour into those of a mesh."""
+    visual: Any = mesh.visual
+    colours = np.array(visual.vertex_colors, float)
+    colours[:, :3] += share * (linear((*colour, 255))[:3] - colours[:, :3])
+    mesh.visual = ColorVisuals(mesh, vertex_colors=np.rint(colours).astype(np.uint8))
+
+
+def standing_car() -> trimesh.Trimesh:
+    """The whole car as one mesh, with its origin on the floor below the point whose pose is told."""
+    model = car_model()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    parts = []
+    for name, mesh in body_meshes(model).items():
+        body = data.body(name)
+        place = np.eye(4)
+        place[:3, :3], place[:3, 3] = body.xmat.reshape(3, 3), body.xpos
+        mesh.apply_transform(place)
+        parts.append(mesh)
+    return _joined(parts)
+
+
 def _joined(parts: list[trimesh.Trimesh]) -> trimesh.Trimesh:
     joined: Any = trimesh.util.concatenate(parts)
     mesh: trimesh.Trimesh = joined

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import html
 import io
 import math
 import threading
@@ -16,14 +17,15 @@ import viser
 from numpy.typing import NDArray
 
 from tral_env.errors import RenderError
+from tral_fsm.live.address import address, free_port
 from tral_fsm.live.charts import Charts
 from tral_fsm.live.controls import Controls, ReplayControls
-from tral_fsm.live.drawing import Drawing
+from tral_fsm.live.drawing import Drawing, plain
 from tral_fsm.live.frame import Frame
-from tral_fsm.live.guard import address, guard
+from tral_fsm.live.guard import guard
 from tral_fsm.live.numbers import Numbers
 from tral_fsm.live.replay import Replay
-from tral_fsm.live.scene import Scene
+from tral_fsm.live.scene import GHOST, PATHS, Scene
 
 Image = NDArray[np.uint8]
 RATE_HZ = 25.0
@@ -33,6 +35,8 @@ _CHARTS_EVERY, _TEXT_EVERY = 12, 3
 _IDLE_S = 0.2
 """Without a browser the page is renewed so often, so that one that comes sees the path."""
 _VIEWS = ("behind the car", "around the car", "above the car", "free")
+_LOST_RACE = "deque mutated during iteration"
+"""The library wakes the thread that sends without a lock, and fails if that one just moved; the next frame helps."""
 _TURN = 0.12
 """Share of the car's turn by which the view from behind follows in each scene."""
 
@@ -68,9 +72,13 @@ class Page:
             token: what a browser must show; None: nothing, where only this computer can reach the page.
             drivers: names of the policies that can be chosen.
             annotate: draws into the camera's picture what is seen in it.
+
+        Raises:
+            ConfigError: this computer cannot listen there.
         """
         self._source, self._annotate = source, annotate
         warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
+        port = free_port(host, port)  # the library would wait for ever
         with contextlib.redirect_stdout(io.StringIO()):  # it greets
             self.server = viser.ViserServer(host, port, label="tral live", verbose=False)
         guard(self.server, token)
@@ -92,6 +100,7 @@ class Page:
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
         order = getattr(self._source, "order", None)
         self.status = gui.add_markdown("")
+        self.legend = gui.add_html("")
         self.view = gui.add_dropdown("view", _VIEWS)
         tabs = gui.add_tab_group()
         self.controls: Controls | ReplayControls | None = None
@@ -122,7 +131,11 @@ class Page:
     def _paint(self) -> None:
         while not self._ends.is_set():
             begun = time.monotonic()
-            self.show(self._source.frame)
+            try:
+                self.show(self._source.frame)
+            except RuntimeError as error:
+                if _LOST_RACE not in str(error):
+                    raise
             period = 1.0 / RATE_HZ if self.server.get_clients() else _IDLE_S
             self._ends.wait(max(period - (time.monotonic() - begun), 0.005))
 
@@ -142,6 +155,8 @@ class Page:
             self.scene.show(frame, self.drawing.tones)
             if self._count % _TEXT_EVERY == 0:
                 self.status.content = status(frame)
+                if self.legend.content != (told := legend(frame)):
+                    self.legend.content = told
                 self.drawing.show(first)
                 self._show_camera(frame)
             if self._count % _CHARTS_EVERY == 0:
@@ -203,8 +218,20 @@ def status(frame: Frame) -> str:
             told.append(f"{car.progress:.0%} of the way")
         if car.gates[1]:
             told.append(f"gate {car.gates[0]} of {car.gates[1]}")
-        lines.append(f"{car.name}: {', '.join(told)}{f' - **{car.ended}**' if car.ended else ''}")
+        lines.append(f"{car.name}: {', '.join(told)}{f' - **{plain(car.ended)}**' if car.ended else ''}")
     if frame.paused:
         lines.append("**paused**")
-    lines += [text for text in (frame.lateness, frame.notice) if text]
+    lines += [plain(text) for text in (frame.lateness, frame.notice) if text]
     return "\n\n".join(lines)
+
+
+def legend(frame: Frame) -> str:
+    """Whose car has which colour, as HTML; empty where there is one car alone."""
+    rows = [] if len(frame.cars) < 2 else [(PATHS[k % len(PATHS)], car.name) for k, car in enumerate(frame.cars)]
+    if frame.ghost is not None:
+        rows.append((GHOST, f"ghost: the best drive so far ({frame.ghost.name})"))
+    box = "display:inline-block;width:1em;height:1em;margin-right:.5em;vertical-align:-.1em"
+    return "".join(
+        f'<div style="padding:0 1em"><span style="{box};background:rgb{colour}"></span>{html.escape(name)}</div>'
+        for colour, name in rows
+    )

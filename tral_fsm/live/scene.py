@@ -15,12 +15,17 @@ from tral_env.course.markers import marker_image
 from tral_env.course.plan import Plan
 from tral_env.course.scene import PREFIX, Pool, place
 from tral_fsm.live import meshes
-from tral_fsm.live.frame import CarFrame, Frame
+from tral_fsm.live.frame import CarFrame, Frame, Ghost
 from tral_fsm.live.overlays import Belief, Colour, Fans, Path
 
 Array = NDArray[np.float64]
 PATHS: tuple[Colour, ...] = ((30, 90, 200), (220, 120, 0), (120, 60, 180), (0, 130, 90))
-"""Colours of the paths of cars whose drivers have no states."""
+"""Colours of cars that drive side by side, and of the path of one whose driver has no states."""
+GHOST: Colour = (120, 120, 130)
+"""Colour of the best earlier drive."""
+_TINT = 0.75
+"""Share of its own colour in a car that drives beside another one."""
+_GHOST_OPACITY = 0.4
 
 _AMBIENT = 1.6
 """Light from everywhere, so that no side of a wall is black."""
@@ -35,6 +40,7 @@ class Scene:
         self._plan: Plan | None = None
         self._course: list[Any] = []
         self._cars: list[_Car] = []
+        self._ghost = _Ghost(server.scene)
         server.scene.configure_environment_map(None)
         server.scene.configure_default_lights(True, cast_shadow=False)
         server.scene.add_light_ambient("/light", intensity=_AMBIENT)
@@ -55,12 +61,14 @@ class Scene:
             self._lay(frame.plan)
             for car in self._cars:
                 car.path.clear()
-        while len(self._cars) > len(frame.cars):
-            self._cars.pop().remove()
-        while len(self._cars) < len(frame.cars):
-            self._cars.append(_Car(self._scene, len(self._cars)))
+        if len(self._cars) != len(frame.cars):
+            while self._cars:
+                self._cars.pop().remove()
+            tinted = len(frame.cars) > 1
+            self._cars = [_Car(self._scene, k, tinted) for k in range(len(frame.cars))]
         for car, seen in zip(self._cars, frame.cars, strict=True):
             car.show(seen, frame.plan, tones)
+        self._ghost.show(frame.ghost)
 
     def _lay(self, plan: Plan | None) -> None:
         """Draw another course."""
@@ -104,14 +112,17 @@ def is_same(one: Plan | None, other: Plan | None) -> bool:
 class _Car:
     """One car of the scene, with what is drawn over the course for it."""
 
-    def __init__(self, scene: viser.SceneApi, number: int) -> None:
+    def __init__(self, scene: viser.SceneApi, number: int, tinted: bool) -> None:
+        """Add it; a tinted car and its path have the colour of its number alone."""
         self._model = meshes.car_model()
         self._data = mujoco.MjData(self._model)
         self._root = int(self._model.joint(f"{PREFIX}root").qposadr[0])
         self._handles = {}
-        self._tone = PATHS[number % len(PATHS)]
+        self._tone, self._is_tinted = PATHS[number % len(PATHS)], tinted
         self._all = scene.add_frame(f"/car_{number}", show_axes=False)
         for name, mesh in meshes.body_meshes(self._model).items():
+            if tinted:
+                meshes.tint(mesh, self._tone, _TINT)
             handle = scene.add_glb(f"/car_{number}/{name.removeprefix(PREFIX)}", meshes.glb(mesh))
             self._handles[int(self._model.body(name).id)] = handle
         self._fans = Fans(scene, f"/car_{number}/car")
@@ -132,7 +143,8 @@ class _Car:
             handle.position, handle.wxyz = data.xpos[body], data.xquat[body]
         self._fans.show(car.readings)
         if car.pose is not None:
-            self.path.show(car.pose, _rgb(tones[car.state]) if car.state in tones else self._tone)
+            has_tone = car.state in tones and not self._is_tinted
+            self.path.show(car.pose, _rgb(tones[car.state]) if has_tone else self._tone)
         self._belief.show(car, None if plan is None else tuple(plan.start.tolist()))
 
     def remove(self) -> None:
@@ -140,6 +152,36 @@ class _Car:
         self._all.remove()
         self._belief.remove()
         self.path.clear()
+
+
+class _Ghost:
+    """The pale car of the best earlier drive."""
+
+    def __init__(self, scene: viser.SceneApi) -> None:
+        self._scene = scene
+        self._handle: Any = None
+        self._shown: Ghost | None = None
+
+    def show(self, ghost: Ghost | None) -> None:
+        """Put it where it is; None: there is none."""
+        if ghost == self._shown:
+            return
+        self._shown = ghost
+        if ghost is None:
+            if self._handle is not None:
+                self._handle.visible = False
+            return
+        if self._handle is None:
+            self._handle = self._make()
+        x, y, yaw = ghost.pose
+        self._handle.visible = True
+        self._handle.position, self._handle.wxyz = (x, y, 0.0), (np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2))
+
+    def _make(self) -> Any:
+        whole = meshes.standing_car()
+        return self._scene.add_mesh_simple(
+            "/ghost", whole.vertices, whole.faces, color=GHOST, opacity=_GHOST_OPACITY, cast_shadow=False
+        )
 
 
 def _rgb(colour: str) -> Colour:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tral_env.hardware.car_file import load_car
 from tral_env.interface import check_readings
 from tral_fsm.live import require_viser
+from tral_fsm.live.address import free_port
 from tral_fsm.programs.car_drive import CarDrive
 from tral_fsm.programs.cockpit import Cockpit, check_duration
 from tral_fsm.programs.seat import CarSeat
@@ -54,6 +55,7 @@ def run(arguments: DeployArguments, cockpit: Cockpit) -> dict[str, Any]:
     how_to_arm = _how_to_arm(arguments, cockpit)
     if arguments.view:
         require_viser()
+        free_port(arguments.host, arguments.port)
     car, (policy, files) = load_car(arguments.config), _policy(arguments.policy)
     cockpit.preflight(car, arguments)
     record = cockpit.prepare(arguments.record)

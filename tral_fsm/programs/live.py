@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tral_env.errors import ConfigError
 from tral_fsm.live import require_viser
 
 
@@ -23,10 +22,10 @@ class LiveArguments:
 
 
 Tell = Callable[[str], None]
-"""Is told the address of the page."""
+"""Is told the address of the page, or what a person should know."""
 
 
-def drive(arguments: LiveArguments, course: dict[str, Any], drivers: Sequence[str], tell: Tell) -> None:
+def drive(arguments: LiveArguments, course: dict[str, Any], drivers: Sequence[str], tell: Tell, warn: Tell) -> None:
     """Let policies drive in a page, until Ctrl-C.
 
     Args:
@@ -34,6 +33,7 @@ def drive(arguments: LiveArguments, course: dict[str, Any], drivers: Sequence[st
         course: options of `tral_fsm.live.frame.Course`.
         drivers: names or paths of the policies, one for each car.
         tell: is told where the page is.
+        warn: is told of a policy that failed, in a line.
 
     Raises:
         TralError: a name is unknown, or a policy cannot drive.
@@ -42,12 +42,17 @@ def drive(arguments: LiveArguments, course: dict[str, Any], drivers: Sequence[st
     from tral_fsm.definition import packaged
     from tral_fsm.live.drive import LiveDrive
     from tral_fsm.live.frame import Course
-    from tral_fsm.live.hands import Keys, finder
+    from tral_fsm.live.hands import GAMEPAD, Finder, Keys
     from tral_fsm.policies import trained
 
     keys = Keys()
-    with contextlib.closing(LiveDrive(Course(**course), drivers, find=finder(keys), keys=keys)) as live:
-        _serve(live, arguments, tell, lambda: live.run(arguments.seconds), [*packaged.names(), *trained.names()])
+    with contextlib.ExitStack() as stack:
+        find = stack.enter_context(contextlib.closing(Finder(keys)))
+        live = stack.enter_context(
+            contextlib.closing(LiveDrive(Course(**course), drivers, find=find, keys=keys, warn=warn))
+        )
+        names = [*packaged.names(), *trained.names(), GAMEPAD]
+        _serve(live, arguments, tell, lambda: live.run(arguments.seconds), names)
 
 
 def replay(arguments: LiveArguments, path: Path, tell: Tell) -> None:
@@ -83,14 +88,11 @@ def _serve(
     source: Any, arguments: LiveArguments, tell: Tell, run: Callable[[], None], drivers: Sequence[str] = ()
 ) -> None:
     """Show a source while it runs."""
-    from tral_fsm.live.guard import LOCAL, new_token
+    from tral_fsm.live.address import LOCAL, new_token
     from tral_fsm.live.page import Page
 
     token = None if arguments.host in LOCAL else new_token()
-    try:
-        page = Page(source, host=arguments.host, port=arguments.port, token=token, drivers=drivers, annotate=_annotate)
-    except OSError as error:
-        raise ConfigError(f"--host {arguments.host}: {error.strerror or error}") from error
+    page = Page(source, host=arguments.host, port=arguments.port, token=token, drivers=drivers, annotate=_annotate)
     with contextlib.closing(page), contextlib.suppress(KeyboardInterrupt):
         tell(page.url)
         run()

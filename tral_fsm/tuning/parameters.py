@@ -203,6 +203,12 @@ def _middle(group: Sequence[Site]) -> Value:
     return sorted(values, key=float)[len(values) // 2]
 
 
+def is_optional_number(site: Site) -> bool:
+    """Whether a parameter is a number that may be null."""
+    told = get_args(_declared(site))
+    return type(None) in told and (float in told or int in told)
+
+
 def _declared(site: Site) -> Any:
     return site.spec.model_fields[site.name].annotation
 
@@ -254,7 +260,9 @@ def _choices(site: Site) -> tuple[Value, ...]:
     raise ConfigError(f"{site.path} = {site.value!r} is neither a number nor one of a few words: it cannot be searched")
 
 
-def apply(machine: MachineDefinition, parameters: Sequence[Parameter], values: Sequence[Value]) -> MachineDefinition:
+def apply(
+    machine: MachineDefinition, parameters: Sequence[Parameter], values: Sequence[Value | None]
+) -> MachineDefinition:
     """The machine with other values.
 
     Args:
@@ -279,6 +287,19 @@ def apply(machine: MachineDefinition, parameters: Sequence[Parameter], values: S
     return changed
 
 
+def with_value(machine: MachineDefinition, path: str, value: Value | None) -> MachineDefinition:
+    """The machine with another value of one parameter, which may be null before and, where it is allowed, after.
+
+    Raises:
+        ConfigError: it has no such parameter, or the definition does not allow the value.
+    """
+    known = {site.path: site for site in sites(machine)}
+    if path not in known:
+        raise ConfigError(f"no parameter of the machine is called '{path}': {nearest(path, known)}")
+    site = known[path]
+    return apply(machine, [Parameter(label=path, sites=(site,), unit=site.unit, kind="float")], [value])
+
+
 def allowed(machine: MachineDefinition, parameters: Sequence[Parameter], values: Sequence[Value]) -> bool:
     """Whether the definition allows the machine with these values."""
     try:
@@ -288,7 +309,7 @@ def allowed(machine: MachineDefinition, parameters: Sequence[Parameter], values:
     return True
 
 
-def _rebuilt(part: Any, changes: Mapping[Place, Value]) -> Any:
+def _rebuilt(part: Any, changes: Mapping[Place, Value | None]) -> Any:
     """A part of a definition with changes in it, whose places are relative to the part."""
     if () in changes:
         return changes[()]
