@@ -138,17 +138,18 @@ def lay(track: Track, row: int, plan: Plan) -> None:
     laid[points:] = laid[points - 1]
     track.last[row] = points - 1
     track.gate_pose[row], track.gate_pose[row, :gates] = np.nan, gate_pose
-    track.gate_unit[row] = _unit(track.gate_pose[row, :, 2])
+    _write_unit(track.gate_unit[row], track.gate_pose[row, :, 2])
     track.gate_width[row, :gates] = gate_width
     track.gate_s[row], track.gate_s[row, :gates] = np.inf, gate_s
     track.gates[row] = gates
     track.straights[row], track.straights[row, :straights] = _NO_STRAIGHT, plan.straights
-    track.straight_unit[row] = _unit(track.straights[row, :, 2])
+    _write_unit(track.straight_unit[row], track.straights[row, :, 2])
 
 
-def _unit(yaw: Array) -> Array:
-    """Cosine and sine, (k,) -> (k, 2)."""
-    return np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+def _write_unit(unit: Array, yaw: Array) -> None:
+    """Write cosine and sine of angles (k,) into `unit` (k, 2)."""
+    np.cos(yaw, out=unit[:, 0])
+    np.sin(yaw, out=unit[:, 1])
 
 
 def _laps(plan: Plan) -> tuple[Array, Array, Array, Array, Array]:
