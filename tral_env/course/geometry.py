@@ -54,7 +54,7 @@ def build_plan(course: Course) -> Plan:
         [(*frame.point(gate.at, gate.offset), frame.yaw + np.radians(gate.yaw_deg)) for frame, gate in gates]
     ).reshape(-1, 3)
     # Not simply segment by segment: a ring begins at the start, amid its first segment.
-    order = [0] if len(gates) == 1 else np.argsort(place_on(route, gate_pose[:, :2]), kind="stable")
+    order = [*range(len(gates))] if len(gates) < 2 else np.argsort(place_on(route, gate_pose[:, :2]), kind="stable")
     start = course.start
     plan = Plan(
         **arrays,
