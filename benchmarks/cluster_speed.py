@@ -76,7 +76,7 @@ def main(
 
 
 def show(taken: dict[str, list[dict[str, float]]], rounds: int, out: Path | None, about: dict[str, Any]) -> None:
-    """Print medians and least times, and write them."""
+    """Print medians, and write all."""
     table, results = Table(title=f"{about['drives']} drives, medians of {rounds} turns"), {}
     for heading in ("", "cluster", "processes", "ratio"):
         table.add_column(heading, justify="right" if heading else "left")
