@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from numpy.typing import NDArray
-from run_settings import RunSettings
+from run_settings import ClusterAddress, RunSettings
 
 from tral_env.config import CarConfig
 from tral_env.course.plan import BOX_KINDS, Plan
@@ -25,6 +25,7 @@ from tral_env.se2 import relative, to_inner, to_outer
 from tral_fsm import MachinePolicy, load_machine
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.choices import Camera, Randomization
+from tral_fsm.evaluation.cluster import Workers
 from tral_fsm.evaluation.episode import EpisodeRequest, Tick, outcome
 from tral_fsm.evaluation.files import prepare_folder, write_figure
 from tral_fsm.evaluation.pool import stop_check
@@ -50,6 +51,7 @@ def main(
     camera: Camera = "rendered",
     randomization: Randomization = "default",
     processes: Annotated[int, typer.Option(min=1)] = 2,
+    cluster: ClusterAddress = None,
     out: Path = Path("benchmarks/results/gates.jsonl"),
     table: Annotated[bool, typer.Option(help="Print the table of the files, and drive nothing.")] = False,
     plot: Annotated[Path | None, typer.Option(help="Draw the paths through the gates into this picture.")] = None,
@@ -62,7 +64,7 @@ def main(
             drive(
                 parse_seeds(seeds),
                 RunSettings(policy=policy, camera=camera, randomization=randomization),
-                processes,
+                cluster or processes,
                 out,
             )
         if table or plot is None:
@@ -71,7 +73,7 @@ def main(
         raise SystemExit(f"Error: {error}") from None
 
 
-def drive(seeds: range, settings: RunSettings, processes: int, out: Path) -> None:
+def drive(seeds: range, settings: RunSettings, processes: Workers, out: Path) -> None:
     """Drive the seeds that the file does not hold yet, and append each drive as it ends.
 
     Raises:

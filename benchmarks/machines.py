@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from run_settings import ClusterAddress
 
 from tral_env.course.generate import SCENARIOS
 from tral_env.errors import TralError
@@ -22,6 +23,7 @@ from tral_fsm import load_machine
 from tral_fsm.definition.machine import MachineDefinition
 from tral_fsm.evaluation.batch import BatchRunner
 from tral_fsm.evaluation.choices import Randomization, families
+from tral_fsm.evaluation.cluster import Workers
 from tral_fsm.evaluation.episode import EpisodeRequest
 from tral_fsm.evaluation.pool import stop_check
 from tral_fsm.evaluation.records import digest, drive_missing, read_lines
@@ -53,6 +55,7 @@ def main(
     randomization: Randomization = "default",
     own: Annotated[bool, typer.Option(help="Drive only the machine of each family, not `office` on all.")] = False,
     processes: Annotated[int, typer.Option(min=1)] = 2,
+    cluster: ClusterAddress = None,
     out: Path = Path("benchmarks/results/machines.jsonl"),
     table: Annotated[bool, typer.Option(help="Print the table of the files, and drive nothing.")] = False,
 ) -> None:
@@ -60,7 +63,7 @@ def main(
     try:
         if not table:
             settings = MachinesSettings(folder=folder, camera="projected", randomization=randomization)
-            drive(jobs(families(scenarios), parse_seeds(seeds), own=own), settings, processes, out)
+            drive(jobs(families(scenarios), parse_seeds(seeds), own=own), settings, cluster or processes, out)
         print(markdown(files or [out]))
     except TralError as error:
         raise SystemExit(f"Error: {error}") from None
@@ -75,7 +78,7 @@ def jobs(scenarios: Iterable[str], seeds: range, *, own: bool) -> dict[str, list
 
 
 def drive(
-    wanted: Mapping[str, Sequence[tuple[str, int]]], settings: MachinesSettings, processes: int, out: Path
+    wanted: Mapping[str, Sequence[tuple[str, int]]], settings: MachinesSettings, processes: Workers, out: Path
 ) -> None:
     """Drive what the file does not hold yet, and append each drive as it ends.
 

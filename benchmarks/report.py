@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from run_settings import RunSettings
+from run_settings import ClusterAddress, RunSettings
 
 from tral_env.course.generate import SCENARIOS
 from tral_env.errors import TralError
@@ -32,7 +32,8 @@ def main(
     policy: str = "office",
     camera: Camera = "rendered",
     randomization: Randomization = "default",
-    processes: int = 2,
+    processes: Annotated[int, typer.Option(min=1)] = 2,
+    cluster: ClusterAddress = None,
     out: Path = Path("benchmarks/results/office.jsonl"),
     table_only: Annotated[bool, typer.Option(help="Print the table of the file, and drive nothing.")] = False,
 ) -> None:
@@ -48,7 +49,7 @@ def main(
                 out=out,
                 settings=settings,
                 chunk=1,
-                processes=processes,
+                processes=cluster or processes,
                 bar=drives_bar,
             )
         print(markdown(out, settings))

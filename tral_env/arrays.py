@@ -43,11 +43,11 @@ def pick(values: Any, rows: Rows) -> Any:
     What is a number already stays one, for all cars alike.
     """
     kind = type(values)
+    if kind is np.ndarray:
+        return values if rows is ALL else values.item(0) if rows is ALONE else values[rows]
     if rows is ALL or kind is float or kind is bool:
         return values
-    if rows is ALONE:
-        return values.item(0) if isinstance(values, (np.ndarray, np.generic)) else values
-    return values[rows] if kind is np.ndarray else values
+    return values.item() if rows is ALONE and isinstance(values, np.generic) else values
 
 
 def columns(values: Any, rows: Rows) -> Any:

@@ -8,6 +8,8 @@ from tral_env.arrays import Array, Rows, is_any, pick
 
 LENGTH = 4096
 """A row keeps this many draws of each kind; when they are used up it draws as many anew."""
+_CHUNK = 512
+"""Normal numbers are drawn so many at a time, when they are needed: an episode that ends early never draws the rest."""
 
 
 class NoiseTape:
@@ -23,6 +25,8 @@ class NoiseTape:
         self._uniform = np.zeros((n, length))
         self._normal = np.zeros((n, length))
         self._cursor = np.zeros(n, np.int64)
+        self._drawn = np.zeros(n, np.int64)
+        """(n,) normal numbers drawn so far."""
         self._row = np.arange(n)
         self._rngs: list[np.random.Generator | None] = [None] * n
 
@@ -32,18 +36,37 @@ class NoiseTape:
         self._draw(row)
 
     def _draw(self, row: int) -> None:
+        """Begin new tapes; the normal numbers come from the generator after all the uniform ones."""
+        self._generator(row).random(out=self._uniform[row])
+        self._cursor[row] = self._drawn[row] = 0
+
+    def _draw_normal(self, row: int, end: int) -> None:
+        """Draw the normal numbers before `end`, which is in the tape."""
+        drawn = int(self._drawn[row])
+        if end > drawn:
+            end = min(-(-end // _CHUNK) * _CHUNK, self._normal.shape[1])
+            self._generator(row).standard_normal(out=self._normal[row, drawn:end])
+            self._drawn[row] = end
+
+    def _generator(self, row: int) -> np.random.Generator:
         rng = self._rngs[row]
         assert rng is not None, "a row is reset before it is read"
-        rng.random(out=self._uniform[row])
-        rng.standard_normal(out=self._normal[row])
-        self._cursor[row] = 0
+        return rng
+
+    def _prepare(self, row: int, k: int) -> None:
+        """Let a row have the next k numbers; with fewer than k left on its tapes it begins new ones."""
+        length = self._normal.shape[1]
+        if self._cursor[row] + k > length:
+            self._draw_normal(row, length)
+            self._draw(row)
+        self._draw_normal(row, int(self._cursor[row]) + k)
 
     def _read(self, tape: Array, rows: Rows, k: int) -> Array:
-        """The next k numbers of the rows, whose cursors move on by k; a row with fewer than k left draws new ones."""
+        """The next k numbers of the rows, whose cursors move on by k."""
         cursor, length = pick(self._cursor, rows), tape.shape[1]
-        if is_any(cursor + k > length):
-            for row in self._row[rows][cursor + k > length].tolist():
-                self._draw(row)
+        if is_any(scarce := cursor + k > pick(self._drawn, rows)):
+            for row in self._row[rows][scarce].tolist():
+                self._prepare(row, k)
             cursor = pick(self._cursor, rows)
         if type(rows) is int:
             numbers = tape[:, cursor : cursor + k]

@@ -22,9 +22,9 @@ from tral_env.arrays import (
     Rows,
     Values,
     columns,
-    is_any,
+    maximum,
+    minimum,
     number,
-    pick,
     plain,
     spread,
 )
@@ -138,17 +138,18 @@ def lay(track: Track, row: int, plan: Plan) -> None:
     laid[points:] = laid[points - 1]
     track.last[row] = points - 1
     track.gate_pose[row], track.gate_pose[row, :gates] = np.nan, gate_pose
-    track.gate_unit[row] = _unit(track.gate_pose[row, :, 2])
+    _write_unit(track.gate_unit[row], track.gate_pose[row, :, 2])
     track.gate_width[row, :gates] = gate_width
     track.gate_s[row], track.gate_s[row, :gates] = np.inf, gate_s
     track.gates[row] = gates
     track.straights[row], track.straights[row, :straights] = _NO_STRAIGHT, plan.straights
-    track.straight_unit[row] = _unit(track.straights[row, :, 2])
+    _write_unit(track.straight_unit[row], track.straights[row, :, 2])
 
 
-def _unit(yaw: Array) -> Array:
-    """Cosine and sine, (k,) -> (k, 2)."""
-    return np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+def _write_unit(unit: Array, yaw: Array) -> None:
+    """Write cosine and sine of angles (k,) into `unit` (k, 2)."""
+    np.cos(yaw, out=unit[:, 0])
+    np.sin(yaw, out=unit[:, 1])
 
 
 def _laps(plan: Plan) -> tuple[Array, Array, Array, Array, Array]:
@@ -183,14 +184,15 @@ def locate(track: Track, rows: Rows, position: Array, index: Values) -> tuple[Va
     Returns:
         (k,) arc length [m], (k,) signed distance to the route [m], left positive, (k,) segment; numbers of a car alone.
     """
-    s, lateral, segment, _ = _nearest(track, rows, position, index, _NEARBY, same_way=False)
-    far = abs(lateral) > CUT_M
-    if not is_any(far):
-        return s, lateral, segment
     if rows is ALONE:
-        s, lateral, segment = map(number, locate(track, np.zeros(1, np.int64), position, np.array([index])))
+        s, lateral, segment = _nearest_alone(track, position, index)
+        if abs(lateral) > CUT_M:
+            s, lateral, segment = map(number, locate(track, np.zeros(1, np.int64), position, np.array([index])))
         return s, lateral, segment
-    far = np.flatnonzero(far)
+    s, lateral, segment, _ = _nearest(track, rows, position, index, _NEARBY, same_way=False)
+    far = np.flatnonzero(np.abs(lateral) > CUT_M)
+    if not len(far):
+        return s, lateral, segment
     cars = np.arange(len(track.last))[rows]
     *found, square = _nearest(track, cars[far], position[far], segment[far], _FAR, same_way=True)
     across = np.sqrt(square) < _CLEARLY * np.abs(lateral[far])
@@ -200,41 +202,46 @@ def locate(track: Track, rows: Rows, position: Array, index: Values) -> tuple[Va
 
 
 def _nearest(
-    track: Track, rows: Rows, position: Array, index: Values, around: Index, *, same_way: bool
-) -> tuple[Values, Values, Values, Values]:
+    track: Track, rows: Index | slice, position: Array, index: Index, around: Index, *, same_way: bool
+) -> tuple[Array, Array, Index, Array]:
     """As `locate`, among the segments `around` the last one; and the square of the distance, (k,) m^2.
 
     With `same_way` the segments that lead elsewhere do not count, see `_SAME_WAY`.
     """
-    first, window = _window(track, rows, index, around)
-    x, y, ux, uy, s, end = window
-    px, py = columns(position, ALONE if rows is ALONE else ALL)
-    dx, dy = spread(px) - x, spread(py) - y
-    t = np.minimum(np.maximum(dx * ux + dy * uy, 0.0), end - s)
-    off_x, off_y = dx - ux * t, dy - uy * t
-    square = off_x * off_x + off_y * off_y
+    segment, window = _window(track, rows, index, around)
+    square, s, lateral = _projected(window, position[:, :1], position[:, 1:])
     if same_way:
-        here = -around[:1]
+        ux, uy, here = window[2], window[3], -around[:1]
         square = np.where(ux * ux[:, here] + uy * uy[:, here] < _SAME_WAY, np.inf, square)
-    nearest = square.argmin(axis=-1)
-    told = ux, uy, dx, dy, s, t, square
-    if rows is ALONE:
-        ux, uy, dx, dy, s, t, square = (values.item(nearest) for values in told)
-        return s + t, ux * dy - uy * dx, first + int(nearest), square
-    at = np.arange(len(position)), nearest
-    ux, uy, dx, dy, s, t, square = (values[at] for values in told)
-    return s + t, ux * dy - uy * dx, first[at], square
+    at = np.arange(len(position)), square.argmin(axis=1)
+    return s[at], lateral[at], segment[at], square[at]
 
 
-def _window(track: Track, rows: Rows, index: Values, around: Index) -> tuple[Any, Array]:
-    """The segments around the last one, (k, W), and what `Track.segments` tells of them, (6, k, W).
+def _nearest_alone(track: Track, position: Array, index: int) -> tuple[float, float, int]:
+    """As `locate` without the long look, for a car alone, segment by segment."""
+    x, y = position[ALONE].tolist()
+    first, end = max(index - ROUTE_WINDOW[0], 0), min(index + ROUTE_WINDOW[1], track.last.item(ALONE))
+    found = [_projected(segment, x, y) for segment in track.segments[ALONE, first:end].tolist()]
+    squares, places, laterals = zip(*found, strict=True)
+    nearest = squares.index(min(squares))
+    return places[nearest], laterals[nearest], first + nearest
 
-    For a car alone the number of the first segment, and (6, W): no segment is twice among them.
+
+def _projected(segment: Any, px: Any, py: Any) -> tuple[Values, Values, Values]:
+    """Square of the distance [m^2] of points from segments, and arc length and signed distance there, m.
+
+    All numbers, or all arrays; `segment` has what `Track.segments` tells of it.
     """
-    last = pick(track.last, rows) - 1
-    if rows is ALONE:
-        first = max(index + int(around[0]), 0)
-        return first, track.segments[ALONE, first : min(index + int(around[-1]), last) + 1].T
+    x, y, ux, uy, s, end = segment
+    dx, dy = px - x, py - y
+    t = minimum(maximum(dx * ux + dy * uy, 0.0), end - s)
+    off_x, off_y = dx - ux * t, dy - uy * t
+    return off_x * off_x + off_y * off_y, s + t, ux * dy - uy * dx
+
+
+def _window(track: Track, rows: Index | slice, index: Index, around: Index) -> tuple[Index, Array]:
+    """The segments around the last one, (k, W), and what `Track.segments` tells of them, (6, k, W)."""
+    last = track.last[rows] - 1
     # minimum and maximum: np.clip costs five times as much.
     segment = np.minimum(np.maximum(index[:, None] + around, 0), last[:, None])
     # Taking from a flat array costs a third of indexing by row and segment.

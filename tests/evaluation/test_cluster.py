@@ -16,6 +16,7 @@ from tral_fsm import load_machine
 from tral_fsm.evaluation.cluster import Cluster
 from tral_fsm.evaluation.comparison import drive_field, key
 from tral_fsm.evaluation.contenders import contenders
+from tral_fsm.evaluation.records import read_lines
 from tral_fsm.evaluation.suites import suite as suite_named
 from tral_fsm.tuning import Evaluator, Task
 
@@ -23,6 +24,7 @@ Client = pytest.importorskip("distributed", reason="the extra `cluster` is not i
 # Dask leaves sockets to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
 
+MACHINES = Path(__file__).parents[2] / "benchmarks" / "machines.py"
 TASK = Task(scenarios=("straight",), seeds=tuple(range(4)))
 
 
@@ -100,6 +102,20 @@ def test_a_comparison_on_a_cluster_has_the_records_of_one_process(cluster, tmp_p
         kept.append(sorted((line for line in lines if line["kind"] == "drive"), key=key))
     assert kept[0]
     assert kept[0] == kept[1]
+
+
+@pytest.mark.slow
+def test_a_benchmark_on_a_cluster_has_the_records_of_one_process(cluster, tmp_path):
+    address, _ = cluster
+    made = []
+    for who in (("--processes", "1"), ("--cluster", address)):
+        out = tmp_path / f"{who[0][2:]}.jsonl"
+        what = ("--seeds", "0:2", "--scenarios", "straight", "--own", "--out", str(out))
+        subprocess.run([sys.executable, str(MACHINES), *what, *who], check=True, capture_output=True)
+        lines = [line for line in read_lines(out) if line["kind"] == "drive"]
+        made.append(sorted(lines, key=lambda line: line["seed"]))
+    assert len(made[0]) == 2
+    assert made[0] == made[1]
 
 
 def test_a_cluster_without_workers_is_refused(tmp_path):

@@ -18,7 +18,7 @@ HIDDEN = (
     "stable_baselines3",
     "matplotlib",
     "imageio",
-    "imageio_ffmpeg",
+    "av",
     "jinja2",
     "cmaes",
     "optuna",

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import imageio_ffmpeg
 import pytest
 from courses import blind
+from films import film
 
 from tral_fsm.evaluation.contenders import Contender, contenders
 from tral_fsm.evaluation.suites import Suite
@@ -30,8 +30,7 @@ def test_the_page_has_a_video_of_a_failure(field: list[Contender], tmp_path: Pat
     made = clips(shown, TINY, field, videos=3)
     assert list(made) == [0]
     (tmp_path / "clip.mp4").write_bytes(made[0])
-    _, seconds = imageio_ffmpeg.count_frames_and_secs(tmp_path / "clip.mp4")
-    assert seconds == pytest.approx(min(shown["failures"][0]["time_s"], 4.0) + 1.0, abs=0.3)
+    assert film(tmp_path / "clip.mp4").seconds == pytest.approx(min(shown["failures"][0]["time_s"], 4.0) + 1.0, abs=0.3)
 
 
 def test_a_drive_that_ends_long_before_the_failure_gives_no_video(field: list[Contender], tmp_path: Path) -> None:

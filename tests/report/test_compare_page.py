@@ -10,9 +10,9 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
-import imageio_ffmpeg
 import numpy as np
 import pytest
+from films import film
 from lane import Cruiser, Lane
 from rich.console import Console
 
@@ -207,9 +207,9 @@ def test_a_clip_shows_the_last_seconds_and_holds_the_end(tmp_path: Path) -> None
     drive(Lane(steps=480), Cruiser(), seed=1, on_step=clip)
     assert views.taken == pytest.approx(LAST_S * FPS, abs=1)
     clip.write(tmp_path / "clip.mp4")
-    frames, seconds = imageio_ffmpeg.count_frames_and_secs(tmp_path / "clip.mp4")
-    assert frames == views.taken + FPS
-    assert seconds == pytest.approx(LAST_S + 1.0, abs=0.2)
+    made = film(tmp_path / "clip.mp4")
+    assert len(made.pictures) == views.taken + FPS
+    assert made.seconds == pytest.approx(LAST_S + 1.0, abs=0.2)
 
 
 def test_a_computer_is_told_once(html: str) -> None:

@@ -95,11 +95,13 @@ _STRETCH = 8
 def _near(plan: Plan, points: Array, radius: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Pairs of a point (R, 2) and a box no further apart than `radius`, m; indices, (k,) each."""
     filled = np.concatenate([points, points[-1:].repeat(-len(points) % _STRETCH, axis=0)]).reshape(-1, _STRETCH, 2)
-    low, high = filled.min(axis=1) - radius, filled.max(axis=1) + radius
+    # Copied: the least of eight arrays is found four times as fast as the least of each eight numbers in a row.
+    abreast = filled.transpose(1, 2, 0).copy()
+    (x0, y0), (x1, y1) = (abreast.min(axis=0) - radius)[..., None], (abreast.max(axis=0) + radius)[..., None]
     x, y = plan.box_position[:, 0], plan.box_position[:, 1]
     half_x, half_y = level_half(plan.box_size[:, 0], plan.box_size[:, 1], np.cos(plan.box_yaw), np.sin(plan.box_yaw))
     stretch, box = np.nonzero(  # of level rectangles around both
-        (low[:, :1] < x + half_x) & (high[:, :1] > x - half_x) & (low[:, 1:] < y + half_y) & (high[:, 1:] > y - half_y)
+        (x0 < x + half_x) & (x1 > x - half_x) & (y0 < y + half_y) & (y1 > y - half_y)
     )
     if not len(box):
         return stretch, box

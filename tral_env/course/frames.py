@@ -29,6 +29,10 @@ class Frame(NamedTuple):
     """The middle line starts here, m."""
     quarter: int
     """Heading in quarter turns, 0 to 3."""
+    cos: int
+    """Cosine of the heading."""
+    sin: int
+    """Sine of the heading."""
     clear_from: float
     """The plain part, away from corners and crossings, begins here, m along."""
     clear_to: float
@@ -45,13 +49,8 @@ class Frame(NamedTuple):
 
     def point(self, along: float, left: float) -> tuple[float, float]:
         """Course coordinates of a local point."""
-        x, y = rotate(_COS[self.quarter], _SIN[self.quarter], along, left)
+        x, y = rotate(self.cos, self.sin, along, left)
         return self.x + x, self.y + y
-
-    @property
-    def axes(self) -> tuple[float, float, int, int]:
-        """Start x, y and cosine, sine of the heading."""
-        return self.x, self.y, _COS[self.quarter], _SIN[self.quarter]
 
     def rect(self, along0: float, along1: float, left0: float, left1: float) -> Rect:
         """The level rectangle, in course coordinates, between two places along and two places left."""
@@ -79,6 +78,8 @@ def place_segments(course: Course) -> list[Frame]:
             x,
             y,
             quarter,
+            _COS[quarter],
+            _SIN[quarter],
             clear_from=before[0],
             clear_to=segment.length - node[0],
             reach_back=before[1],

@@ -84,4 +84,4 @@ def _start(rng: np.random.Generator, draft: Draft) -> Draft:
     first = draft["segments"][0]
     sixth = first["width"] / 6
     at = round(first["length"] / 2, 3) if draft.get("closed") else START_AT
-    return {"at": at, "offset": uniform(rng, -sixth, sixth), "heading_deg": round(float(rng.uniform(-5, 5)), 2)}
+    return {"at": at, "offset": uniform(rng, -sixth, sixth), "heading_deg": round(-5 + 10 * rng.random(), 2)}

@@ -54,7 +54,7 @@ def build_plan(course: Course) -> Plan:
         [(*frame.point(gate.at, gate.offset), frame.yaw + np.radians(gate.yaw_deg)) for frame, gate in gates]
     ).reshape(-1, 3)
     # Not simply segment by segment: a ring begins at the start, amid its first segment.
-    order = [0] if len(gates) == 1 else np.argsort(place_on(route, gate_pose[:, :2]), kind="stable")
+    order = [*range(len(gates))] if len(gates) < 2 else np.argsort(place_on(route, gate_pose[:, :2]), kind="stable")
     start = course.start
     plan = Plan(
         **arrays,
@@ -90,14 +90,13 @@ def _boxes(space: Space) -> list[Box]:
 
 
 def _box_arrays(boxes: list[Box]) -> dict[str, Any]:
-    table = np.array([box[2:] for box in boxes])
-    half_height = table[:, 5] / 2
-    return {
-        "box_kind": np.array([_KIND[box.kind] for box in boxes], np.int64),
-        "box_position": np.column_stack([table[:, :2], half_height]),
-        "box_yaw": table[:, 2],
-        "box_size": np.column_stack([table[:, 3:5], half_height]),
-    }
+    numbers = itertools.chain.from_iterable(box[2:] for box in boxes)
+    table = np.fromiter(numbers, float, 6 * len(boxes)).reshape(-1, 6)
+    position, size = np.empty((2, len(boxes), 3))
+    position[:, :2], size[:, :2] = table[:, :2], table[:, 3:5]
+    position[:, 2] = size[:, 2] = table[:, 5] / 2
+    kind = np.array([_KIND[box.kind] for box in boxes], np.int64)
+    return {"box_kind": kind, "box_position": position, "box_yaw": table[:, 2], "box_size": size}
 
 
 def _collisions(boxes: list[Box], arrays: dict[str, Any]) -> Iterator[str]:

@@ -39,6 +39,8 @@ def overlapping(position: Array, yaw: Array, half: Array, first: int = 0) -> NDA
     Returns:
         (K, 2) indices i > j, i >= first.
     """
+    if first == len(yaw):
+        return np.zeros((0, 2), np.int64)
     # The level rectangles around two boxes overlap at least as deep as the boxes do: they pick the pairs worth a test.
     x, y = level_half(half[:, 0], half[:, 1], np.cos(yaw), np.sin(yaw))
     near = np.abs(position[first:, None, 0] - position[:, 0]) < x[first:, None] + x - TOUCH / 2

@@ -6,7 +6,7 @@ In a segment the line is a chain of cubic Hermite pieces between knots (along, l
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -71,8 +71,7 @@ def plan_route(course: Course, frames: list[Frame], problems: list[str]) -> Arra
                 f"{frame.segment.length + begin - end:.3g}, for the arcs at its ends, start and goal"
             )
             continue
-        first = Knot(begin, course.start.offset, float(np.tan(np.radians(course.start.heading_deg))))
-        knots = [first if i == 0 and not course.closed else Knot(begin, 0.0)]
+        knots = [_first_knot(course, begin) if i == 0 and not course.closed else Knot(begin, 0.0)]
         knots += _knots(frame.segment, f"/segments/{i}", problems)
         # The goal line may be crossed anywhere; a corner is entered in the middle.
         hold = frame.segment.then == "end" and end - knots[-1].along < SHIFT
@@ -88,6 +87,11 @@ def plan_route(course: Course, frames: list[Frame], problems: list[str]) -> Arra
         return np.zeros((0, 2))
     points = _without_repeats(line.points())
     return _from_start(points, frames[0], course) if course.closed else points
+
+
+def _first_knot(course: Course, begin: float) -> Knot:
+    """Where the line of a course that is no ring begins: where the car starts, in its heading."""
+    return Knot(begin, course.start.offset, float(np.tan(np.radians(course.start.heading_deg))))
 
 
 def _span(course: Course, i: int) -> tuple[float, float]:
@@ -186,7 +190,7 @@ class _Line:
 
     def _add(self, count: int, frame: Frame, piece: tuple[float, ...]) -> None:
         self._counts.append(count)
-        self._pieces.append((count, *frame.axes, *piece))
+        self._pieces.append((count, frame.x, frame.y, frame.cos, frame.sin, *piece))
 
     def follow(self, frame: Frame, knots: list[Knot]) -> None:
         """Add cubic pieces from knot to knot."""
@@ -204,9 +208,9 @@ class _Line:
 
     def points(self) -> Array:
         """Points (n, 2) of all pieces, in course coordinates, m."""
-        counts = np.array(self._counts)
-        table = np.repeat(np.array(self._pieces).T, counts, axis=1)
-        count, x, y, c, s, along, left, gap, rise, slope, slope_on, turn = table
+        counts, width = np.array(self._counts), len(self._pieces[0])
+        pieces = np.fromiter(chain.from_iterable(self._pieces), float, width * len(counts)).reshape(-1, width)
+        count, x, y, c, s, along, left, gap, rise, slope, slope_on, turn = np.repeat(pieces, counts, axis=0).T
         k = np.arange(len(count)) - np.repeat(counts.cumsum() - counts, counts)
         t = k / count
         u = 1 - t
@@ -217,8 +221,9 @@ class _Line:
         along[bent] += arc[:, 0]
         left[bent] += turn[bent] * arc[:, 1]
         points = np.empty((len(count), 2))
-        points[:, 0], points[:, 1] = rotate(c, s, along, left)
-        points += np.array([x, y]).T
+        on, across = rotate(c, s, along, left)
+        np.add(on, x, out=points[:, 0])
+        np.add(across, y, out=points[:, 1])
         return points
 
 

@@ -10,13 +10,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.errors import BadFileError, ConfigError, MissingExtraError
 from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ
 from tral_env.recording.read import Recording
+from tral_env.video import VideoWriter
 
 Stats = dict[str, dict[str, Any]]
 Image = NDArray[np.uint8]
@@ -169,19 +169,12 @@ def _write_video(recording: Recording, path: Path) -> tuple[tuple[int, int], dic
     image = next(frames)
     height, width = image.shape[:2]
     # Two frames from key to key, as LeRobot has it: a frame in the middle is found fast.
-    writer: Any = imageio_ffmpeg.write_frames(
-        str(path), (width, height), fps=FPS, codec="libx264", macro_block_size=2, ffmpeg_log_level="error",
-        output_params=["-crf", "23", "-preset", "veryfast", "-g", "2"],
-    )  # fmt: skip
-    writer.send(None)
-    try:
+    with VideoWriter(path, fps=FPS, quality=23, key_every=2) as video:
         for k in range(len(recording.tick)):
-            writer.send(np.ascontiguousarray(image))
+            video.add(image)
             if k % _STATS_EVERY == 0:
                 looked.append(image[::4, ::4].reshape(-1, 3) / 255.0)
             image = next(frames, image)
-    finally:
-        writer.close()
     pixels = np.concatenate(looked)
     found = {"min": pixels.min(0), "max": pixels.max(0), "mean": pixels.mean(0), "std": pixels.std(0)}
     figures = {name: figure.reshape(3, 1, 1).tolist() for name, figure in found.items()}

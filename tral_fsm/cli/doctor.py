@@ -8,13 +8,14 @@ import re
 import subprocess
 import sys
 from dataclasses import asdict, dataclass
-from importlib import metadata, util
+from importlib import metadata
 from typing import Annotated
 
 import typer
 
-from tral_env.errors import MachineError
+from tral_env.errors import MachineError, RenderError
 from tral_env.perception import opengl
+from tral_env.video import encoder
 from tral_fsm.cli.console import MACHINE_LACKS
 from tral_fsm.definition import plugins
 
@@ -185,23 +186,11 @@ def _opengl() -> list[Finding]:
 
 
 def _encoder() -> Finding:
-    if util.find_spec("imageio_ffmpeg") is None:
-        return Finding(
-            topic="video",
-            name="encoder",
-            ok=False,
-            needed=False,
-            detail="imageio-ffmpeg is not installed",
-            remedy="pip install imageio-ffmpeg",
-        )
-    import imageio_ffmpeg
-
     try:
-        detail, ok = f"ffmpeg {imageio_ffmpeg.get_ffmpeg_version()}", True
-    except RuntimeError as error:
-        detail, ok = str(error).splitlines()[0], False
-    remedy = "" if ok else "install ffmpeg and set IMAGEIO_FFMPEG_EXE to it, or drive with --no-video"
-    return Finding(topic="video", name="encoder", ok=ok, needed=False, detail=detail, remedy=remedy)
+        detail, remedy = encoder(), ""
+    except RenderError as error:
+        detail, _, remedy = str(error).partition(": ")
+    return Finding(topic="video", name="encoder", ok=not remedy, needed=False, detail=detail, remedy=remedy)
 
 
 def _plugins() -> list[Finding]:

@@ -19,6 +19,7 @@ from typing import Any, BinaryIO
 
 from tral_env.errors import BadFileError, ConfigError
 from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.evaluation.cluster import Cluster, Workers
 from tral_fsm.evaluation.ending import ending_cleanly
 from tral_fsm.evaluation.files import locked
 from tral_fsm.evaluation.host import host
@@ -156,25 +157,37 @@ def made_with(path: Path, settings: Any, machines: Mapping[str, str] | None = No
 def collect(
     drive: Callable[..., list[Record]],
     calls: Sequence[tuple[Any, ...]],
-    processes: int,
+    workers: int | Cluster,
     out: Path,
     on_line: Callable[[], None] = lambda: None,
 ) -> None:
-    """Let processes drive, and append the lines of each call as it ends.
+    """Let workers drive, and append the lines of each call as it ends.
 
     Args:
         drive: function that returns the lines of some drives.
         calls: arguments of each call.
-        processes: number of workers.
+        workers: number of processes, or a cluster.
         out: the file.
         on_line: called after each line.
     """
-    with ProcessPool(processes) as pool, worker_losses():
+
+    def keep(lines: list[Record]) -> None:
+        for line in lines:
+            append(out, line)
+            on_line()
+
+    if isinstance(workers, Cluster):
+        workers.call_all(_called, [(drive, call) for call in calls], lambda _, lines: keep(lines))
+        return
+    with ProcessPool(workers) as pool, worker_losses():
         futures: list[Future[list[Record]]] = [pool.submit(drive, *call) for call in calls]
         for future in as_completed(futures):
-            for line in future.result():
-                append(out, line)
-                on_line()
+            keep(future.result())
+
+
+def _called(call: tuple[Callable[..., list[Record]], tuple[Any, ...]]) -> list[Record]:
+    drive, arguments = call
+    return drive(*arguments)
 
 
 def drive_missing(
@@ -186,7 +199,7 @@ def drive_missing(
     settings: Any,
     machines: Mapping[str, str] | None = None,
     chunk: int,
-    processes: int,
+    processes: Workers,
     bar: Bar,
 ) -> None:
     """Drive what a file does not hold yet, and append the lines of each chunk as it ends; a run begins with its line.
@@ -199,13 +212,14 @@ def drive_missing(
         settings: settings of all its drives, a dataclass.
         machines: digests of the machines, by name.
         chunk: largest number of jobs of a call.
-        processes: number of workers.
+        processes: number of workers, or address of a Dask scheduler whose workers drive.
         bar: shows how many drives have ended.
 
     Raises:
-        ConfigError: see `made_with` and `held`.
+        ConfigError: see `made_with`, `held` and `Cluster`.
     """
-    with held(out):
+    with held(out), contextlib.ExitStack() as stack:
+        workers = stack.enter_context(Cluster(processes)) if isinstance(processes, str) else processes
         done = {job_of(line) for line in made_with(out, settings, machines) if line["kind"] != "run"}
         calls: list[tuple[str, Sequence[Any], Any]] = []
         for family, jobs in wanted.items():
@@ -214,4 +228,4 @@ def drive_missing(
         if calls:
             begin_run(out, settings, machines)
             with ending_cleanly(), bar(sum(len(jobs) for _, jobs, _ in calls)) as count:
-                collect(drive, calls, processes, out, count)
+                collect(drive, calls, workers, out, count)

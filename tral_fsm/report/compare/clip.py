@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
-import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.errors import RenderError
 from tral_env.interface import CONTROL_RATE_HZ
+from tral_env.video import VideoWriter
 from tral_fsm.evaluation.episode import Tick
 from tral_fsm.report.drive.video import Views
 
@@ -52,23 +50,6 @@ class Clip:
         Raises:
             RenderError: there is no encoder.
         """
-        writer: Any = imageio_ffmpeg.write_frames(
-            str(path),
-            (WIDTH, HEIGHT),
-            fps=FPS,
-            codec="libx264",
-            macro_block_size=2,
-            ffmpeg_log_level="error",
-            output_params=["-crf", "30", "-preset", "veryfast", "-movflags", "+faststart"],
-        )
-        try:
-            writer.send(None)
+        with VideoWriter(path, fps=FPS, quality=30) as video:
             for frame in self._frames + self._frames[-1:] * FPS:
-                writer.send(np.ascontiguousarray(frame))
-        except (OSError, RuntimeError) as error:
-            raise RenderError(
-                f"no encoder for the videos ({error}): install ffmpeg and set IMAGEIO_FFMPEG_EXE to it, or do without: "
-                "--videos 0"
-            ) from error
-        finally:
-            writer.close()
+                video.add(frame)

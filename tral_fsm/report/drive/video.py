@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections import deque
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol
+from typing import Protocol
 
 import cv2
-import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.errors import RenderError
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, MAX_AGE_S, STEERING, THROTTLE, TURN_MARKER_IDS
+from tral_env.video import VideoWriter
 from tral_fsm.estimation.sonar import MAX_ECHO_RANGE_M
 from tral_fsm.evaluation.episode import Tick
 from tral_fsm.report.drive.state_colours import StateColours
@@ -100,22 +98,8 @@ class DriveVideo:
         self._frames = 0
         self._onboard = np.zeros((INSET_HEIGHT, INSET_WIDTH, 3), np.uint8)
         self._every = round(CONTROL_RATE_HZ / FPS)
-        self._writer: Generator[None, Any, None] = imageio_ffmpeg.write_frames(
-            str(self._part),
-            (WIDTH, HEIGHT),
-            fps=FPS,
-            codec="libx264",
-            macro_block_size=2,
-            ffmpeg_log_level="error",
-            output_params=["-crf", "24", "-preset", "superfast"],
-        )
-        try:
-            self._writer.send(None)
-        except (OSError, RuntimeError) as error:
-            raise RenderError(
-                f"no encoder for the video ({error}): install ffmpeg and set IMAGEIO_FFMPEG_EXE to it, "
-                "or do without: tral drive --no-video"
-            ) from error
+        self._writer = VideoWriter(self._part, fps=FPS, quality=24, preset="superfast")
+        self._is_broken = False
         self._thread = ThreadPoolExecutor(1, "video")
         self._pending: deque[Future[None]] = deque()
 
@@ -143,8 +127,12 @@ class DriveVideo:
             if inset is not None:
                 self._onboard = inset()
             image = compose(chase(), self._onboard, tick, colour, over)
-            for _ in range(frames):
-                self._writer.send(image)
+            try:
+                for _ in range(frames):
+                    self._writer.add(image)
+            except BaseException:
+                self._is_broken = True
+                raise
 
         self._pending.append(self._thread.submit(write))
         self._wait(MAX_PENDING)
@@ -165,12 +153,15 @@ class DriveVideo:
         finally:
             self._thread.submit(self._stills.close)
             self._thread.shutdown(cancel_futures=False)
-            whole = self._frames > 0 and inspect.getgeneratorstate(self._writer) == inspect.GEN_SUSPENDED
+            self._finish()
+
+    def _finish(self) -> None:
+        try:
             self._writer.close()
-            if whole:
+            if self._frames and not self._is_broken:
                 self._part.replace(self._path)
-            else:
-                self._part.unlink(missing_ok=True)
+        finally:
+            self._part.unlink(missing_ok=True)
 
     def __enter__(self) -> DriveVideo:
         """Return the video."""
