@@ -25,7 +25,7 @@ class Installation:
     """Whether the code of that folder runs itself, and no copy of it."""
 
     def command(self, extra: str = "", options: str = "") -> str:
-        """Clause that tells where to run which command of pip, such as ``in /home/me/tral, run: pip install -e '.[rl]'``.
+        """Clause on where to run which command of pip, such as ``in /home/me/tral, run: pip install -e '.[car]'``.
 
         Args:
             extra: the extra to add; empty: none.
