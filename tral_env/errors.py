@@ -7,6 +7,8 @@ import traceback
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from tral_env.installation import installed
+
 
 class TralError(Exception):
     """Base of every error this project raises on purpose."""
@@ -97,8 +99,7 @@ class MissingExtraError(TralError, ImportError):
     def __init__(self, package: str, extra: str, purpose: str) -> None:
         self.missing = (package, extra, purpose)
         super().__init__(
-            f"{purpose} needs the package '{package}', which is not installed: "
-            f"in the clone of the repository, run: pip install '.[{extra}]'"
+            f"{purpose} needs the package '{package}', which is not installed: {installed().command(extra)}"
         )
 
 

@@ -6,6 +6,7 @@ from importlib.metadata import entry_points
 from typing import Any, Protocol
 
 from tral_env.errors import ConfigError
+from tral_env.installation import installed
 
 GROUP = "tral_env.human"
 """Group of entry points: each is a function without arguments that gives a `HumanView`."""
@@ -35,5 +36,5 @@ def open_human_view() -> HumanView:
         return view
     raise ConfigError(
         f"render_mode='human': no installed package has an entry point of the group '{GROUP}': install this one again "
-        "(pip install .), or take render_mode='rgb_array'"
+        f"({installed().command()}), or take render_mode='rgb_array'"
     )

@@ -1,5 +1,8 @@
 """State machines that drive: what a machine file says, how a machine runs, and how it is measured and tuned."""
 
+from tral_fsm import starting as starting
+
+# isort: split
 from tral_fsm import conditions, states
 from tral_fsm.conditions import Condition
 from tral_fsm.control.command import Command

@@ -87,3 +87,9 @@ def test_a_camera_that_is_not_there_is_a_fault_of_the_hardware():
     assert find_sources(["/dev/video97"]) == ["/dev/video97"]
     with pytest.raises(HardwareError, match="no camera, or another program uses it"):
         next(read_images(["/dev/video97"]))
+
+
+def test_the_number_of_a_camera_is_told_its_device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigError, match="no pattern that fits a file; camera 0 is /dev/video0"):
+        find_sources(["0"])

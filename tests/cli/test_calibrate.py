@@ -183,12 +183,12 @@ def test_enough_views_end_the_looking(shots: Path, tmp_path: Path) -> None:
         (["--square-mm", "0.036", "."], "square_mm = 0.036: is that metres? In millimetres it is 36"),
         (["--marker-mm", "0.028", "."], "marker_mm = 0.028: is that metres? In millimetres it is 28"),
         (["--dictionary", "4X4_5", "."], "unknown dictionary '4X4_5': did you mean 'DICT_4X4_50'?"),
-        (["--square-mm", "0", "."], "Board.square = 0.0: expected a length of 0.0001 to 100"),
-        (["--marker-mm", "0", "."], "Board.marker = 0.0: expected a length of 0.0001 to 100"),
+        (["--square-mm", "0", "."], "square_mm = 0: expected a length of 1 to 100000, in mm"),
+        (["--marker-mm", "0", "."], "marker_mm = 0: expected a length of 1 to 100000, in mm"),
         (["--simulated", "a.png"], "--simulated makes its own images: leave out a.png"),
         (["none.png"], "none.png: no such file or folder"),
         (["--simulated", "--lens", "wied"], "unknown lens 'wied': did you mean 'wide'?"),
-        (["--simulated", "--square-mm", "-3"], "expected a length of 0.0001 to 100"),
+        (["--simulated", "--square-mm", "-3"], "square_mm = -3: expected a length of 1 to 100000, in mm"),
     ],
 )
 def test_bad_usage_ends_with_2(arguments: list[str], message: str, tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,7 @@ from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, example_names, example_path
 from tral_env.env import TralCorridorEnv
 from tral_env.errors import SimulationError
+from tral_env.installation import CPU_TORCH
 from tral_fsm.cli import app
 from tral_fsm.cli.courses import seeded_course
 from tral_fsm.cli.drive import command as drive_command
@@ -262,16 +264,30 @@ def one_backend(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tral_env.perception.opengl.backends", lambda: ("egl",))
 
 
+def without_torch(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No distribution of this name is found."""
+    version = metadata.version
+
+    def found(name: str) -> str:
+        if name == "torch":
+            raise metadata.PackageNotFoundError(name)
+        return version(name)
+
+    monkeypatch.setattr(metadata, "version", found)
+
+
 def test_the_doctor_finds_the_core_working_and_says_a_remedy_for_all_that_is_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    asks = ["numpy>=2.0", "no-such-package[all]>=3.2; extra == 'rl'", "ruff>=0.17; extra == 'dev'"]
+    asks = ["numpy>=2.0", "no-such-package[all]>=3.2; extra == 'rl'", "torch>=2; extra == 'rl'", "ruff; extra == 'dev'"]
+    without_torch(monkeypatch)
     monkeypatch.setattr("tral_fsm.cli.doctor.metadata.requires", {"tral-env": asks}.get)
     result = tral("doctor", "--json")
     report = json.loads(result.stdout)
     assert (result.exit_code, report["core_works"]) == (0, True)
     found = {f"{finding['topic']}: {finding['name']}": finding for finding in report["findings"]}
     assert found["extra rl: no-such-package"]["remedy"] == "pip install 'no-such-package[all]>=3.2'"
+    assert found["extra rl: torch"]["remedy"] == f"pip install 'torch>=2'; {CPU_TORCH}"
     assert found["core: numpy"]["ok"]
     assert not any("ruff" in name for name in found)
     assert found["plugin: -"]["detail"] == "no entry point of the group tral_fsm.states"

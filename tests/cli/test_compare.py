@@ -102,5 +102,5 @@ def test_a_stopped_comparison_says_how_it_goes_on(tmp_path: Path, monkeypatch: p
 
     monkeypatch.setattr(comparison, "drive_field", stop)
     got = tral("--suite", "tiny", "--policies", "random", "--out", tmp_path)
-    assert got.exit_code == 1
+    assert got.exit_code == 130
     assert "the same command goes on" in got.output

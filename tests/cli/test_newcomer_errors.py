@@ -96,3 +96,31 @@ def test_a_parameter_in_another_unit_is_told_with_its_unit(parameter: str, told:
     state = f'{{"id": 0, "type": "BasicFollowWall", "throttle": 0.2, {parameter}, "final": true}}'
     (tmp_path / "mine.json").write_text(f'{{"root": 0, "states": [{state}]}}')
     assert told in tral("fsm", "check", tmp_path / "mine.json").output
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("drive", "--scenario", "straight", "--no-video", "--out", "note.txt/runs"),
+        ("tune", "--policy", "wall", "--params", "*.p", "--budget", "12", "--out", "note.txt/runs"),
+        ("fsm", "convert", "wall", "note.txt/wall.json"),
+        ("fsm", "draw", "wall", "--out", "note.txt/wall.svg"),
+        ("courses", "--course", "ring", "--out", "note.txt/ring.png"),
+    ],
+)
+def test_a_file_where_a_folder_has_to_be_is_named(
+    arguments: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "note.txt").write_text("a file")
+    result = tral(*arguments)
+    assert "cannot be written: note.txt is a file, not a folder: choose another folder" in result.stderr
+    assert result.exit_code == 2
+
+
+@pytest.mark.parametrize("arguments", [("tune", "--policy"), ("fsm", "draw", "--out", "x.svg"), ("fsm", "check")])
+def test_a_command_for_machines_offers_no_trained_policy(arguments: tuple[str, ...]) -> None:
+    result = tral(*arguments, "student")
+    assert "'student' is no packaged machine, and no file of one (.json, " in result.output
+    assert "training" not in result.output
+    assert result.exit_code == 2

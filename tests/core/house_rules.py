@@ -21,6 +21,7 @@ PLAIN = (
     "geometry",
     "se2",
     "errors",
+    "installation",
     "checks",
     "json_text",
     "toml_text",

@@ -232,7 +232,7 @@ def test_a_bus_that_was_opened_here_is_closed_here(monkeypatch):
 
 def test_without_smbus2_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "smbus2", None)
-    with pytest.raises(MissingExtraError, match=r"pip install .\.\[car\]"):
+    with pytest.raises(MissingExtraError, match=r"pip install (-e )?'\.\[car\]"):
         Pca9685(TT01, 1)
 
 

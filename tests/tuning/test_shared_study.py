@@ -167,7 +167,7 @@ def test_a_server_that_does_not_answer_is_told_without_its_password() -> None:
 
 def test_the_missing_driver_of_postgresql_is_told_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "psycopg", None)
-    with pytest.raises(MissingExtraError, match=r"pip install '\.\[storage\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install (-e )?'\.\[storage\]'"):
         open_storage("postgresql://me@127.0.0.1/x")
 
 

@@ -219,7 +219,7 @@ def test_courses_of_the_report_must_be_new() -> None:
 
 def test_without_optuna_the_remedy_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "optuna", None)
-    with pytest.raises(MissingExtraError, match=r"pip install '\.\[tune\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install (-e )?'\.\[tune\]'"):
         search(None, settings=replace(SETTINGS, sampler="tpe"))
 
 

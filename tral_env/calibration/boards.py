@@ -240,8 +240,10 @@ def metres(millimetres: float, name: str) -> float:
     """Turn a length on paper into metres.
 
     Raises:
-        ConfigError: the length is less than a millimetre, so that it is rather one in metres.
+        ConfigError: the length is none of a board; less than a millimetre is rather one in metres.
     """
     if 0 < millimetres < 1:
         raise ConfigError(f"{name} = {millimetres:g}: is that metres? In millimetres it is {1000 * millimetres:g}")
+    if not is_number(millimetres) or not 1 <= millimetres <= 1000 * _LENGTHS[1]:
+        raise ConfigError(f"{name} = {millimetres:g}: expected a length of 1 to {1000 * _LENGTHS[1]:g}, in mm")
     return millimetres / 1000

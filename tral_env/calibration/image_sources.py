@@ -43,7 +43,8 @@ def _expand(source: str) -> list[str]:
         return found
     found = [source] if path.is_file() else sorted(glob(source))  # noqa: PTH207 (the pattern may be absolute)
     if not found:
-        raise ConfigError(f"{source}: no such file or folder, and no pattern that fits a file")
+        camera = f"; camera {source} is {DEVICE}{source}" if source.isdecimal() else ""
+        raise ConfigError(f"{source}: no such file or folder, and no pattern that fits a file{camera}")
     for name in found:
         if Path(name).suffix.lower() not in IMAGES + VIDEOS:
             raise ConfigError(f"{name}: neither image nor video. Allowed: {', '.join(IMAGES + VIDEOS)}")

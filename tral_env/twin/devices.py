@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Protocol
 
 from tral_env.errors import HardwareError
+from tral_env.installation import installed
 from tral_env.twin.bus import I2cBus, I2cMessage
 
 _MESSAGE, _ERRNO = struct.Struct("<HHH"), struct.Struct("<i")
@@ -76,7 +77,7 @@ def why_no_files() -> str:
     if not os.access("/dev/fuse", os.R_OK | os.W_OK):
         return "device files need /dev/fuse, which is not here"
     if importlib.util.find_spec("mfusepy") is None:
-        return "device files need the package 'mfusepy': pip install '.[twin]'"
+        return f"device files need the package 'mfusepy': {installed().command('twin')}"
     if not (ctypes.util.find_library("fuse3") or ctypes.util.find_library("fuse")):
         return "device files need the library libfuse3: apt-get install fuse3"
     try:

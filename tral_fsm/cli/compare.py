@@ -8,8 +8,7 @@ from typing import Annotated
 
 import typer
 
-from tral_fsm.cli.console import FAILED, refuse_both
-from tral_fsm.evaluation.ending import ToldToEnd
+from tral_fsm.cli.console import refuse_both
 from tral_fsm.programs.compare import PAGE, run, without_paths
 from tral_fsm.terminal import print_figures
 
@@ -50,11 +49,9 @@ def command(
     refuse_both(context, "processes", "cluster")
     try:
         shown = run(policies, suite, out, courses=courses, seed=seed, processes=cluster or processes, videos=videos)
-    except KeyboardInterrupt as stopped:
+    except KeyboardInterrupt:
         typer.echo(f"Stopped. The drives that have ended are in {out}; the same command goes on.", err=True)
-        if isinstance(stopped, ToldToEnd):
-            raise
-        raise typer.Exit(FAILED) from None
+        raise
     if as_json:
         typer.echo(json.dumps(without_paths(shown), indent=2, allow_nan=False))
         return

@@ -29,7 +29,7 @@ from tral_env.errors import (
     UnreadableCourseError,
 )
 from tral_fsm.definition.checks import FormatError
-from tral_fsm.evaluation.ending import ToldToEnd, ending_cleanly
+from tral_fsm.evaluation.ending import ToldToEnd, ending_cleanly, interrupted_between_imports
 
 FAILED, BAD_USAGE, MACHINE_LACKS = 1, 2, 3
 """Exit codes: an episode failed or a file is bad, the usage is bad, the computer lacks something."""
@@ -67,7 +67,7 @@ class Guarded(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run the command; at an error, a disk that takes nothing, SIGTERM or SIGHUP leave with an exit code."""
         try:
-            with ending_cleanly():
+            with interrupted_between_imports(), ending_cleanly():
                 return super().invoke(ctx)
         except ToldToEnd as ended:
             raise typer.Exit(ended.exit_code) from None

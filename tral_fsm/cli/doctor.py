@@ -14,12 +14,12 @@ from typing import Annotated
 import typer
 
 from tral_env.errors import MachineError, RenderError
+from tral_env.installation import CPU_TORCH, DISTRIBUTION, installed
 from tral_env.perception import opengl
 from tral_env.video import encoder
 from tral_fsm.cli.console import MACHINE_LACKS
 from tral_fsm.definition import plugins
 
-DISTRIBUTION = "tral-env"
 _FOR_TESTS = "dev"
 """The extra that is not examined: it brings the tools of those that change this package."""
 _REQUIREMENT = re.compile(r"(?P<name>[\w.-]+)[^;]*(;.*extra == ['\"](?P<extra>[\w-]+)['\"])?")
@@ -31,9 +31,6 @@ _NO_OPENGL = (
     "install OpenGL that needs no screen (Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri), "
     "or do without it: tral drive --camera projected --no-video"
 )
-
-_INSTALL = "in the clone of the repository: pip install ."
-_AGAIN = "in the clone of the repository: pip install --force-reinstall --no-deps ."
 
 _NO_MUJOCO = "pip install --force-reinstall 'mujoco>=4.0'"
 """An upgrade from MuJoCo 3 in place removes files that version 4 has in mujoco-core, so that it cannot be imported."""
@@ -105,13 +102,15 @@ def examine() -> list[Finding]:
 
 def _packages() -> tuple[list[Finding], list[Finding]]:
     """Whether each package is there that the installed distribution asks for: for the core, and for extras."""
-    core, extras = [_package(DISTRIBUTION, "core", _INSTALL)], list[Finding]()
+    core, extras = [_package(DISTRIBUTION, "core", installed().command())], list[Finding]()
     if not core[0].ok:
         return core, extras
     for text in metadata.requires(DISTRIBUTION) or ():
         found = _REQUIREMENT.match(text)
         assert found is not None, text
         extra, remedy = found["extra"], f"pip install '{text.partition(';')[0].strip()}'"
+        if found["name"] == "torch":
+            remedy = f"{remedy}; {CPU_TORCH}"
         if extra is None:
             core.append(_package(found["name"], "core", remedy))
         elif extra != _FOR_TESTS:
@@ -163,7 +162,7 @@ print("steps/s", 80 / (time.perf_counter() - start))
 def _physics() -> Finding:
     ok, said = _python(_DRIVE_A_SECOND, MUJOCO_GL="disable")
     detail = f"{float(said.split()[-1]):.0f} steps/s" if ok else said
-    remedy = "" if ok else _AGAIN
+    remedy = "" if ok else installed().command(options="--force-reinstall --no-deps")
     if not ok and not _python("import mujoco")[0]:
         remedy = _NO_MUJOCO
     return Finding(topic="core", name="env without OpenGL", ok=ok, needed=True, detail=detail, remedy=remedy)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from tral_env.perception import opengl
+from tral_fsm.cli.together import taking
+from tral_fsm.cli.train_options import TrainOptions
 from tral_fsm.cli.train_show import TrainBar
 from tral_fsm.evaluation.choices import families
 from tral_fsm.evaluation.files import write_figure
@@ -20,63 +22,18 @@ if TYPE_CHECKING:
 DEFAULT_MINUTES = 10.0
 
 
-def command(
-    algo: Annotated[
-        str,
-        typer.Option(
-            help="teacher: learn from a machine. ppo, sac: learn from the reward. residual: learn to correct a machine."
-        ),
-    ] = "teacher",
-    scenario: Annotated[str, typer.Option(help="Families of courses, separated by commas, or all.")] = "corners",
-    minutes: Annotated[
-        float | None, typer.Option(help="Time for the training, min; 10 if neither it nor --steps is given.")
-    ] = None,
-    steps: Annotated[int | None, typer.Option(help="Decisions of all cars together, instead of a time.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the network and of its courses.")] = 0,
-    randomization: Annotated[
-        str, typer.Option(help="How much cars and sensors differ: none, default, hard, or a file of ranges.")
-    ] = "default",
-    machine: Annotated[
-        str | None,
-        typer.Option(
-            help="Machine that teaches or is corrected: a packaged one or a file. Default: that of the family."
-        ),
-    ] = None,
-    settings: Annotated[
-        Path | None, typer.Option(dir_okay=False, help="YAML file of hyper-parameters that replace packaged ones.")
-    ] = None,
-    validation: Annotated[int, typer.Option(min=1, help="Episodes of a validation.")] = 50,
-    start: Annotated[
-        Path | None, typer.Option("--from", help="With --algo ppo: folder of a policy from which the training goes on.")
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(file_okay=False, help="Folder of the files; default: runs/ALGO_SCENARIO_SEED.")
-    ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the training in the folder.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the curve and nothing else.")] = False,
-) -> None:
+@taking(TrainOptions)
+def command(context: typer.Context, given: TrainOptions) -> None:
     """Train a policy.
 
     The command writes policy.json and policy.safetensors, the network that drove best on validation courses, and
     curve.json, curve.png and what --resume needs. `tral drive --policy FOLDER` drives it.
     """
-    from tral_fsm.learning.choices import TrainRequest
-
     opengl.require_loadable()
-    request = TrainRequest(
-        algo=algo,
-        scenarios=tuple(families(scenario)),
-        minutes=DEFAULT_MINUTES if minutes is None and steps is None else minutes,
-        steps=steps,
-        seed=seed,
-        randomization=randomization,
-        machine=machine,
-        validation=validation,
-        start=None if start is None else str(start),
-    )
-    folder = out or Path("runs") / f"{algo}_{'_'.join(request.scenarios)}_{seed}"
-    run = train(request, folder, settings, resume=resume)
-    if as_json:
+    request = _request(given)
+    folder = given.out or Path("runs") / f"{given.algo}_{'_'.join(request.scenarios)}_{given.seed}"
+    run = train(request, folder, given.settings, resume=given.resume)
+    if given.as_json:
         typer.echo(json.dumps(run.curve.points, indent=2))
     elif run.best is None:
         typer.echo(f"Stopped before the first validation: no policy in {folder}.")
@@ -86,6 +43,23 @@ def command(
             f"{run.curve.seconds / 60:.1f} min.\n"
             f"Drive it: tral drive --policy {folder} --scenario {request.scenarios[0]}"
         )
+
+
+def _request(given: TrainOptions) -> TrainRequest:
+    """What is asked for of a training."""
+    from tral_fsm.learning.choices import TrainRequest
+
+    return TrainRequest(
+        algo=given.algo,
+        scenarios=tuple(families(given.scenario)),
+        minutes=DEFAULT_MINUTES if given.minutes is None and given.steps is None else given.minutes,
+        steps=given.steps,
+        seed=given.seed,
+        randomization=given.randomization,
+        machine=given.machine,
+        validation=given.validation,
+        start=None if given.start is None else str(given.start),
+    )
 
 
 def train(request: TrainRequest, folder: Path, settings: Path | None, *, resume: bool) -> TrainingRun:

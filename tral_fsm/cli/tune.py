@@ -7,13 +7,13 @@ import json
 import os
 import shlex
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
 from tral_fsm.cli import tune_options as options
 from tral_fsm.cli.console import refuse_both
+from tral_fsm.cli.together import taking
 from tral_fsm.cli.tune_show import Bar, kept_text, print_result, show_parameters
 from tral_fsm.evaluation.choices import listed
 from tral_fsm.programs.tune import TuneArguments, check, run
@@ -24,34 +24,8 @@ if TYPE_CHECKING:
     from tral_fsm.definition.machine import MachineDefinition
 
 
-def command(
-    context: typer.Context,
-    policy: options.Policy = "wall",
-    scenario: options.Scenarios = "straight",
-    course: options.Course = None,
-    params: options.Params = None,
-    list_params: options.ListParams = False,
-    tie: options.Tie = False,
-    budget: options.Budget = 3000,
-    seeds: options.Seeds = "0:8",
-    report_seeds: options.ReportSeeds = "500:600",
-    randomization: options.Randomized = "default",
-    camera: options.Cameras = "projected",
-    objective: options.Pooled = "mean",
-    objectives: options.Objectives = "",
-    sampler: options.Samplers = "cmaes",
-    population: options.Population = None,
-    seed: options.SamplerSeed = 0,
-    processes: options.Processes = None,
-    cluster: options.ClusterAddress = None,
-    storage: options.Storage = None,
-    out: options.Out = Path("runs/tune"),
-    resume: options.Resume = False,
-    save_as: options.SaveAs = None,
-    grid: options.Grid = 9,
-    classical: options.Classical = False,
-    as_json: options.AsJson = False,
-) -> None:
+@taking(options.TuneOptions)
+def command(context: typer.Context, given: options.TuneOptions) -> None:
     """Search parameters of a machine, and check the result on courses that the search has not seen.
 
     The command writes machine.json, tune.json, report.html and study.jsonl into the folder. Ctrl-C keeps the results
@@ -59,39 +33,45 @@ def command(
     """
     from tral_fsm.cli.tune_classical import show_classical
     from tral_fsm.formats.library import load as load_machine
-    from tral_fsm.tuning import Objective
 
     refuse_both(context, "scenario", "course")
     refuse_both(context, "processes", "cluster")
-    machine = load_machine(policy)
-    if classical:
-        show_classical(machine, as_json=as_json)
+    machine = load_machine(given.policy)
+    if given.classical:
+        show_classical(machine, as_json=given.as_json)
         return
-    if list_params:
-        show_parameters(machine, as_json=as_json)
+    if given.list_params:
+        show_parameters(machine, as_json=given.as_json)
         return
-    arguments = TuneArguments(
-        policy=policy,
-        params=_chosen(machine, params),
-        tie=tie,
-        task=options.task_of(scenario, course, seeds, randomization, camera),
-        objective=Objective(pooling=objective),
-        settings=options.settings_of(budget, sampler, objectives, population, report_seeds, seed),
-        processes=cluster or processes or os.cpu_count() or 1,
-        storage=storage,
-        out=out,
-        resume=resume,
-        save_as=save_as,
-        grid=grid,
-        origin=_origin(),
-    )
+    arguments = _arguments(given, machine)
     check(arguments, machine)
     with _shown(arguments) as bar:
         tuned, report = run(arguments, machine, bar)
-    if as_json:
+    if given.as_json:
         typer.echo(json.dumps(report, indent=2))
     else:
-        print_result(tuned, out)
+        print_result(tuned, given.out)
+
+
+def _arguments(given: options.TuneOptions, machine: MachineDefinition) -> TuneArguments:
+    """What the program `tune` is to do."""
+    from tral_fsm.tuning import Objective
+
+    return TuneArguments(
+        policy=given.policy,
+        params=_chosen(machine, given.params),
+        tie=given.tie,
+        task=options.task_of(given),
+        objective=Objective(pooling=given.objective),
+        settings=options.settings_of(given),
+        processes=given.cluster or given.processes or os.cpu_count() or 1,
+        storage=given.storage,
+        out=given.out,
+        resume=given.resume,
+        save_as=given.save_as,
+        grid=given.grid,
+        origin=_origin(),
+    )
 
 
 def _chosen(machine: MachineDefinition, params: str | None) -> list[str]:

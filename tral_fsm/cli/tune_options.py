@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -79,7 +80,38 @@ Classical = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else; the files are written too.")]
 
 
-def task_of(scenario: str, course: str | None, seeds: str, randomization: Randomization, camera: Camera) -> Task:
+@dataclass(frozen=True, kw_only=True)
+class TuneOptions:
+    """What stands on the command line of `tral tune`, in the order of its help."""
+
+    policy: Policy = "wall"
+    scenario: Scenarios = "straight"
+    course: Course = None
+    params: Params = None
+    list_params: ListParams = False
+    tie: Tie = False
+    budget: Budget = 3000
+    seeds: Seeds = "0:8"
+    report_seeds: ReportSeeds = "500:600"
+    randomization: Randomized = "default"
+    camera: Cameras = "projected"
+    objective: Pooled = "mean"
+    objectives: Objectives = ""
+    sampler: Samplers = "cmaes"
+    population: Population = None
+    seed: SamplerSeed = 0
+    processes: Processes = None
+    cluster: ClusterAddress = None
+    storage: Storage = None
+    out: Out = Path("runs/tune")
+    resume: Resume = False
+    save_as: SaveAs = None
+    grid: Grid = 9
+    classical: Classical = False
+    as_json: AsJson = False
+
+
+def task_of(given: TuneOptions) -> Task:
     """The drives of each candidate.
 
     Raises:
@@ -90,21 +122,19 @@ def task_of(scenario: str, course: str | None, seeds: str, randomization: Random
     from tral_fsm.evaluation.suites import require_no_test_seeds
     from tral_fsm.tuning import Task
 
-    parsed = tuple(parse_seeds(seeds))
-    if course is None:
+    parsed = tuple(parse_seeds(given.seeds))
+    if given.course is None:
         require_no_test_seeds(parsed, "--seeds")
     return Task(
-        scenarios=(Path(course).stem,) if course is not None else tuple(families(scenario)),
+        scenarios=(Path(given.course).stem,) if given.course is not None else tuple(families(given.scenario)),
         seeds=parsed,
-        randomization=randomization,
-        camera=camera,
-        course=as_course(course),
+        randomization=given.randomization,
+        camera=given.camera,
+        course=as_course(given.course),
     )
 
 
-def settings_of(
-    budget: int, sampler: Sampler, objectives: str, population: int | None, report_seeds: str, seed: int
-) -> Settings:
+def settings_of(given: TuneOptions) -> Settings:
     """The settings of the search.
 
     Raises:
@@ -113,10 +143,10 @@ def settings_of(
     from tral_fsm.tuning import Settings
 
     return Settings(
-        budget=budget,
-        sampler=sampler,
-        objectives=tuple(listed(objectives)),
-        population=population,
-        report_seeds=() if report_seeds == "none" else tuple(parse_seeds(report_seeds, "--report-seeds")),
-        seed=seed,
+        budget=given.budget,
+        sampler=given.sampler,
+        objectives=tuple(listed(given.objectives)),
+        population=given.population,
+        report_seeds=() if given.report_seeds == "none" else tuple(parse_seeds(given.report_seeds, "--report-seeds")),
+        seed=given.seed,
     )

@@ -38,7 +38,15 @@ def prepare_folder(folder: Path, got: str | None = None) -> None:
             pass
     except OSError as error:
         shown = got or f"--out {folder}"
-        raise ConfigError(f"{shown}: cannot be written: {error.strerror}: choose another folder") from error
+        raise ConfigError(f"{shown}: cannot be written: {_why_not(folder, error)}: choose another folder") from error
+
+
+def _why_not(folder: Path, error: OSError) -> str | None:
+    """Why a folder cannot be made; where a file is in the way the system says that the file exists, or is no folder."""
+    for place in (folder, *folder.parents):
+        if place.is_file():
+            return f"{place} is a file, not a folder"
+    return error.strerror
 
 
 @contextlib.contextmanager

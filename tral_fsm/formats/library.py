@@ -28,7 +28,7 @@ def load(name_or_path: str | Path, other_names: Sequence[str] = ()) -> MachineDe
     Args:
         name_or_path: name of a packaged machine, or path of a file in any readable format: TRAL JSON, a UMLet
             diagram (.uxf) or its xml2json form, SCXML. The content decides, else the suffix.
-        other_names: what else the caller knows by name, for the error.
+        other_names: trained policies that the caller knows by name, for the error; empty: it takes machines alone.
 
     Returns:
         The checked definition.
@@ -54,10 +54,11 @@ def load_with_notes(
     path = Path(name_or_path)
     if path.suffix.lower() not in SUFFIXES and not _may_be_read(path):
         kinds = ", ".join(SUFFIXES)
-        raise MachineError(
-            f"{name[:80]!r} is no packaged machine, no file ({kinds}), and no folder with the policy.json of a "
-            f"training: {nearest(name, [*names(), *other_names])}"
-        )
+        if other_names:
+            what = f"no packaged machine, no file ({kinds}), and no folder with the policy.json of a training"
+        else:
+            what = f"no packaged machine, and no file of one ({kinds})"
+        raise MachineError(f"{name[:80]!r} is {what}: {nearest(name, [*names(), *other_names])}")
     definition, places, notes = read_file(path)
     problems = check(definition, by_name)
     if problems:
