@@ -184,11 +184,8 @@ def locate(track: Track, rows: Rows, position: Array, index: Values) -> tuple[Va
     Returns:
         (k,) arc length [m], (k,) signed distance to the route [m], left positive, (k,) segment; numbers of a car alone.
     """
-    if rows is ALONE:
-        s, lateral, segment = _nearest_alone(track, position, index)
-        if abs(lateral) > CUT_M:
-            s, lateral, segment = map(number, locate(track, np.zeros(1, np.int64), position, np.array([index])))
-        return s, lateral, segment
+    if isinstance(rows, int):
+        return _locate_alone(track, position, index)
     s, lateral, segment, _ = _nearest(track, rows, position, index, _NEARBY, same_way=False)
     far = np.flatnonzero(np.abs(lateral) > CUT_M)
     if not len(far):
@@ -198,6 +195,15 @@ def locate(track: Track, rows: Rows, position: Array, index: Values) -> tuple[Va
     across = np.sqrt(square) < _CLEARLY * np.abs(lateral[far])
     for values, there in zip((s, lateral, segment), found, strict=True):
         values[far[across]] = there[across]
+    return s, lateral, segment
+
+
+def _locate_alone(track: Track, position: Array, index: int) -> tuple[float, float, int]:
+    """As `locate`, for a car alone; only far from the route it looks as the others do."""
+    found = _nearest_alone(track, position, index)
+    if abs(found[1]) <= CUT_M:
+        return found
+    s, lateral, segment = map(number, locate(track, np.zeros(1, np.int64), position, np.array([index])))
     return s, lateral, segment
 
 
