@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import sysconfig
+import time
 from pathlib import Path
 
 import pytest
@@ -22,8 +23,9 @@ def interrupted_after(module: str, *arguments: object) -> tuple[int, list[str]]:
     environment = {**os.environ, "PYTHONPROFILEIMPORTTIME": "1"}
     command = [PROGRAM, *map(str, arguments)]
     said = []
+    # A narrow pipe: the program waits for the test, and cannot end before the signal comes.
     with subprocess.Popen(
-        command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, pipesize=4096, text=True
     ) as run:
         assert run.stderr is not None
         for line in run.stderr:
@@ -52,7 +54,9 @@ def import_then_wait() -> None:
     import interrupts_itself
 
     assert interrupts_itself.is_whole
-    signal.pause()
+    end_s = time.monotonic() + 60.0
+    while time.monotonic() < end_s:  # one long wait, as of signal.pause, could begin just after the signal
+        time.sleep(0.001)
 
 
 def test_an_interrupt_amid_an_import_comes_when_the_import_is_done(
@@ -68,7 +72,8 @@ def test_an_interrupt_amid_an_import_comes_when_the_import_is_done(
 
 def test_an_import_that_never_ends_is_interrupted_in_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "hangs.py").write_text(
-        "import os, signal\nos.kill(os.getpid(), signal.SIGINT)\nwhile True: signal.pause()\n"
+        "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\n"
+        "end_s = time.monotonic() + 60.0\nwhile time.monotonic() < end_s: time.sleep(0.001)\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(KeyboardInterrupt), interrupted_between_imports():

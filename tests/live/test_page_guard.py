@@ -96,7 +96,7 @@ def test_without_it_a_browser_gets_nothing_and_is_heard_by_nobody(page: Page) ->
 
 def test_a_page_of_another_site_is_refused(page: Page) -> None:
     with pytest.raises(ConnectionClosed), Browser(page.url, Origin="https://elsewhere.org") as browser:
-        browser.take(2.0)
+        browser.until(lambda: False)
     assert page.server.get_clients() == {}
 
 
