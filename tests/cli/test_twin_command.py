@@ -41,7 +41,7 @@ def up() -> Iterator[list[str]]:
             break
     yield lines
     assert tral("down", "--name", NAME).exit_code == 0
-    assert program.wait(20.0) == 0
+    assert program.wait(60.0) == 0
     program.stdout.close()
     assert not os.path.lexists(f"/dev/i2c-{BUS}")
     assert NAME not in Path("/proc/mounts").read_text()
