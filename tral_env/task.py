@@ -184,19 +184,20 @@ def locate(track: Track, rows: Rows, position: Array, index: Values) -> tuple[Va
     Returns:
         (k,) arc length [m], (k,) signed distance to the route [m], left positive, (k,) segment; numbers of a car alone.
     """
-    if rows is ALONE:
-        s, lateral, segment = _nearest_alone(track, position, index)
-        if abs(lateral) > CUT_M:
-            s, lateral, segment = map(number, locate(track, np.zeros(1, np.int64), position, np.array([index])))
+    if isinstance(rows, int):
+        found = _nearest_alone(track, position, index)
+        if abs(found[1]) <= CUT_M:
+            return found
+        s, lateral, segment = map(number, locate(track, np.zeros(1, np.int64), position, np.array([index])))
         return s, lateral, segment
     s, lateral, segment, _ = _nearest(track, rows, position, index, _NEARBY, same_way=False)
     far = np.flatnonzero(np.abs(lateral) > CUT_M)
     if not len(far):
         return s, lateral, segment
     cars = np.arange(len(track.last))[rows]
-    *found, square = _nearest(track, cars[far], position[far], segment[far], _FAR, same_way=True)
+    *places, square = _nearest(track, cars[far], position[far], segment[far], _FAR, same_way=True)
     across = np.sqrt(square) < _CLEARLY * np.abs(lateral[far])
-    for values, there in zip((s, lateral, segment), found, strict=True):
+    for values, there in zip((s, lateral, segment), places, strict=True):
         values[far[across]] = there[across]
     return s, lateral, segment
 
