@@ -135,3 +135,12 @@ def test_the_bar_of_a_search_keeps_to_80_columns_and_its_times_are_whole(
     assert shown.count("6000/6000 drives") == len(StageName)
     assert "…" not in shown
     assert widest(shown) <= 80
+
+
+@pytest.mark.parametrize("command", [["live"], ["deploy"], ["fsm", "check"], ["twin", "up"]])
+def test_the_lines_of_a_help_are_as_long_as_the_terminal_allows(command: list[str]) -> None:
+    said = CliRunner().invoke(app, [*command, "--help"], env=NARROW).output
+    words = [line.strip() for line in said.partition("╭")[0].splitlines()]
+    for line, following in zip(words, words[1:], strict=False):
+        if line and following:
+            assert len(f" {line} {following.split()[0]} ") > 80 - 2

@@ -235,7 +235,7 @@ TELLS = {
     [
         (ACTS | {"how": "raise RuntimeError('no idea')"}, "RuntimeError: no idea (own.py, line 6)"),
         (ACTS | {"how": "raise SystemExit(3)"}, "SystemExit: 3"),
-        (ACTS | {"how": "return 'left'"}, "answered 'left'"),
+        (ACTS | {"how": "return 'left'"}, ": answered 'left': expected two"),
         (TELLS | {"how": "raise KeyError('x')"}, "KeyError: 'x' (own.py, line 7)"),
     ],
 )
@@ -257,6 +257,34 @@ def test_a_driver_that_fails_pauses_the_drive_and_another_one_goes_on(
     turns(live, 3)
     assert live.frame.cars[0].ended == ""
     assert live.lanes[0].frame().time_s == pytest.approx(failed_s + 3 * CONTROL_PERIOD_S)
+    live.close()
+
+
+REFUSING = """
+class Refusing:
+    resets = 0
+    def reset(self):
+        self.resets += 1
+        if self.resets > 2:  # as it takes the car over, and at the start
+            raise RuntimeError("not again")
+    def act(self, observation):
+        return (0.0, 0.3)
+"""
+
+
+def test_a_driver_that_fails_as_the_drive_begins_anew_pauses_it_at_the_start(tmp_path: Path) -> None:
+    own, told = tmp_path / "own.py", []
+    own.write_text(REFUSING)
+    live = LiveDrive(COURSE, [f"{own}:Refusing"], clock=Hand().clock, warn=told.append)
+    turns(live, 10)
+    live.order(lambda drive: drive.restart())
+    turns(live, 3)
+    assert told == [f"driver {own}:Refusing failed at 0.00 s: RuntimeError: not again (own.py, line 7)"]
+    assert (live.frame.paused, live.frame.episode, live.frame.cars[0].time_s) == (True, 2, 0.0)
+    live.order(lambda drive: drive.lanes[0].take_driver("corners"))
+    live.order(lambda drive: drive.pause(False))
+    turns(live, 3)
+    assert live.lanes[0].frame().time_s == pytest.approx(3 * CONTROL_PERIOD_S)
     live.close()
 
 

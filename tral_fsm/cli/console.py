@@ -6,6 +6,7 @@ import codecs
 import errno
 import io
 import sys
+from inspect import cleandoc
 from typing import Any
 
 import typer
@@ -56,6 +57,10 @@ def takes(option: str) -> type[TyperCommand]:
 class Guarded(TyperGroup):
     """A group of commands that prints an error of the project as a line on stderr, without a traceback."""
 
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        _flow(self)
+
     def main(self, *args: Any, **kwargs: Any) -> Any:
         """Run the program; what the encoding of the console lacks is shown by other characters."""
         codecs.register_error(_OTHER_CHARACTERS, _other_characters)
@@ -78,6 +83,17 @@ class Guarded(TyperGroup):
                 raise
             told = f"{error.filename or 'a file'}: cannot be written: {error.strerror}: {_DISK[error.errno]}"
             raise _told(told, BAD_USAGE) from None
+
+
+def _flow(command: Any) -> None:
+    """Let the paragraphs of the help of a command, and of those within it, be as wide as the terminal, not as the code.
+
+    Typer breaks all but the first paragraph where the docstring does.
+    """
+    if command.help is not None:
+        command.help = "\n\n".join(" ".join(part.split()) for part in cleandoc(command.help).split("\n\n"))
+    for each in getattr(command, "commands", {}).values():
+        _flow(each)
 
 
 def _told(text: str, code: int) -> typer.Exit:

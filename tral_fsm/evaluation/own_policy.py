@@ -89,9 +89,10 @@ class OwnPolicy:
         if command.shape == (1, 2):
             command = command[0]
         if command.shape != (2,) or not np.isfinite(command).all():
-            raise PolicyError(
-                f"policy {self._name} answered {_short(answer)} {when}: expected two finite numbers: steering, throttle"
-            )
+            expected = "expected two finite numbers: steering, throttle"
+            failed = PolicyError(f"policy {self._name} answered {_short(answer)} {when}: {expected}")
+            failed.why = f"answered {_short(answer)}: {expected}"
+            raise failed
         return command
 
     def _answer(self, observation: NDArray[np.floating]) -> Any:

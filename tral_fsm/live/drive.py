@@ -115,7 +115,7 @@ class LiveDrive:
     def restart(self) -> None:
         """Put all cars at the start of the course."""
         for lane in self.lanes:
-            lane.start(self.course.seed)
+            lane.restart(self.course.seed)
         self._begin()
 
     def _begin(self) -> None:

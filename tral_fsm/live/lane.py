@@ -119,8 +119,19 @@ class Lane:
 
     def start(self, seed: int) -> None:
         """Begin a new episode; what was taken away is back."""
-        self._observation, self._info = self.env.reset(seed=seed)
+        self._put_at_start(seed)
         self.policy.reset(1)
+
+    def restart(self, seed: int) -> None:
+        """As `start`, but a driver that fails there ends its drive, as one that fails in a tick."""
+        self._put_at_start(seed)
+        try:
+            self.policy.reset(1)
+        except FAULTS as error:
+            self._fail(error)
+
+    def _put_at_start(self, seed: int) -> None:
+        self._observation, self._info = self.env.reset(seed=seed)
         self._action = np.zeros(2, np.float32)
         self._silent.clear()
         self.transit, self.ended, self._has_failed = None, "", False
