@@ -295,6 +295,21 @@ def test_the_doctor_finds_the_core_working_and_says_a_remedy_for_all_that_is_not
     assert all(finding["ok"] != bool(finding["remedy"]) for finding in report["findings"])
 
 
+@pytest.mark.usefixtures("one_backend")
+def test_the_doctor_tells_why_there_is_no_encoder_and_apart_from_it_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Unloadable:
+        def find_spec(self, name: str, path: object = None, target: object = None) -> None:
+            if name == "av":
+                raise ImportError("libx264.so: cannot open shared object file: No such file")
+
+    monkeypatch.delitem(sys.modules, "av", raising=False)
+    monkeypatch.setattr(sys, "meta_path", [Unloadable(), *sys.meta_path])
+    findings = json.loads(tral("doctor", "--json").stdout)["findings"]
+    found = next(each for each in findings if each["name"] == "encoder")
+    assert found["detail"] == "no encoder for videos (libx264.so: cannot open shared object file: No such file)"
+    assert found["remedy"].startswith("pip install --force-reinstall av")
+
+
 OWN = """
 class Own:
     active_states = ["rolling"]

@@ -1,10 +1,10 @@
 """Tables on a terminal of 80 columns: nothing is wider, and no name or figure is lost."""
 
 import io
-import itertools
 import os
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -142,6 +142,6 @@ def test_the_bar_of_a_search_keeps_to_80_columns_and_its_times_are_whole(
 def test_the_lines_of_a_help_are_as_long_as_the_terminal_allows(command: list[str]) -> None:
     said = CliRunner().invoke(app, [*command, "--help"], env=NARROW).output
     words = [line.strip() for line in said.partition("╭")[0].splitlines()]
-    for line, following in itertools.pairwise(words):
+    for line, following in pairwise(words):
         if line and following:
             assert len(f" {line} {following.split()[0]} ") > 80 - 2

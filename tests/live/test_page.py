@@ -48,7 +48,7 @@ def browser(shown: Shown) -> Iterator[Browser]:
     shown.live.order(lambda drive: drive.pause(False))
     done = threading.Event()
     shown.live.order(lambda drive: done.set())
-    done.wait(60.0)
+    assert done.wait(60.0)
     with Browser(shown.page.url) as browser:
         yield browser
         browser.take(0.2)

@@ -188,7 +188,8 @@ def _encoder() -> Finding:
     try:
         detail, remedy = encoder(), ""
     except RenderError as error:
-        detail, _, remedy = str(error).partition(": ")
+        told, _, remedy = str(error).rpartition("): ")  # what the loader says of a library may hold colons too
+        detail = f"{told})"
     return Finding(topic="video", name="encoder", ok=not remedy, needed=False, detail=detail, remedy=remedy)
 
 
