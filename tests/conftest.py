@@ -1,5 +1,6 @@
 """What all tests share."""
 
+import signal
 import subprocess
 import sys
 
@@ -9,6 +10,10 @@ from hypothesis import settings
 # A busy machine is no failure. The rest stays as Hypothesis chose it: its own profile where the variable CI is set.
 settings.register_profile("tral", settings(), deadline=None)
 settings.load_profile("tral")
+
+# A run in the background ignores Ctrl-C, and so would every program that a test starts and interrupts.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

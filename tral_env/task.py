@@ -191,9 +191,9 @@ def locate(track: Track, rows: Rows, position: Array, index: Values) -> tuple[Va
     if not len(far):
         return s, lateral, segment
     cars = np.arange(len(track.last))[rows]
-    *found, square = _nearest(track, cars[far], position[far], segment[far], _FAR, same_way=True)
+    *places, square = _nearest(track, cars[far], position[far], segment[far], _FAR, same_way=True)
     across = np.sqrt(square) < _CLEARLY * np.abs(lateral[far])
-    for values, there in zip((s, lateral, segment), found, strict=True):
+    for values, there in zip((s, lateral, segment), places, strict=True):
         values[far[across]] = there[across]
     return s, lateral, segment
 

@@ -9,7 +9,7 @@ from films import film
 from lane import Cruiser, Lane
 
 from tral_env.interface import MAX_AGE_S
-from tral_env.video import VideoWriter
+from tral_env.recording.video import VideoWriter
 from tral_fsm.draw.panels import TONES
 from tral_fsm.evaluation.episode import Tick
 from tral_fsm.evaluation.rollout import drive

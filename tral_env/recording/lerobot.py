@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tral_env.errors import BadFileError, ConfigError, MissingExtraError
 from tral_env.interface import CONTROL_PERIOD_S, CONTROL_RATE_HZ
 from tral_env.recording.read import Recording
-from tral_env.video import VideoWriter
+from tral_env.recording.video import VideoWriter
 
 Stats = dict[str, dict[str, Any]]
 Image = NDArray[np.uint8]

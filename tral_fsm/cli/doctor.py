@@ -16,7 +16,7 @@ import typer
 from tral_env.errors import MachineError, RenderError
 from tral_env.installation import CPU_TORCH, DISTRIBUTION, installed
 from tral_env.perception import opengl
-from tral_env.video import encoder
+from tral_env.recording.video import encoder
 from tral_fsm.cli.console import MACHINE_LACKS
 from tral_fsm.definition import plugins
 

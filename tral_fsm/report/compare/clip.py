@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.interface import CONTROL_RATE_HZ
-from tral_env.video import VideoWriter
+from tral_env.recording.video import VideoWriter
 from tral_fsm.evaluation.episode import Tick
 from tral_fsm.report.drive.video import Views
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.interface import CONTROL_RATE_HZ, CORE_LAYOUT, MAX_AGE_S, STEERING, THROTTLE, TURN_MARKER_IDS
-from tral_env.video import VideoWriter
+from tral_env.recording.video import VideoWriter
 from tral_fsm.estimation.sonar import MAX_ECHO_RANGE_M
 from tral_fsm.evaluation.episode import Tick
 from tral_fsm.report.drive.state_colours import StateColours

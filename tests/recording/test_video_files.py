@@ -10,7 +10,7 @@ import pytest
 from films import film
 
 from tral_env.errors import RenderError
-from tral_env.video import VideoWriter, encoder
+from tral_env.recording.video import VideoWriter, encoder
 
 
 def picture(level: int, height: int = 48, width: int = 64) -> np.ndarray:
