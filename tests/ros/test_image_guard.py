@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 
 import numpy as np
@@ -82,26 +83,40 @@ def test_the_next_arming_begins_anew(watched: Watched) -> None:
     assert watched.drive(2.0, 0.5) == ""
 
 
-def test_the_node_stops_the_car_once_and_watches_again_after_the_next_arming() -> None:
+def test_the_node_stops_the_car_until_it_is_told_so_and_watches_again_after_the_next_arming(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     probe = Node("probe")
     armed = probe.publisher(topics.ARMED, Bool, LATCHED)
     joints = probe.publisher(topics.JOINTS, JointState, STATE)
-    orders = probe.subscription(topics.ARM, Bool, STATE)
     node = CameraNode(lambda: pytest.fail("no camera"), CameraNodeOptions(faults=FaultLimits(image_s=0.05)))
-    until(lambda: armed.listeners and joints.listeners and orders.publishers)
+    orders: list[bool] = []
+    monkeypatch.setattr(node._arm, "publish", lambda order: orders.append(order.data))
+    until(lambda: armed.listeners and joints.listeners)
     try:
         for _ in range(2):
+            orders.clear()
             armed.publish(Bool(True))
             joints.publish(JointState(name=[topics.HALL_WHEEL], position=[1.0], velocity=[20.0]))
-            (order,) = until(lambda: after(lambda: see_the_same(node), orders.take))
-            assert order.data is False
+            until(lambda: after(lambda: see_the_same(node), lambda: len(orders) > 1))
+            assert not any(orders)
             armed.publish(Bool(False))
             until(lambda: after(node.judge, lambda: not node._armed))
+            orders.clear()
             see_the_same(node)
-            assert orders.take() == []
+            assert orders == []
     finally:
         node.node.close()
         probe.close()
+
+
+def test_a_guard_that_fails_ends_the_node(monkeypatch: pytest.MonkeyPatch) -> None:
+    node, ended = CameraNode(lambda: pytest.fail("no camera")), threading.Event()
+    monkeypatch.setattr(node, "judge", lambda: 1 / 0)
+    monkeypatch.setattr(node, "_watch", lambda ended: ended.wait(60.0))
+    with pytest.raises(ZeroDivisionError):
+        node.run(ended)
+    assert ended.is_set()
 
 
 def test_a_car_whose_speed_nobody_tells_any_more_counts_as_standing() -> None:

@@ -52,6 +52,29 @@ def test_an_older_message_does_not_replace_a_newer_one() -> None:
     assert heard.readings(NOW_NS)["ultrasonic_left"] == 1.0
 
 
+def ranged(metres: float, stamp_ns: int) -> Range:
+    (message,) = (
+        each
+        for _, each in ReadingMessages().of({"ultrasonic_left": metres, "ultrasonic_left_age": 0.0}, stamp_ns)
+        if isinstance(each, Range)
+    )
+    return message
+
+
+def test_a_reading_from_the_future_is_too_old_to_use_until_its_time_has_come() -> None:
+    heard = MessageReadings()
+    heard.hear(ranged(2.0, NOW_NS + 10 * 10**9))
+    assert heard.readings(NOW_NS)["ultrasonic_left_age"] == MAX_AGE_S
+
+
+def test_after_a_clock_was_set_back_new_readings_count_again() -> None:
+    heard = MessageReadings()
+    heard.hear(ranged(2.0, NOW_NS))
+    heard.hear(ranged(0.3, NOW_NS - 10 * 10**9))
+    assert heard.readings(NOW_NS - 10 * 10**9) == {"ultrasonic_left": pytest.approx(0.3), "ultrasonic_left_age": 0.0}
+    assert heard.refused == 0
+
+
 def test_no_echo_is_infinite_as_rep_117_wants() -> None:
     readings = {"ultrasonic_left": NO_ECHO_M, "ultrasonic_left_age": 0.01}
     told = ReadingMessages().of(readings, NOW_NS, sees=False)[0].message

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import runpy
 import sys
 from pathlib import Path
@@ -191,3 +192,17 @@ def test_no_car_is_opened_when_another_option_is_wrong(
     monkeypatch.setattr("tral_fsm.programs.ros.nodes._body", opened.append)
     assert tral("up", *options).exit_code == BAD_USAGE
     assert opened == []
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("cra: {ros__parameters: {seed: 2}}", "did you mean 'car'"),
+        ("/car1/**: {ros__parameters: {seed: 2}}", "the only pattern"),
+        ("car: {seed: 2, ros__parameters: {}}", "'seed' stands beside 'ros__parameters'"),
+        ("car:\n  ros__parameters:\n    seed: 2\n    seed: 3", ":4:"),
+    ],
+)
+def test_no_parameter_is_dropped_without_a_word(tmp_path: Path, text: str, told: str) -> None:
+    with pytest.raises(BadFileError, match=re.escape(told)):
+        read_parameters(file(tmp_path, text), NODES, list(NODES))

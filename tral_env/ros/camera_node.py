@@ -76,6 +76,7 @@ class CameraNode:
         self._armed, self._why = False, ""
         self._said: set[str] = set()
         self._told_s = 0.0
+        self._failure: Exception | None = None
         self.images = self.unreadable = 0
         """Number of images until now, and of those that were none."""
 
@@ -95,6 +96,8 @@ class CameraNode:
             guard.join()
             self.node.log(in_words(self.figures))
             self.node.close()
+        if self._failure is not None:
+            raise self._failure
 
     @property
     def figures(self) -> dict[str, object]:
@@ -108,11 +111,12 @@ class CameraNode:
                 self._guard.begin()
                 self._why = ""
             self._armed = armed.data
-        if self._armed and (fault := self._guard.judge(self.speed())):
-            self._armed, self._why = False, str(fault)
-            self._arm.publish(Bool(False))
+        if self._armed and not self._why and (fault := self._guard.judge(self.speed())):
+            self._why = str(fault)
             self.node.log(f"stops the car: {fault}", ERROR)
             self._diagnostics.hurry()
+        if self._armed and self._why:  # a message may be lost: again, until the car tells that it is not armed
+            self._arm.publish(Bool(False))
         if self._diagnostics.due:
             self._diagnose()
 
@@ -144,8 +148,14 @@ class CameraNode:
             self.node.log(text, level)
 
     def _judge_until(self, ended: threading.Event) -> None:
-        while not ended.wait(_JUDGE_S):
-            self.judge()
+        """Judge until the event is set; where that fails, the node ends: nobody watches its images any more."""
+        try:
+            while not ended.wait(_JUDGE_S):
+                self.judge()
+        except Exception as error:
+            self._failure = error
+        finally:
+            ended.set()
 
     def _diagnose(self) -> None:
         if self._why:

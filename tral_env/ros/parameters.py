@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from tral_env import yaml_text
 from tral_env.errors import BadFileError, nearest
 
 _ALL = "/**"
@@ -37,6 +37,7 @@ def read_parameters(path: Path, nodes: Mapping[str, Collection[str]], wanted: Co
     for section, given in sorted(sections.items(), key=lambda each: each[0] != _ALL):
         node = section.rpartition("/")[2]
         if section != _ALL and node not in nodes:
+            _check_foreign(path, section, node, nodes)
             continue
         known = everything if section == _ALL else set(nodes[node])
         for name, value in given.items():
@@ -58,9 +59,11 @@ def read_parameters(path: Path, nodes: Mapping[str, Collection[str]], wanted: Co
 def _sections(path: Path) -> dict[str, dict[str, Any]]:
     """Name of each node in the file -> what it is given."""
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
         raise BadFileError(f"{path}: cannot be read: {error}") from error
+    found = yaml_text.documents(text, str(path), BadFileError)
+    content = found[0] if len(found) == 1 else None
     if not isinstance(content, dict) or not all(isinstance(name, str) for name in content):
         raise BadFileError(f"{path}: expected the names of nodes, each with 'ros__parameters' below it")
     sections: dict[str, dict[str, Any]] = {}
@@ -68,5 +71,17 @@ def _sections(path: Path) -> dict[str, dict[str, Any]]:
         given = below.get("ros__parameters") if isinstance(below, dict) else None
         if not isinstance(given, dict):
             raise BadFileError(f"{path}: {name}: expected a mapping 'ros__parameters' below it")
+        if beside := sorted(map(str, set(below) - {"ros__parameters"})):
+            raise BadFileError(
+                f"{path}: {name}: '{beside[0]}' stands beside 'ros__parameters', not below it"
+            )
         sections[name] = given
     return sections
+
+
+def _check_foreign(path: Path, section: str, node: str, nodes: Collection[str]) -> None:
+    """Refuse the section of a node that is not ours, where it looks like a slip."""
+    if "*" in section:
+        raise BadFileError(f"{path}: {section}: the only pattern that is known is {_ALL}")
+    if close := difflib.get_close_matches(node, nodes, 1):
+        raise BadFileError(f"{path}: {section}: is no node of ours; did you mean '{close[0]}'?")

@@ -28,6 +28,10 @@ from tral_env.ros.times import nanoseconds, seconds_ns, stamp
 from tral_env.sensors.imu import AXES, draw_bias, noise_sigma
 
 SUBJECTS = ("gate", "marker")
+MAX_AHEAD_S = 0.1
+"""A stamp further in the future than this is of another clock: the reading counts as too old. Source: choice."""
+CLOCK_SET_S = 1.0
+"""A message this much older than the one before it is of a clock that was set back, and no late one. Source: choice."""
 
 
 def yaw_quaternion(yaw: float) -> Quaternion:
@@ -247,10 +251,7 @@ class MessageReadings:
         Args:
             now_ns: now, ns.
         """
-        ages = {
-            f"{name}_age": min(max((now_ns - since_ns) / 1e9, 0.0), MAX_AGE_S)
-            for name, since_ns in self._since_ns.items()
-        }
+        ages = {f"{name}_age": _age_s(now_ns - since_ns) for name, since_ns in self._since_ns.items()}
         return self._values | ages
 
     def _hear_range(self, message: Range) -> None:
@@ -283,8 +284,15 @@ class MessageReadings:
         self._values[f"{subject}_heading"] = yaw_of(pose.orientation)
 
     def _newer(self, name: str, header: Header) -> bool:
+        """Take a stamp over, unless it is a little older than the last one; if it is far older, the clock was set."""
         since_ns = nanoseconds(header.stamp)
-        if since_ns < self._since_ns.get(name, 0):
+        if 0 < self._since_ns.get(name, 0) - since_ns < CLOCK_SET_S * 1e9:
             return False
         self._since_ns[name] = since_ns
         return True
+
+
+def _age_s(since_exposure_ns: int) -> float:
+    """Age of a reading, s; one from the future may be of any age, so it counts as too old to use."""
+    age_s = since_exposure_ns / 1e9
+    return MAX_AGE_S if age_s < -MAX_AHEAD_S else min(max(age_s, 0.0), MAX_AGE_S)
