@@ -72,9 +72,7 @@ def _sections(path: Path) -> dict[str, dict[str, Any]]:
         if not isinstance(given, dict):
             raise BadFileError(f"{path}: {name}: expected a mapping 'ros__parameters' below it")
         if beside := sorted(map(str, set(below) - {"ros__parameters"})):
-            raise BadFileError(
-                f"{path}: {name}: '{beside[0]}' stands beside 'ros__parameters', not below it"
-            )
+            raise BadFileError(f"{path}: {name}: '{beside[0]}' stands beside 'ros__parameters', not below it")
         sections[name] = given
     return sections
 
