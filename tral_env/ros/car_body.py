@@ -128,7 +128,7 @@ class CarBody:
         lost, self.env = self.env, None
         self._started = False
         if lost is not None:
-            with suppress(HardwareError):  # an old process that lives yet keeps the new one from the board
+            with suppress(HardwareError, OSError):  # an old process that lives yet keeps the new one from the board
                 lost.close()
         self.env = self._open_car()
         return self.env

@@ -122,9 +122,11 @@ class CarNode:
 
     def close(self) -> None:
         """Stop the car, say how it went, and leave."""
-        self.body.close()
-        self.node.log(in_words(self.figures))
-        self.node.close()
+        try:
+            self.body.close()
+        finally:
+            self.node.log(in_words(self.figures))
+            self.node.close()
 
     @property
     def figures(self) -> dict[str, object]:

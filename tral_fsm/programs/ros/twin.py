@@ -40,7 +40,11 @@ class TwinBody(CarBody):
         if self._status["i2c"] is None:
             self._twin.close()
             raise HardwareError(f"the twin has no device files here: {self._status['why_no_files']}")
-        super().__init__(self._open, "twin", sees=False)
+        try:
+            super().__init__(self._open, "twin", sees=False)
+        except BaseException:
+            self._twin.close()
+            raise
 
     def arm(self) -> Tick:
         """See `Body.arm`; a drive that is over, or has not begun, begins at the start, after the second of neutral."""
