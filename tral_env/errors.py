@@ -7,8 +7,6 @@ import traceback
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from tral_env.installation import installed
-
 
 class TralError(Exception):
     """Base of every error this project raises on purpose."""
@@ -98,6 +96,8 @@ class MissingExtraError(TralError, ImportError):
 
     def __init__(self, package: str, extra: str, purpose: str) -> None:
         self.missing = (package, extra, purpose)
+        from tral_env.installation import installed  # the actuator's process imports this file, and needs no more
+
         super().__init__(
             f"{purpose} needs the package '{package}', which is not installed: {installed().command(extra)}"
         )
