@@ -13,15 +13,19 @@ from numpy.typing import NDArray
 from tral_env import task
 from tral_env.arrays import Array, Flags, Index
 from tral_env.interface import Policy
-from tral_env.learner import Actuation, LearnerView, corrected
+from tral_env.learner import Actuation, LearnerView, speed_factors, steered
 from tral_env.world import ResetRequest, Step, World
 
 
-class RowPolicy(Policy, Protocol):
-    """A policy that begins anew in some rows."""
+class CorrectablePolicy(Policy, Protocol):
+    """A policy that begins anew in some rows, and drives them faster or slower than it wants."""
 
     def reset_rows(self, rows: Flags) -> None:
         """Start the cars again where `rows` (n,) is true."""
+        ...
+
+    def scale_speeds(self, factors: NDArray[np.floating]) -> None:
+        """Multiply the speeds that it wants of the cars by factors (n,) from now on."""
         ...
 
 
@@ -38,20 +42,21 @@ class Decisions:
         """Whether a decision is a tick, its action a command, and its observation the readings."""
         self._view = LearnerView(config, world.n, world.layout)
         self._actuation = Actuation(config, world.n)
-        self._base: RowPolicy | None = None
+        self._base: CorrectablePolicy | None = None
         self._bounds = (1.0, 1.0)
         self._speed = world.layout.column("speed")
         self._readings: NDArray[np.float32] = np.zeros((world.n, world.layout.size), np.float32)
 
-    def correct(self, policy: RowPolicy, bounds: tuple[float, float]) -> None:
-        """Let a policy drive at every tick, and take actions as corrections of its commands; before a reset.
+    def correct(self, policy: CorrectablePolicy, steering: float, speed: float) -> None:
+        """Let a policy drive at every tick, and take actions as corrections of it; before a reset.
 
         Args:
             policy: it sees the plain readings.
-            bounds: largest correction of steering and throttle.
+            steering: largest correction of the steering, which is added.
+            speed: largest correction of the speed, as a share of it.
         """
         policy.reset(self.world.n)
-        self._base, self._bounds = policy, bounds
+        self._base, self._bounds = policy, (steering, speed)
 
     def space(self) -> spaces.Box:
         """Space of one car's observation."""
@@ -113,7 +118,8 @@ class Decisions:
             moved = np.ones(self.world.n, bool) if driving is None else driving
             command: NDArray[np.floating] = self._actuation.command(wanted, self._readings[:, self._speed], driving)
             if self._base is not None:
-                command = corrected(self._base.act(self._readings), command, self._bounds)
+                self._base.scale_speeds(speed_factors(command, self._bounds[1]))
+                command = steered(self._base.act(self._readings), command, self._bounds[0])
             step = self.world.step(command, None if driving is None else np.flatnonzero(driving))
             ended = (step.terminated | step.truncated) & moved
             total = step if total is None else _added(total, step, moved)

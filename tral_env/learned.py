@@ -40,21 +40,25 @@ OUTPUTS: Mapping[str, Callable[[Values], Values]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Correction:
-    """What a network corrects: its actions, times the bounds, are added to the commands of a machine."""
+    """What a network corrects: the steering of a machine, and the speed that the machine wants.
+
+    A correction of the throttle would be in vain: the machine's speed regulator takes it back.
+    """
 
     machine: str
     """Text of the machine's file, TRAL JSON."""
-    bounds: tuple[float, float]
-    """Largest correction of steering and throttle."""
+    steering: float
+    """Largest correction of the steering, which is added."""
+    speed: float
+    """Largest correction of the speed, as a share of it: with 0.5 a car drives at 0.5 to 1.5 times the speed."""
 
     def __post_init__(self) -> None:
-        within = (
-            isinstance(self.bounds, tuple)
-            and len(self.bounds) == 2
-            and all(is_number(bound) and 0 < bound <= 1 for bound in self.bounds)
-        )
-        if not within or not isinstance(self.machine, str):
-            raise ConfigError(f"bounds = {self.bounds!r}: expected two numbers above 0, at most 1: steering, throttle")
+        for name in ("steering", "speed"):
+            bound = getattr(self, name)
+            if not is_number(bound) or not 0 < bound <= 1:
+                raise ConfigError(f"correction of the {name} = {bound!r}: expected a number above 0, at most 1")
+        if not isinstance(self.machine, str):
+            raise ConfigError("machine of the correction: expected the text of its file")
 
 
 def _check_numbers(place: str, values: object) -> None:
@@ -91,7 +95,7 @@ class Network:
         one_of("activation", self.activation, ACTIVATIONS)
         one_of("output", self.output, OUTPUTS)
         if self.correction is not None and (self.learner.action != "throttle" or self.learner.drive_range is not None):
-            raise ConfigError("a correction has action='throttle' and no drive_range: its bounds limit it")
+            raise ConfigError("a correction has action='throttle' and no drive_range: it has limits of its own")
         if not 1 <= len(self.layers) <= MAX_LAYERS:
             raise ConfigError(f"{len(self.layers)} layers: expected 1 to {MAX_LAYERS}")
         inputs = LearnerView(self.learner, 1).size

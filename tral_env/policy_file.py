@@ -21,7 +21,7 @@ from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError, PolicyFileError
 from tral_env.interface import CORE_FIELDS
 from tral_env.learned import Correction, LearnedPolicy, Network
-from tral_env.learner import LearnerConfig, LearnerView, pair
+from tral_env.learner import LearnerConfig, LearnerView
 
 Values = NDArray[np.float32]
 
@@ -214,7 +214,9 @@ def _network(learner: LearnerConfig, content: Mapping[str, Any], arrays: dict[st
     if sizes != about["sizes"]:
         raise ConfigError(f"sizes {str(about['sizes'])[:80]}: the weights have {sizes}")
     if correction is not None:
-        correction = Correction(machine=correction["machine"], bounds=pair(correction["bounds"]))
+        if "bounds" in correction:
+            raise ConfigError("it corrects the throttle, which does nothing at a regulated speed: train it again")
+        correction = Correction(**{name: correction[name] for name in ("machine", "steering", "speed")})
     return Network(
         learner=learner,
         layers=layers,

@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from tral_env.checks import is_seed, one_of
-from tral_env.decisions import Decisions, RowPolicy
+from tral_env.decisions import CorrectablePolicy, Decisions
 from tral_env.errors import ConfigError
 from tral_env.interface import CONTROL_RATE_HZ, FloatArray, action_space, as_command
 from tral_env.options import CorridorConfig, JsonSpec, check_counts, option_parameters, takes
@@ -87,14 +87,15 @@ class TralCorridorVectorEnv(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
         """Options, name -> value, with which a step is no plain tick, for `tral_env.interface.check_readings`."""
         return self.world.config.learner_options
 
-    def correct(self, policy: RowPolicy, bounds: tuple[float, float]) -> None:
-        """Let a policy drive, and take actions as corrections of its commands from now on; before the first reset.
+    def correct(self, policy: CorrectablePolicy, steering: float, speed: float) -> None:
+        """Let a policy drive, and take actions as corrections of it from now on; before the first reset.
 
         Args:
-            policy: it sees the plain readings of every tick, and has a `reset_rows`, as machines have.
-            bounds: largest correction of steering and throttle: action 1 adds so much.
+            policy: it sees the plain readings of every tick, and has `reset_rows` and `scale_speeds`, as machines have.
+            steering: largest correction of the steering: action 1 adds so much.
+            speed: largest correction of the speed, as a share of it: with 0.5, action 1 makes it 1.5 times as fast.
         """
-        self._decisions.correct(policy, bounds)
+        self._decisions.correct(policy, steering, speed)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None

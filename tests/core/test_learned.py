@@ -190,7 +190,7 @@ def test_what_is_no_array_of_readings_is_refused(observation: object) -> None:
             {"normalization": (np.zeros(112, np.float32),) * 2},
             "standard deviation .*: expected 1e-06 or more",
         ),
-        ({"correction": Correction(machine="{}", bounds=(0.1, 0.1))}, "a correction has action='throttle'"),
+        ({"correction": Correction(machine="{}", steering=0.1, speed=0.1)}, "a correction has action='throttle'"),
         ({"activation": "gelu"}, "unknown activation 'gelu'"),
         ({"output": "none"}, "unknown output 'none'"),
         ({"normalization": (np.zeros(3, np.float32),) * 2}, r"mean of the inputs has shape \(3,\): expected \(112,\)"),

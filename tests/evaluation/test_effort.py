@@ -84,7 +84,7 @@ def test_a_training_that_says_it_went_on_from_itself_is_unknown(tmp_path: Path) 
 def test_what_a_network_has_from_a_machine_is_told(tmp_path: Path) -> None:
     assert of_policy(tmp_path, network(teacher="office")).note == "taught by office, whose effort is not counted"
     corrected = replace(
-        network(), learner=LearnerConfig(decision_hz=20), correction=Correction(machine="{}", bounds=(0.1, 0.1))
+        network(), learner=LearnerConfig(decision_hz=20), correction=Correction(machine="{}", steering=0.1, speed=0.1)
     )
     assert of_policy(tmp_path, corrected).note == "corrects a machine, whose effort is not counted"
 

@@ -4,9 +4,18 @@ Training, environments, policy files and the real car share this code, so that a
 it learned. Every array has the cars along its first axis; n is the number of cars.
 """
 
-from tral_env.learner.actuation import Actuation, corrected, inverse
+from tral_env.learner.actuation import Actuation, inverse, speed_factors, steered
 from tral_env.learner.config import LearnerConfig, pair
 from tral_env.learner.features import feature_names
 from tral_env.learner.view import LearnerView
 
-__all__ = ["Actuation", "LearnerConfig", "LearnerView", "corrected", "feature_names", "inverse", "pair"]
+__all__ = [
+    "Actuation",
+    "LearnerConfig",
+    "LearnerView",
+    "feature_names",
+    "inverse",
+    "pair",
+    "speed_factors",
+    "steered",
+]

@@ -79,10 +79,14 @@ def inverse(config: LearnerConfig, steering: NDArray[np.floating], drive: NDArra
     return actions
 
 
-def corrected(
-    command: NDArray[np.floating], correction: NDArray[np.floating], bounds: tuple[float, float]
-) -> NDArray[np.float32]:
-    """Commands (n, 2) of a policy with corrections (n, 2) in [-1, 1], each times its bound, within [-1, 1]."""
-    step = np.clip(correction, -1.0, 1.0).astype(np.float64) * np.array(bounds)
-    total: NDArray[np.float64] = command.astype(np.float64) + step
-    return np.clip(total, -1.0, 1.0).astype(np.float32)
+def speed_factors(correction: NDArray[np.floating], bound: float) -> NDArray[np.float64]:
+    """What the speeds (n,) that a machine wants are multiplied by: 1 + bound times the second correction of (n, 2)."""
+    factors: NDArray[np.float64] = 1.0 + np.clip(correction[:, THROTTLE], -1.0, 1.0).astype(np.float64) * bound
+    return factors
+
+
+def steered(command: NDArray[np.floating], correction: NDArray[np.floating], bound: float) -> NDArray[np.float32]:
+    """Commands (n, 2) with bound times the first correction of (n, 2) added to the steering, within [-1, 1]."""
+    changed = command.astype(np.float64)
+    changed[:, STEERING] += np.clip(correction[:, STEERING], -1.0, 1.0).astype(np.float64) * bound
+    return np.clip(changed, -1.0, 1.0).astype(np.float32)

@@ -75,13 +75,18 @@ class PPOSettings(ReinforcementSettings):
 class ResidualSettings(PPOSettings):
     """As those of PPO, and how much a correction may change."""
 
-    bounds: tuple[float, float]
+    correct_steering: float
+    correct_speed: float
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        Correction(machine="{}", bounds=self.bounds)
+        self.of_machine("{}")
         if self.learner.action != "throttle" or self.learner.drive_range is not None:
-            raise ConfigError("learner: corrections have action: throttle and no drive_range; bounds limit them")
+            raise ConfigError("learner: corrections have action: throttle and no drive_range: they have own limits")
+
+    def of_machine(self, machine: str) -> Correction:
+        """The correction of a machine, TRAL JSON."""
+        return Correction(machine=machine, steering=self.correct_steering, speed=self.correct_speed)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,7 +162,8 @@ def _cars(run: TrainingRun) -> VecEnv:
         **settings.learner.record(),
     )
     if isinstance(settings, ResidualSettings):
-        venv.env_method("correct", MachinePolicy(library.load(request.machine_name)), settings.bounds, indices=0)
+        machine = MachinePolicy(library.load(request.machine_name))
+        venv.env_method("correct", machine, settings.correct_steering, settings.correct_speed, indices=0)
     inputs, reward = settings.normalize_inputs, settings.normalize_reward
     if not (inputs or reward):
         return venv
@@ -234,7 +240,7 @@ class _Callback(BaseCallback):
         network = network_of_model(self.model, settings.learner, provenance=about)
         if isinstance(settings, ResidualSettings):
             assert self._machine is not None
-            network = replace(network, correction=Correction(machine=self._machine, bounds=settings.bounds))
+            network = replace(network, correction=settings.of_machine(self._machine))
         self._run.validate(network, {"success": self._success, "episodes": self._episodes, "loss": None})
         self._run.keep(_state(self.model))
 

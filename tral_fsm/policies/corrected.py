@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.learned import Correction, LearnedPolicy, Network
-from tral_env.learner import corrected
+from tral_env.learner import speed_factors, steered
 from tral_fsm.formats import tral_json
 from tral_fsm.runtime.policy import MachinePolicy
 
 
 class CorrectedPolicy:
-    """Drives cars with a machine; a network adds a bounded correction."""
+    """Drives cars with a machine; a network corrects its steering and its speed, within bounds."""
 
     def __init__(self, network: Network, correction: Correction) -> None:
         """Make a policy for one car; `reset(n)` for more.
@@ -23,7 +23,7 @@ class CorrectedPolicy:
             FormatError: the machine of the correction cannot run.
         """
         self.machine = MachinePolicy(tral_json.loads(correction.machine, "the machine of the policy"))
-        self.learned, self._bounds = LearnedPolicy(network), correction.bounds
+        self.learned, self._correction = LearnedPolicy(network), correction
         self.needed_readings = self.machine.needed_readings | self.learned.needed_readings
         """Names of the readings without which it cannot drive, see `tral_env.interface.check_readings`."""
 
@@ -43,7 +43,9 @@ class CorrectedPolicy:
         Raises:
             ConfigError: the observation is none.
         """
-        return corrected(self.machine.act(observation), self.learned.act(observation), self._bounds)
+        correction = np.atleast_2d(self.learned.act(observation))
+        self.machine.scale_speeds(speed_factors(correction, self._correction.speed))
+        return self._steered(self.machine.act(observation), correction)
 
     def predict(
         self,
@@ -53,9 +55,15 @@ class CorrectedPolicy:
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Any]:
         """The signature of Stable-Baselines3's policies, see `MachinePolicy.predict`."""
-        command, _ = self.machine.predict(observation, None, episode_start)
-        correction, _ = self.learned.predict(observation, None, episode_start)
-        return corrected(command, correction, self._bounds), state
+        observation = self.machine.begin_episodes(observation, episode_start)
+        answer, _ = self.learned.predict(observation, None, episode_start)
+        correction = np.atleast_2d(answer)
+        self.machine.scale_speeds(speed_factors(correction, self._correction.speed))
+        return self._steered(self.machine.act(observation), correction), state
+
+    def _steered(self, command: NDArray[np.float32], correction: NDArray[np.float32]) -> NDArray[np.float32]:
+        found = steered(np.atleast_2d(command), correction, self._correction.steering)
+        return found[0] if command.ndim == 1 else found
 
     @property
     def active_states(self) -> list[str]:

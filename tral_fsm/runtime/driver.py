@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from tral_env.se2 import clip
-from tral_fsm.control.command import IDLE, Command
+from tral_fsm.control.command import IDLE, MAX_SPEED_MPS, Command
 from tral_fsm.control.speed import SpeedController
 from tral_fsm.definition import packaged
 from tral_fsm.definition.machine import Load, MachineDefinition, needed_readings
@@ -43,6 +43,8 @@ class Driver:
         self.machine = Machine(definition, trace, load=load, checked=checked)
         self.watch = Watch(needed_readings(definition, load))
         self._shadows = False
+        self.speed_factor = 1.0
+        """What each speed that the machine regulates is multiplied by."""
         self.reset()
 
     def reset(self) -> None:
@@ -98,6 +100,8 @@ class Driver:
             command = self.machine.tick(estimate)
         if command.steering_trim is None:
             command = command._replace(steering_trim=before.steering_trim)
+        if command.speed is not None and self.speed_factor != 1.0:
+            command = command._replace(speed=min(command.speed * self.speed_factor, MAX_SPEED_MPS))
         self.command = command
         throttle = self.speed_controller.throttle(command, estimate.speed)
         self._throttle = throttle

@@ -58,6 +58,7 @@ class MachinePolicy:
             for driver in self._drivers:
                 driver.reset()
                 driver.shadow(False)
+                driver.speed_factor = 1.0
         self._driving = False
         """The cars have been driven since then."""
 
@@ -103,6 +104,20 @@ class MachinePolicy:
         check_rows("rows to shadow", rows, len(self._drivers), MachineError)
         for driver, shadows in zip(self._drivers, np.asarray(rows).tolist(), strict=True):
             driver.shadow(shadows)
+
+    def scale_speeds(self, factors: NDArray[np.floating]) -> None:
+        """Multiply the regulated speeds of each car's machine by a factor of `factors` (n,) from now on.
+
+        A throttle that a state gives without regulation stays as it is. After `reset` all factors are 1.
+
+        Raises:
+            MachineError: `factors` is not one number, 0 or more, for each car.
+        """
+        found = np.asarray(factors, np.float64)
+        if found.shape != (len(self._drivers),) or not ((found >= 0.0) & (found < np.inf)).all():
+            raise MachineError(f"speed factors: expected a number, 0 or more, for each of {len(self._drivers)} cars")
+        for driver, factor in zip(self._drivers, found.tolist(), strict=True):
+            driver.speed_factor = factor
 
     def act(self, observation: NDArray[np.floating]) -> NDArray[np.float32]:
         """Run one tick of every machine.
@@ -152,6 +167,16 @@ class MachinePolicy:
             ConfigError: the observation is none, see `act`, or has another number of cars in the middle of a drive.
             MachineError: `episode_start` is not one truth value for each car.
         """
+        return self.act(self.begin_episodes(observation, episode_start)), state
+
+    def begin_episodes(
+        self, observation: NDArray[np.floating], episode_start: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.floating]:
+        """Start the cars again whose episode begins now, as `predict` does before it acts.
+
+        Returns:
+            The observation as an array.
+        """
         observation = as_array(observation)
         n = max(len(observation), 1) if observation.ndim > 1 else 1
         if n != len(self._drivers) and (not self._driving or (episode_start is not None and np.all(episode_start))):
@@ -159,7 +184,7 @@ class MachinePolicy:
             self.reset(n)
         if n == len(self._drivers) and episode_start is not None:
             self.reset_rows(np.atleast_1d(episode_start))
-        return self.act(observation), state
+        return observation
 
     @property
     def trace(self) -> Trace | None:
