@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tral_env.interface import CONTROL_PERIOD_S, MAX_AGE_S, NO_ECHO_M
+from tral_env.interface import MAX_AGE_S, NO_ECHO_M
 
 MAX_ECHO_RANGE_M = NO_ECHO_M - 0.01
 """A shorter range is an echo, m."""
-_HALF_PERIOD = CONTROL_PERIOD_S / 2.0
 
 
 def is_new(age: float, age_before: float) -> bool:
-    """A reading is new unless it only grew older by the tick since."""
-    return age < MAX_AGE_S and age < age_before + _HALF_PERIOD
+    """A reading is new unless it only grew older since the tick before.
+
+    How much older says nothing: a tick that follows a late one may come a millisecond after it.
+    """
+    return age < MAX_AGE_S and age <= age_before
 
 
 class SonarReading(NamedTuple):
@@ -56,7 +58,7 @@ class Sonar:
         """
         before, self.age = self.age, age
         reading = self.reading
-        if age >= before + _HALF_PERIOD or age >= MAX_AGE_S:  # not `is_new`: a call would cost more than all of this
+        if age > before or age >= MAX_AGE_S:  # not `is_new`: a call would cost more than all of this
             if reading.new:
                 self.reading = reading = SonarReading(reading.range, False, reading.previous, reading.interval)
             return reading
