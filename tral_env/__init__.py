@@ -10,7 +10,7 @@ __version__ = "0.1.0"
 register(
     id="TralCorridor-v0",
     entry_point="tral_env.env:TralCorridorEnv",
-    vector_entry_point="tral_env.vector_env:TralCorridorVectorEnv",
+    vector_entry_point="tral_env.vector_processes:vector_env",
 )
 register(id="TralCorridorPixels-v0", entry_point="tral_env.env:TralCorridorPixelsEnv")
 register(id="TralCar-v0", entry_point="tral_env.hardware.env:TralCarEnv")

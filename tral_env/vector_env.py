@@ -139,25 +139,9 @@ class TralCorridorVectorEnv(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
         return np.flatnonzero(mask)
 
     def _seed(self, seed: int | Sequence[int | None] | None, rows: NDArray[np.int64]) -> None:
-        seeds = self._seeds(seed)
+        seeds = seeds_of_rows(seed, self.num_envs)
         fresh = {row: seeding.np_random(seeds[row])[0] for row in rows if seeds[row] is not None or not self._rngs}
         self._rngs = [fresh.get(row) or self._rngs[row] for row in range(self.num_envs)]
-
-    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        """One seed for each row."""
-        if seed is None:
-            return [None] * self.num_envs
-        if is_seed(seed):
-            return [int(seed) + i for i in range(self.num_envs)]  # type: ignore[arg-type]
-        wrong = f"seed = {seed!r}: expected a whole number, or one for each of {self.num_envs} environments, 0 or more"
-        if not isinstance(seed, Iterable):
-            raise ConfigError(wrong)
-        seeds = list(seed)
-        if not all(map(is_seed, seeds)):
-            raise ConfigError(wrong)
-        if len(seeds) != self.num_envs:
-            raise ConfigError(f"{len(seeds)} seeds for {self.num_envs} environments")
-        return [None if each is None else int(each) for each in seeds]
 
     def step(self, actions: FloatArray) -> tuple[FloatArray, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Drive all cars for a decision, which is 12.5 ms by default.
@@ -252,6 +236,27 @@ class TralCorridorVectorEnv(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
     def close_extras(self, **kwargs: Any) -> None:
         """Free what OpenGL holds."""
         self.world.close()
+
+
+def seeds_of_rows(seed: int | Sequence[int | None] | None, n: int) -> list[int | None]:
+    """One seed for each of n rows: seed + i, or seed[i]; None: the row goes on drawing.
+
+    Raises:
+        ConfigError: it is no seed, or not one for each row.
+    """
+    if seed is None:
+        return [None] * n
+    if is_seed(seed):
+        return [int(seed) + i for i in range(n)]  # type: ignore[arg-type]
+    wrong = f"seed = {seed!r}: expected a whole number, or one for each of {n} environments, 0 or more"
+    if not isinstance(seed, Iterable):
+        raise ConfigError(wrong)
+    seeds = list(seed)
+    if not all(map(is_seed, seeds)):
+        raise ConfigError(wrong)
+    if len(seeds) != n:
+        raise ConfigError(f"{len(seeds)} seeds for {n} environments")
+    return [None if each is None else int(each) for each in seeds]
 
 
 def _autoreset_mode(mode: str | AutoresetMode) -> AutoresetMode:

@@ -1,0 +1,70 @@
+"""Drives a share of the rows of `TralCorridorProcesses`: requests come on standard input, answers go to standard output.
+
+A pickle is a request, (name, arguments), or an answer, (whether it went well, answer or exception). The process ends
+with its input, so also when the process that asks ends, however it does.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import sys
+from typing import Any, BinaryIO
+
+from tral_env.errors import TralError
+
+
+def serve(requests: BinaryIO, answers: BinaryIO) -> None:
+    """Answer until the requests end."""
+    env: Any = None
+    while True:
+        try:
+            name, arguments = pickle.load(requests)
+        except EOFError:
+            break
+        try:
+            if name == "make":
+                from tral_env.vector_env import TralCorridorVectorEnv
+
+                rows, options = arguments
+                env = TralCorridorVectorEnv(rows, **options)
+                answer: object = _about(env)
+            elif name == "reset":
+                seed, options = arguments
+                answer = env.reset(seed=seed, options=options)
+            else:
+                answer = getattr(env, name)(*arguments)
+            told = pickle.dumps((True, answer), pickle.HIGHEST_PROTOCOL)
+        except Exception as error:
+            told = pickle.dumps((False, _portable(error)), pickle.HIGHEST_PROTOCOL)
+        answers.write(told)
+        answers.flush()
+    if env is not None:
+        env.close()
+
+
+def _about(env: Any) -> dict[str, Any]:
+    return {
+        "metadata": env.metadata,
+        "render_mode": env.render_mode,
+        "provided_readings": env.provided_readings,
+        "learner_options": env.learner_options,
+        "spaces": (env.single_observation_space, env.single_action_space),
+    }
+
+
+def _portable(error: Exception) -> Exception:
+    """An exception that the other process can read."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return TralError(f"{type(error).__name__}: {error}")
+    return error
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that asks
+    with os.fdopen(os.dup(sys.stdout.fileno()), "wb") as told:
+        os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what anything prints must not stand among the answers
+        serve(sys.stdin.buffer, told)
