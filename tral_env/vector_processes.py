@@ -1,7 +1,7 @@
 """n cars in n corridors, their rows cut in shares that run in processes: each share is a `TralCorridorVectorEnv`.
 
-One process steps the cars on several threads, but computes their sensors, rewards and resets on one. Processes do all of
-it at once. A share answers over pipes; what it answers is laid together row by row.
+One process steps the cars on several threads, but computes their sensors, rewards and resets on one. Processes do
+all of it at once. A share answers over pipes; what the shares answer is laid together row by row.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from tral_env.decisions import CorrectablePolicy
 from tral_env.errors import ConfigError, LostWorkerError
 from tral_env.interface import FloatArray, as_command
 from tral_env.options import JsonSpec, check_counts
-from tral_env.vector_env import CorrectablePolicy, TralCorridorVectorEnv, seeds_of_rows
+from tral_env.vector_env import TralCorridorVectorEnv, seeds_of_rows
 
 _END_S = 5.0
 """A process that was told to end is killed after this time."""
@@ -220,7 +221,8 @@ class _Share:
     def close(self) -> None:
         """End the process."""
         process = self._process
-        assert process.stdin is not None and process.stdout is not None
+        assert process.stdin is not None
+        assert process.stdout is not None
         with suppress(OSError):
             process.stdin.close()
         try:

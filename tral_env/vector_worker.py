@@ -1,4 +1,4 @@
-"""Drives a share of the rows of `TralCorridorProcesses`: requests come on standard input, answers go to standard output.
+"""Drives a share of the rows of `TralCorridorProcesses`: standard input brings requests, standard output takes answers.
 
 A pickle is a request, (name, arguments), or an answer, (whether it went well, answer or exception). The process ends
 with its input, so also when the process that asks ends, however it does.

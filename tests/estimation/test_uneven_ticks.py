@@ -35,9 +35,9 @@ def test_a_sensor_that_fires_again_and_again_tells_each_firing_once(gaps_s: list
 
 @pytest.mark.parametrize("gap_s", [0.001, 0.005, 0.0125, 0.02])
 def test_a_gate_that_is_out_of_view_stays_where_it_was(gap_s: float) -> None:
-    """An image that counts again is placed where the car was then; for more than the kept history that is too far on."""
+    """An image that counts again after the end of the history would be placed too far on."""
     estimator, distance = Estimator(), 0.0
-    for k in range(3):
+    for _ in range(3):
         seen = {"gate_id": 1.0, "gate_x": 3.0 - distance, "gate_age": 0.03, "distance": distance, "speed": 0.5}
         estimate = estimator.update(CORE_LAYOUT.pack(seen, 1)[0].tolist())
         distance += 0.5 * 0.0667

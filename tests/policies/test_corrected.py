@@ -116,5 +116,5 @@ def test_a_file_that_corrects_the_throttle_is_refused(tmp_path: Path) -> None:
     assert load_policy(tmp_path).machine.definition.name == "doors"
     content["correction"] = {"machine": DOORS, "bounds": [0.2, 0.1]}
     path.write_text(json.dumps(content))
-    with pytest.raises(PolicyFileError, match="it corrects the throttle, .*: train it again"):
+    with pytest.raises(PolicyFileError, match=r"it corrects the throttle, .*: train it again"):
         load_policy(tmp_path)
