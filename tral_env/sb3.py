@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tral_env.errors import ConfigError, MissingExtraError
 from tral_env.vector_env import TralCorridorVectorEnv
+from tral_env.vector_processes import TralCorridorProcesses, vector_env
 
 try:
     from stable_baselines3.common.vec_env import VecEnv, VecMonitor
@@ -27,13 +28,13 @@ MAX_PICTURES = 16
 
 
 class SB3CorridorVecEnv(VecEnv):
-    """`TralCorridorVectorEnv` for SB3: observations (n, d) float32, rewards (n,) float32.
+    """The vector environment for SB3: observations (n, d) float32, rewards (n,) float32.
 
     At the end of an episode the row's info holds `terminal_observation`, `TimeLimit.truncated`, `is_success` and the
     environment's own final info; all other infos are empty.
     """
 
-    def __init__(self, env: TralCorridorVectorEnv) -> None:
+    def __init__(self, env: TralCorridorVectorEnv | TralCorridorProcesses) -> None:
         """Wrap an environment.
 
         Raises:
@@ -143,13 +144,16 @@ def _row(info: dict[str, Any], row: int) -> dict[str, Any]:
     }
 
 
-def make_vec_env(num_envs: int = 64, *, seed: int | None = None, monitor: bool = True, **options: Any) -> VecEnv:
+def make_vec_env(
+    num_envs: int = 64, *, seed: int | None = None, monitor: bool = True, processes: int = 1, **options: Any
+) -> VecEnv:
     """A vector environment ready for SB3.
 
     Args:
         num_envs: n.
         seed: row i starts with seed + i.
         monitor: wrap it in `VecMonitor`, which counts episodes' rewards and lengths.
+        processes: how many processes drive the cars; 1: this one. The drives are the same.
         options: those of `TralCorridorVectorEnv`, such as ``render_mode="rgb_array"`` for SB3's `VecVideoRecorder`.
 
     Returns:
@@ -158,6 +162,6 @@ def make_vec_env(num_envs: int = 64, *, seed: int | None = None, monitor: bool =
     Raises:
         MissingExtraError: Stable-Baselines3 is not installed.
     """
-    env = SB3CorridorVecEnv(TralCorridorVectorEnv(num_envs, autoreset_mode="SameStep", **options))
+    env = SB3CorridorVecEnv(vector_env(num_envs, processes=processes, autoreset_mode="SameStep", **options))
     env.seed(seed)
     return _Monitor(env, info_keywords=("is_success",)) if monitor else env

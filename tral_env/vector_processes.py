@@ -29,7 +29,9 @@ _END_S = 5.0
 """A process that was told to end is killed after this time."""
 
 
-def vector_env(num_envs: int = 1, *, processes: int = 1, **options: Any) -> VectorEnv[Any, Any, Any]:
+def vector_env(
+    num_envs: int = 1, *, processes: int = 1, **options: Any
+) -> TralCorridorVectorEnv | TralCorridorProcesses:
     """The vector environment, in this process or in several: what ``gym.make_vec("TralCorridor-v0")`` makes.
 
     Args:
@@ -133,12 +135,16 @@ class TralCorridorProcesses(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
                 raise ConfigError(f"reset_mask is {mask.dtype} {mask.shape}: expected bool ({self.num_envs},)")
             found["reset_mask"] = mask[first:end]
         if isinstance(found.get("car"), Mapping):
-            found["car"] = {name: self._of_rows(value, first, end) for name, value in found["car"].items()}
+            found["car"] = {name: self._of_rows(name, value, first, end) for name, value in found["car"].items()}
         return found
 
-    def _of_rows(self, value: Any, first: int, end: int) -> Any:
-        """A value that is one for all rows, or that of some rows of (n, ...)."""
-        return value[first:end] if np.ndim(value) and len(value) == self.num_envs else value
+    def _of_rows(self, name: str, value: Any, first: int, end: int) -> Any:
+        """A parameter of the car as it is, or the values of some rows where each row has its own."""
+        if np.ndim(value) == 0:
+            return value
+        if len(value) != self.num_envs:
+            raise ConfigError(f"options['car']: {name} has {len(value)} values: expected one, or {self.num_envs}")
+        return value[first:end]
 
     def _joined(self, infos: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         """The infos of all shares as one; rows of a share without an entry have zeros, and False in its mask."""

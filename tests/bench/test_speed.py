@@ -60,9 +60,14 @@ def test_every_contestant_is_measured(measured: Result) -> None:
     assert all(row["steps_per_s"] > 0 for row in result["contestants"])
     # How large it is cannot be known from a twentieth of a second on a busy machine.
     assert all(ratio > 0 for ratio in result["ratios"].values())
+    cpu = {row["name"]: row["sim_s_per_cpu_s"] for row in result["contestants"]}
+    assert [name for name, figure in cpu.items() if figure is None] == ["async, 2 environments"] + [
+        name for name in names if name.endswith("2 processes")
+    ]
     assert list(result["ratios"]) == [
         "single_over_bare_loop",
         "vector_over_bare_batch",
+        "processes_over_bare_batch",
         "vector_over_sync",
         "vector_over_async",
     ]

@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tral_env
-from tral_env.vector_env import TralCorridorVectorEnv
+from tral_env.vector_processes import vector_env
 from tral_fsm.bench.commands import gentle
 from tral_fsm.bench.timing import Contestant
 
 ENV_ID = f"{tral_env.__name__}:TralCorridor-v0"
 
 
-def native(scenario: str, rows: int, threads: int) -> Contestant:
-    """The native vector environment with its resets."""
-    env = TralCorridorVectorEnv(rows, autoreset_mode="SameStep", nthread=threads, scenario=scenario)
+def native(scenario: str, rows: int, threads: int, processes: int = 1) -> Contestant:
+    """The native vector environment with its resets; each of its processes has so many threads."""
+    env = vector_env(rows, processes=processes, autoreset_mode="SameStep", nthread=threads, scenario=scenario)
     env.reset(seed=0)
     rng = np.random.default_rng(0)
 
@@ -27,8 +27,12 @@ def native(scenario: str, rows: int, threads: int) -> Contestant:
         env.step(gentle(rows, rng))
         return rows
 
-    name = f"native vector env, {rows} rows, {threads} threads"
-    return Contestant(name=name, kind="native", rows=rows, threads=threads, step=step, close=env.close)
+    name, kind = f"native vector env, {rows} rows, {threads} threads", "native"
+    if processes > 1:
+        name, kind = f"native vector env, {rows} rows, {processes} processes", "processes"
+    return Contestant(
+        name=name, kind=kind, rows=rows, threads=threads, has_workers=processes > 1, step=step, close=env.close
+    )
 
 
 def single(scenario: str) -> Contestant:
@@ -70,7 +74,8 @@ def rival(scenario: str, rows: int, mode: str) -> Contestant:
     env = gym.make_vec(ENV_ID, num_envs=rows, vectorization_mode=mode, scenario=scenario)
     rng = np.random.default_rng(0)
     step = counting(env, lambda: gentle(rows, rng))
-    return Contestant(name=f"{mode}, {rows} environments", kind=mode, rows=rows, step=step, close=env.close)
+    name = f"{mode}, {rows} environments"
+    return Contestant(name=name, kind=mode, rows=rows, has_workers=mode == "async", step=step, close=env.close)
 
 
 def counting(env: gym.vector.VectorEnv[Any, Any, Any], commands: Callable[[], Any]) -> Callable[[], int]:

@@ -37,6 +37,8 @@ def contestants(plan: SpeedPlan) -> tuple[list[Contestant], Skipped]:
             if rows == 1 and threads != plan.threads[0]:
                 continue  # more threads do not help one row
             field += [native(plan.scenario, rows, threads), bare_batch(plan.scenario, rows, threads)]
+        if rows == plan.compared and 1 < plan.threads[-1] <= rows:
+            field.append(native(plan.scenario, rows, 1, processes=plan.threads[-1]))
     skipped = []
     for name in plan.landmarks:
         try:
@@ -84,10 +86,12 @@ def measure(plan: SpeedPlan, on_round: Callable[[str], None] = lambda name: None
 
 def ratios(field: Sequence[Contestant], plan: SpeedPlan) -> dict[str, float]:
     """Medians of the ratios of two contestants, round by round."""
-    ours = _one(field, "native", plan.compared)
+    ours, bare = _one(field, "native", plan.compared), _one(field, "bare batch", plan.compared)
+    split = [each for each in field if each.kind == "processes"]
     pairs = {
         "single_over_bare_loop": (_one(field, "single"), _one(field, "bare loop")),
-        "vector_over_bare_batch": (ours, _one(field, "bare batch", plan.compared)),
+        "vector_over_bare_batch": (ours, bare),
+        **({"processes_over_bare_batch": (split[0], bare)} if split else {}),
         "vector_over_sync": (ours, _one(field, "sync", plan.rivals)),
         "vector_over_async": (ours, _one(field, "async", plan.rivals)),
     }

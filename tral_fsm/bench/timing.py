@@ -27,6 +27,8 @@ class Contestant:
     threads: int = 1
     step_s: float = CONTROL_PERIOD_S
     """Simulated time of a step, s."""
+    has_workers: bool = False
+    """Other processes step too, whose CPU time is not known here."""
     begin: Callable[[], None] = lambda: None
     """Called before each turn, outside the clock."""
     close: Callable[[], None] = lambda: None
@@ -49,14 +51,14 @@ class Contestant:
         """Median wall time of a step that counts, s."""
         return 1.0 / statistics.median(self.wall)
 
-    def record(self) -> dict[str, float | str]:
-        """Medians: steps per second; simulated seconds per second of wall time, and of this process's CPU time."""
+    def record(self) -> dict[str, float | str | None]:
+        """Medians: steps per second; simulated seconds per second of wall time, and of CPU time, if it is known."""
         wall, cpu = statistics.median(self.wall), statistics.median(self.cpu)
         return {
             "name": self.name,
             "steps_per_s": wall,
             "sim_s_per_wall_s": wall * self.step_s,
-            "sim_s_per_cpu_s": cpu * self.step_s,
+            "sim_s_per_cpu_s": None if self.has_workers else cpu * self.step_s,
         }
 
 

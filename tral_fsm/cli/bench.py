@@ -69,7 +69,7 @@ def _show(result: dict[str, Any], out: Path | None) -> None:
         table.add_column(heading, justify="right")
     for row in result["contestants"]:
         figures = (row["steps_per_s"], row["sim_s_per_wall_s"], row["sim_s_per_cpu_s"])
-        table.add_row(row["name"], *(f"{figure:,.0f}" for figure in figures))
+        table.add_row(row["name"], *("-" if figure is None else f"{figure:,.0f}" for figure in figures))
     print_figures(table)
     console = Console()
     for name, value in result["ratios"].items():

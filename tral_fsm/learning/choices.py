@@ -55,7 +55,7 @@ class TrainRequest:
     start: str | None = None
     """Folder of a policy with whose network the training begins; None: with one that knows nothing."""
     nthread: int = 2
-    """Threads that step the cars."""
+    """Threads or processes that drive the cars; what they drive does not depend on it."""
 
     def __post_init__(self) -> None:
         one_of("algorithm", self.algo, ALGORITHMS)

@@ -154,7 +154,8 @@ def _cars(run: TrainingRun) -> VecEnv:
     venv = make_vec_env(
         settings.cars,
         seed=request.first_seed(),
-        nthread=request.nthread,
+        processes=min(request.nthread, settings.cars),
+        nthread=1,
         scenario=request.scenario,
         randomization=request.randomization,
         task=dict(settings.task),
