@@ -15,7 +15,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector import VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
@@ -24,6 +24,7 @@ from tral_env.errors import ConfigError, LostWorkerError
 from tral_env.interface import FloatArray, as_command
 from tral_env.options import JsonSpec, check_counts
 from tral_env.vector_env import TralCorridorVectorEnv, seeds_of_rows
+from tral_env.vector_worker import receive, send
 
 _END_S = 5.0
 """A process that was told to end is killed after this time."""
@@ -64,15 +65,16 @@ class TralCorridorProcesses(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
             raise ConfigError(f"processes = {processes}: expected at most one for each of the {num_envs} cars")
         self.num_envs = num_envs
         bounds = [num_envs * k // processes for k in range(processes + 1)]
-        self._shares = [_Share(first, end) for first, end in pairwise(bounds)]
+        self._shares: list[_Share] = []
         made = options | {"nthread": nthread}
         try:
+            for first, end in pairwise(bounds):
+                self._shares.append(_Share(first, end))
             about = self._ask("make", [(end - first, made) for first, end in self._rows_of_shares])[0]
         except BaseException:
             self.close()
             raise
         self.metadata, self.render_mode = about["metadata"], about["render_mode"]
-        self._mode: AutoresetMode = self.metadata["autoreset_mode"]
         self.provided_readings: frozenset[str] = about["provided_readings"]
         self.learner_options: dict[str, object] = about["learner_options"]
         self.single_observation_space, self.single_action_space = about["spaces"]
@@ -105,13 +107,12 @@ class TralCorridorProcesses(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
     def render_rows(self, rows: Iterable[int]) -> tuple[NDArray[np.uint8], ...]:
         """See `TralCorridorVectorEnv.render_rows`."""
         wanted = list(rows)
-        answers = self._ask(
-            "render_rows", [([row - a for row in wanted if a <= row < b],) for a, b in self._rows_of_shares]
-        )
+        own = [[row for row in wanted if a <= row < b] for a, b in self._rows_of_shares]
+        asked = [([row - share.first for row in rows],) for share, rows in zip(self._shares, own, strict=True)]
         pictures = {
             row: picture
-            for (a, b), answer in zip(self._rows_of_shares, answers, strict=True)
-            for row, picture in zip([row for row in wanted if a <= row < b], answer, strict=True)
+            for rows, answer in zip(own, self._ask("render_rows", asked), strict=True)
+            for row, picture in zip(rows, answer, strict=True)
         }
         return tuple(pictures[row] for row in wanted)
 
@@ -170,7 +171,7 @@ class TralCorridorProcesses(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
         for share, (is_well, answer) in zip(self._shares, answers, strict=True):
             if not is_well:
                 answer.add_note(
-                    f"in the process of the rows {share.first} to {share.end - 1}; row 0 there is {share.first}"
+                    f"in the process of the rows {share.first} to {share.end - 1}, which counts them from 0"
                 )
                 raise answer
         return [answer for _, answer in answers]
@@ -206,8 +207,7 @@ class _Share:
         """
         assert self._process.stdin is not None
         try:
-            pickle.dump((name, arguments), self._process.stdin, pickle.HIGHEST_PROTOCOL)
-            self._process.stdin.flush()
+            send(self._process.stdin, (name, arguments))
         except OSError as error:
             raise self._lost() from error
 
@@ -219,8 +219,8 @@ class _Share:
         """
         assert self._process.stdout is not None
         try:
-            answer: tuple[bool, Any] = pickle.load(self._process.stdout)
-        except (EOFError, OSError, pickle.UnpicklingError) as error:
+            answer: tuple[bool, Any] = pickle.loads(receive(self._process.stdout))
+        except (EOFError, OSError) as error:
             raise self._lost() from error
         return answer
 

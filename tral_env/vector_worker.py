@@ -1,7 +1,7 @@
 """Drives a share of the rows of `TralCorridorProcesses`: standard input brings requests, standard output takes answers.
 
-A pickle is a request, (name, arguments), or an answer, (whether it went well, answer or exception). The process ends
-with its input, so also when the process that asks ends, however it does.
+A message is the length of a pickle and the pickle: a request, (name, arguments), or an answer, (whether it went well,
+answer or exception). The process ends with its input, so also when the process that asks ends, however it does.
 """
 
 from __future__ import annotations
@@ -10,20 +10,52 @@ import os
 import pickle
 import signal
 import sys
-from typing import Any, BinaryIO
+from typing import IO, Any
 
 from tral_env.errors import TralError
 
+_LENGTH_BYTES = 8
 
-def serve(requests: BinaryIO, answers: BinaryIO) -> None:
+
+def send(stream: IO[bytes], message: object) -> None:
+    """Write a message.
+
+    Raises:
+        OSError: nobody reads it.
+    """
+    content = pickle.dumps(message, pickle.HIGHEST_PROTOCOL)
+    stream.write(len(content).to_bytes(_LENGTH_BYTES, "little"))
+    stream.write(content)
+    stream.flush()
+
+
+def receive(stream: IO[bytes]) -> bytes:
+    """Read the pickle of a message.
+
+    Raises:
+        EOFError: the stream has ended.
+    """
+    length = int.from_bytes(_read(stream, _LENGTH_BYTES), "little")
+    return _read(stream, length)
+
+
+def _read(stream: IO[bytes], length: int) -> bytes:
+    content = stream.read(length)
+    if len(content) < length:
+        raise EOFError
+    return content
+
+
+def serve(requests: IO[bytes], answers: IO[bytes]) -> None:
     """Answer until the requests end."""
     env: Any = None
     while True:
         try:
-            name, arguments = pickle.load(requests)
+            request = receive(requests)
         except EOFError:
             break
         try:
+            name, arguments = pickle.loads(request)
             if name == "make":
                 from tral_env.vector_env import TralCorridorVectorEnv
 
@@ -35,11 +67,10 @@ def serve(requests: BinaryIO, answers: BinaryIO) -> None:
                 answer = env.reset(seed=seed, options=options)
             else:
                 answer = getattr(env, name)(*arguments)
-            told = pickle.dumps((True, answer), pickle.HIGHEST_PROTOCOL)
+            told: tuple[bool, object] = True, answer
         except Exception as error:
-            told = pickle.dumps((False, _portable(error)), pickle.HIGHEST_PROTOCOL)
-        answers.write(told)
-        answers.flush()
+            told = False, _portable(error)
+        send(answers, told)
     if env is not None:
         env.close()
 

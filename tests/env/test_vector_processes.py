@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+import types
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -109,7 +110,22 @@ def test_gymnasium_makes_it() -> None:
         assert env.reset(seed=0)[0].shape == (3, 20)
 
 
+class Unknown:
+    """Cannot be found by another process: this module is not on its path."""
+
+    __module__ = "a_module_that_is_not_there"
+
+
 class TestRefused:
+    def test_a_policy_that_the_processes_cannot_read(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        here = types.ModuleType("a_module_that_is_not_there")
+        here.Unknown = Unknown  # type: ignore[attr-defined]
+        monkeypatch.setitem(sys.modules, here.__name__, here)
+        with contextlib.closing(TralCorridorProcesses(2, 2, scenario="straight")) as env:
+            with pytest.raises(ModuleNotFoundError, match="a_module_that_is_not_there"):
+                env.correct(Unknown(), 0.2, 0.5)  # type: ignore[arg-type]
+            assert env.reset(seed=0)[0].shape == (2, 20)
+
     @pytest.mark.parametrize(
         ("options", "message"),
         [
