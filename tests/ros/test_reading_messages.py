@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -10,7 +11,9 @@ from hypothesis import strategies as st
 
 from tral_env.interface import CORE_FIELDS, MAX_AGE_S, NO_ECHO_M, Layout
 from tral_env.ros import topics
-from tral_env.ros.msg.sensor import JointState, Range
+from tral_env.ros.msg.geometry import Vector3
+from tral_env.ros.msg.sensor import AckermannDrive, AckermannDriveStamped, BatteryState, Imu, JointState, Range
+from tral_env.ros.msg.std import Header
 from tral_env.ros.msg.vision import Detection3DArray
 from tral_env.ros.readings import MessageReadings, ReadingMessages, detections_of, yaw_of, yaw_quaternion
 from tral_env.ros.times import nanoseconds, stamp
@@ -159,3 +162,29 @@ def test_a_new_range_is_told_after_a_late_tick_and_an_old_one_is_not() -> None:
     assert told(0.0725, 0.0125) == 0
     assert told(0.095, 0.1) == 1  # fired 0.065 s after the first one
     assert told(0.2, 0.21) == 0  # the same, told 5 ms late
+
+
+@pytest.mark.parametrize(
+    "none",
+    [
+        Range(header=Header(stamp(NOW_NS), "speed"), range=1.0),
+        JointState(name=[topics.HALL_WHEEL], position=[1.0], velocity=[math.nan]),
+        AckermannDriveStamped(drive=AckermannDrive(steering_angle=math.nan)),
+        BatteryState(voltage=math.nan),
+        Imu(angular_velocity=Vector3(math.nan, 0.0, 0.0), linear_acceleration=Vector3(math.inf, 0.0, 0.0)),
+    ],
+)
+def test_what_is_no_reading_is_refused_and_counted(none: Any) -> None:
+    heard = MessageReadings()
+    heard.hear(none)
+    assert heard.readings(NOW_NS) == {}
+    assert heard.refused > 0
+
+
+def test_a_detection_at_no_place_is_refused_and_a_later_one_at_a_place_is_not() -> None:
+    readings = {field.name: 0.0 for field in CORE_FIELDS if field.name.startswith(("gate_", "marker_"))}
+    readings["marker_id"], heard = -1.0, MessageReadings()
+    heard.hear(detections_of(readings | {"gate_x": math.nan}, NOW_NS))
+    assert (heard.readings(NOW_NS), heard.refused) == ({}, 1)
+    heard.hear(detections_of(readings | {"gate_x": 2.0}, NOW_NS))
+    assert heard.readings(NOW_NS)["gate_x"] == 2.0

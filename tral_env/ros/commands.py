@@ -96,7 +96,7 @@ class CommandGate:
 
     def arm(self, now_s: float) -> None:
         """Take commands from now on; older ones are forgotten."""
-        self.armed, self.why = True, ""
+        self.armed, self.why, self.answers_ns = True, "", 0
         self._source, self._last, self._armed_s, self._off = None, None, now_s, 0
         self._regulator = SpeedRegulator()
 
@@ -141,11 +141,11 @@ class CommandGate:
         self._last, self._came_s = received, now_s
         return None
 
-    def command(self, speed: float, now_s: float) -> tuple[float, float] | None:
+    def command(self, speed: float | None, now_s: float) -> tuple[float, float] | None:
         """Steering and throttle for the next tick; None: the car must stop, and `why` tells why.
 
         Args:
-            speed: of the car from its hall sensor, m/s.
+            speed: of the car from its hall sensor, m/s; None: no hall sensor tells it. Then no speed can be regulated.
             now_s: time on a clock that never goes back, s.
         """
         if not self.armed:
@@ -161,6 +161,11 @@ class CommandGate:
         drive = self._last.message.drive
         if self._last.open_loop:
             return steering_of(drive), throttle_of(drive)
+        if speed is None:
+            if now_s - self._armed_s > self.limits.patience_s:
+                self.disarm("a speed is commanded, and no hall sensor tells the car's: send ackermann_cmd_open_loop")
+                return None
+            return steering_of(drive), 0.0
         if drive.speed < 0.0:
             return steering_of(drive), self._regulator.reverse(drive.speed / SPEED_PER_THROTTLE, speed)
         return steering_of(drive), self._regulator.regulate(drive.speed, speed)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tral_env.config import CarConfig
 from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.perception.degrade import ImageCorruption
 from tral_env.ros import topics
@@ -80,7 +81,7 @@ class SimulatedBody:
         self._world: World = self.env.unwrapped.world  # type: ignore[attr-defined]
         self._layout = self._world.layout
         self.sim_time_s = 0.0
-        self.sees = options.camera == "projected"
+        self.sees, self.camera_x = options.camera == "projected", CarConfig.camera_x
         self._camera: SimulatedCamera | None = None
         self._due_s = time.monotonic()
         self.reset(options.seed)
