@@ -29,6 +29,7 @@ from tral_env.ros.msg.std import Bool, DiagnosticArray, DiagnosticStatus, Header
 from tral_env.ros.node import Node, check_namespace, domain_id
 from tral_env.ros.odometry import NOT_MEASURED
 from tral_env.ros.qos import COMMAND, LATCHED, SENSOR_DATA, STATE, Profile
+from tral_env.ros.readings import yaw_of
 from tral_env.ros.times import stamp
 from tral_fsm import load_policy
 from tral_fsm.programs.ros.fsm_node import FsmNode, FsmOptions
@@ -383,6 +384,21 @@ def test_a_simulated_car_that_rests_keeps_to_the_clock_also_in_lock_step(monkeyp
     resting.rest()
     assert slept == [1 / 80]
     resting.close()
+
+
+def test_the_truth_of_a_simulated_car_is_its_pose_and_both_of_its_speeds() -> None:
+    turning = body()
+    told, yaws = [], []
+    for _ in range(80):
+        turning.step(0.5, 0.4)
+        (truth,) = (message for topic, message in turning.extra(0) if topic == topics.TRUTH)
+        assert isinstance(truth, Odometry)
+        told.append(truth.twist.twist)
+        yaws.append(yaw_of(truth.pose.pose.orientation))
+    assert told[-1].angular.z == pytest.approx(80 * (yaws[-1] - yaws[-2]), rel=0.02)
+    assert told[-1].angular.z > 0.3
+    assert told[-1].linear.x == pytest.approx(turning.info["speed_mps"])
+    turning.close()
 
 
 def test_a_message_stops_the_car(car: Clockless) -> None:

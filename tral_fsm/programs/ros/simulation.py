@@ -134,7 +134,9 @@ class SimulatedBody:
         """Where the car is, and how its drive ended."""
         x, y, yaw = np.asarray(self.info["pose"]).tolist()
         pose = Pose(Point(x, y, 0.0), yaw_quaternion(yaw))
-        twist = Twist(Vector3(float(self.info["speed_mps"])))
+        physics = self._world.sim.physics
+        turning = float(physics.qvel[0, physics.handles.root_dof + 5])
+        twist = Twist(Vector3(float(self.info["speed_mps"])), Vector3(z=turning))
         header = Header(stamp(now_ns), topics.MAP)
         told = [Told(topics.TRUTH, Odometry(header, topics.BASE, PoseWithCovariance(pose), TwistWithCovariance(twist)))]
         if self._over and not self._told:
