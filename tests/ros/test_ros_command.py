@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import math
 import os
 import re
 import runpy
@@ -36,6 +38,9 @@ def tral(*arguments: str) -> Any:
         ({"use_sim_time": True, "backend": "twin"}, "lives in real time"),
         ({"lock_step": True, "camera": "rendered"}, "rendered images come in real time"),
         ({"dry": True}, "moves no real car"),
+        ({"camera_timeout": math.nan}, "camera_timeout = nan"),
+        ({"camera_timeout": 0.0}, "camera_timeout = 0.0: expected a number above 0, at most 10 s"),
+        ({"command_timeout": 60.0}, "command_timeout = 60.0"),
     ],
 )
 def test_what_does_not_fit_together_is_refused(options: dict[str, Any], said: str) -> None:
@@ -266,7 +271,10 @@ def test_the_end_of_the_terminal_ends_the_nodes_unless_they_were_told_to_outlive
         ended = _until_stopped()
         os.kill(os.getpid(), signal.SIGHUP)
         assert ended.is_set() is ends
+        assert logging.getLogger("tral.ros.car").isEnabledFor(logging.INFO)
+        assert not logging.getLogger("OpenGL").isEnabledFor(logging.INFO)
     finally:
+        logging.getLogger("tral.ros").setLevel(logging.NOTSET)
         for number, handler in handlers.items():
             signal.signal(number, handler)
 

@@ -353,6 +353,12 @@ def test_the_policy_node_is_not_well_while_nothing_comes(probe: Node) -> None:
     fsm.node.close()
 
 
+@pytest.mark.parametrize("seconds", [math.nan, math.inf, 0.0, -1.0])
+def test_a_camera_is_waited_for_some_time(seconds: float) -> None:
+    with pytest.raises(ConfigError, match="camera_timeout_s"):
+        FsmOptions(camera_timeout_s=seconds)
+
+
 def test_a_policy_that_needs_readings_which_nobody_tells_it_is_refused() -> None:
     class Reads:
         needed_readings = frozenset({"battery", "speed", "imu_gyro_z"})

@@ -6,11 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from tral_env.checks import check_number
-from tral_env.errors import ConfigError
 from tral_env.geometry import FULL_LOCK
 from tral_env.ros.msg.sensor import AckermannDrive, AckermannDriveStamped
-from tral_env.ros.patience import COMMAND_TIMEOUT_S
+from tral_env.ros.patience import COMMAND_TIMEOUT_S, check_patience
 from tral_env.ros.times import nanoseconds
 from tral_env.se2 import clip
 from tral_env.speed_control import SPEED_PER_THROTTLE, SpeedRegulator
@@ -43,10 +41,7 @@ class CommandLimits:
     def __post_init__(self) -> None:
         """Check the values."""
         for name in ("timeout_s", "patience_s"):
-            value = getattr(self, name)
-            check_number(name, value, "s")
-            if not 0.0 < value <= 10.0:
-                raise ConfigError(f"{name} = {value!r}: expected a number above 0, at most 10 s")
+            check_patience(name, getattr(self, name))
 
 
 class Received(NamedTuple):

@@ -100,7 +100,9 @@ class ControlConnection:
         self._answers = self._socket.makefile("rb")
 
     def _silent(self, error: OSError) -> HardwareError:
-        return HardwareError(f"no twin answers at {self._folder} ({error.strerror}): start one by `tral twin up`")
+        return HardwareError(
+            f"no twin answers at {self._folder} ({error.strerror or error}): start one by `tral twin up`"
+        )
 
     def ask(self, **request: Any) -> Any:
         """Ask the twin.

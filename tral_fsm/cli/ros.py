@@ -110,7 +110,8 @@ def _require_dds() -> None:
 
 def _until_stopped() -> threading.Event:
     """An event that a signal sets; until then the nodes tell on stderr what they tell on /rosout."""
-    logging.basicConfig(level=logging.INFO, format="[%(levelname)s] [%(name)s]: %(message)s")
+    logging.basicConfig(format="[%(levelname)s] [%(name)s]: %(message)s")
+    logging.getLogger("tral.ros").setLevel(logging.INFO)
     ended = threading.Event()
     numbers = [signal.SIGINT, signal.SIGTERM]
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as nohup leaves it

@@ -17,7 +17,7 @@ from tral_env.ros.diagnostics import FAILED, OK, WARNING, Diagnostics, in_words
 from tral_env.ros.msg.sensor import AckermannDriveStamped, Odometry
 from tral_env.ros.msg.std import Bool, Header, State, String, Transition, TransitionEvent
 from tral_env.ros.node import WARN, Node, Subscription
-from tral_env.ros.patience import CAMERA_TIMEOUT_S
+from tral_env.ros.patience import CAMERA_TIMEOUT_S, check_patience
 from tral_env.ros.qos import COMMAND, LATCHED, STATE
 from tral_env.ros.readings import MessageReadings
 from tral_env.ros.times import nanoseconds, seconds_ns, stamp
@@ -46,6 +46,10 @@ class FsmOptions:
     camera_timeout_s: float = CAMERA_TIMEOUT_S
     """A policy that needs the camera stops the car when nothing came from it for so long, s; when the camera's process
     is dead, sooner."""
+
+    def __post_init__(self) -> None:
+        """Check the time."""
+        check_patience("camera_timeout_s", self.camera_timeout_s)
 
 
 class FsmNode:
