@@ -40,7 +40,10 @@ class ControlServer:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists():
             if _answers(path):
-                raise HardwareError(f"a twin runs already at {path.parent}: `tral twin down`, or give another --name")
+                raise HardwareError(
+                    f"a twin runs already at {path.parent}: end it by `tral twin down --name {path.parent.name}`, or give "
+                    "another --name (`tral ros`: another --namespace)"
+                )
             path.unlink()
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._listener.bind(str(path))
