@@ -41,8 +41,8 @@ class ControlServer:
         if path.exists():
             if _answers(path):
                 raise HardwareError(
-                    f"a twin runs already at {path.parent}: end it by `tral twin down --name {path.parent.name}`, or give "
-                    "another --name (`tral ros`: another --namespace)"
+                    f"a twin runs already at {path.parent}: end it by `tral twin down --name {path.parent.name}`, or "
+                    "give another --name (`tral ros`: another --namespace)"
                 )
             path.unlink()
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
