@@ -70,7 +70,7 @@ class _NodeCommand(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Let the file be the defaults."""
         given, _, _ = self.make_parser(ctx).parse_args(list(args))
-        if path := given.get("params_file"):
+        if (path := given.get("params_file")) and not ctx.resilient_parsing:
             from tral_env.ros.parameters import read_parameters
 
             nodes = [self.name] if self.name in NODES else list(NODES)
