@@ -255,6 +255,8 @@ def test_no_file_arms_a_car(section: str, tmp_path: Path) -> None:
         result = tral(command, "--params-file", str(path))
         assert result.exit_code == 1
         assert f"{section}: arm: a file arms no car" in " ".join(result.stderr.split())
+    others = file(tmp_path, "gripper: {ros__parameters: {arm: left}}\n")
+    assert read_parameters(others, NODES, list(NODES), refused={"arm": "no"}) == {}
 
 
 def test_a_file_of_parameters_that_is_not_there_is_told(tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ from typing import Any
 from tral_env import yaml_text
 from tral_env.errors import BadFileError, nearest
 
-NOTHING: Mapping[str, str] = {}
 _ALL = "/**"
 """What stands below this name is for all nodes."""
 
@@ -20,7 +19,7 @@ def read_parameters(
     nodes: Mapping[str, Collection[str]],
     wanted: Collection[str],
     namespace: str | None = None,
-    refused: Mapping[str, str] = NOTHING,
+    refused: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
     """The parameters of nodes: those below ``/**``, then those below their names, such as ``car`` in any namespace.
 
@@ -42,9 +41,7 @@ def read_parameters(
     """
     sections = _sections(path)
     for section, given in sections.items():
-        if no := next((name for name in given if name in refused), None):
-            raise BadFileError(f"{path}: {section}: {no}: {refused[no]}")
-        _check(path, section, given, nodes)
+        _check(path, section, given, nodes, refused or {})
     shared = {
         name: value for name, value in sections.get(_ALL, {}).items() if any(name in nodes[one] for one in wanted)
     }
@@ -62,7 +59,8 @@ def _own(path: Path, sections: Mapping[str, dict[str, Any]], names: Collection[s
     found: dict[str, Any] = {}
     said: dict[str, str] = {}
     for section, given in sections.items():
-        if (section.strip("/") if "/" in section.strip("/") else section) not in names:
+        bare = section.strip("/")
+        if (bare if "/" in bare else section) not in names:  # /car is the node of the root, car that of any namespace
             continue
         for name, value in given.items():
             if name in said and found[name] != value:
@@ -74,8 +72,14 @@ def _own(path: Path, sections: Mapping[str, dict[str, Any]], names: Collection[s
     return found
 
 
-def _check(path: Path, section: str, given: Mapping[str, Any], nodes: Mapping[str, Collection[str]]) -> None:
-    """Refuse a section with a parameter that its node lacks, or of a node whose name looks like a slip."""
+def _check(
+    path: Path,
+    section: str,
+    given: Mapping[str, Any],
+    nodes: Mapping[str, Collection[str]],
+    refused: Mapping[str, str],
+) -> None:
+    """Refuse a section with a parameter that its node lacks or no file may give, or of a node that is a slip."""
     node = section.rpartition("/")[2]
     if section == _ALL:
         known = {name for parameters in nodes.values() for name in parameters}
@@ -84,6 +88,8 @@ def _check(path: Path, section: str, given: Mapping[str, Any], nodes: Mapping[st
     else:
         return _check_foreign(path, section, node, nodes)
     for name in given:
+        if name in refused:
+            raise BadFileError(f"{path}: {section}: {name}: {refused[name]}")
         if name not in known:
             raise BadFileError(f"{path}: {section}: unknown parameter '{name}': {nearest(name, sorted(known))}")
     return None

@@ -209,7 +209,7 @@ def _joints(readings: Mapping[str, float], steering: float, now_ns: int) -> Join
 
 
 class MessageReadings:
-    """Turns messages back into readings."""
+    """Turns messages back into the readings of a policy."""
 
     def __init__(self) -> None:
         """Nothing heard yet."""
@@ -224,7 +224,7 @@ class MessageReadings:
         self._values.clear()
 
     def hear(self, message: IdlStruct) -> None:
-        """Take a message of any topic of readings; an older one than the last is refused."""
+        """Take a message of a topic of readings; an older one than the last is refused."""
         self.heard += 1
         match message:
             case Range():
@@ -236,12 +236,6 @@ class MessageReadings:
                 self._hear_joints(message)
             case AckermannDriveStamped():
                 self._take({"steering": steering_of(message.drive), "throttle": throttle_of(message.drive)})
-            case BatteryState():
-                self._take({"battery": message.voltage})
-            case Imu():
-                rate, acceleration = message.angular_velocity, message.linear_acceleration
-                self._take({f"imu_gyro_{axis}": getattr(rate, axis) for axis in "xyz"})
-                self._take({f"imu_accel_{axis}": getattr(acceleration, axis) for axis in "xyz"})
             case _:
                 pass
 
