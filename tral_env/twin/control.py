@@ -34,9 +34,22 @@ class ControlServer:
             answers: name -> what answers it.
 
         Raises:
-            HardwareError: a twin listens there already.
+            HardwareError: a twin listens there already, or nobody can.
         """
         self._path, self._answers = path, answers
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            self._listen()
+        except HardwareError:
+            self._listener.close()
+            raise
+        except OSError as error:
+            self._listener.close()
+            raise HardwareError(f"no twin can listen at {path}: {error}: give it another folder or name") from error
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _listen(self) -> None:
+        path = self._path
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists():
             if _answers(path):
@@ -45,10 +58,8 @@ class ControlServer:
                     "give another --name (`tral ros`: another --namespace)"
                 )
             path.unlink()
-        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._listener.bind(str(path))
         self._listener.listen()
-        threading.Thread(target=self._accept, daemon=True).start()
 
     def close(self) -> None:
         """Stop listening, and remove the socket."""
