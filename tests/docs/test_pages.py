@@ -37,6 +37,12 @@ def test_quoted_files_are_there(page: str) -> None:
     assert [path for path in quoted if not (ROOT / path).exists()] == []
 
 
+@pytest.mark.parametrize("page", [*PAGES, "CHANGELOG.md"])
+def test_no_line_of_prose_is_longer_than_one_of_the_code(page: str) -> None:
+    prose = re.sub(r"^```.*?^```$", "", read(page), flags=re.DOTALL | re.MULTILINE)
+    assert [line for line in prose.splitlines() if len(line) > 140 and not line.startswith("|")] == []
+
+
 def test_the_index_knows_every_page() -> None:
     listed = re.findall(r"\]\(([^)]+\.md)\)", read("docs/README.md"))
     assert sorted(listed) == sorted(path.name for path in (ROOT / "docs").glob("*.md") if path.name != "README.md")

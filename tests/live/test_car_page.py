@@ -86,23 +86,18 @@ def test_a_page_that_dies_stops_nobody_and_is_waited_for_by_nobody(car: Car) -> 
     process: Any = car.page._process
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    begun = time.monotonic()
     for _ in range(200):
         car.tick()
         assert car.page.poll(0.0) == Hands()
-    assert time.monotonic() - begun < 5.0
 
 
 def test_a_page_that_hangs_is_waited_for_by_nobody(car: Car) -> None:
     process: Any = car.page._process
     os.kill(process.pid, signal.SIGSTOP)
-    begun = time.monotonic()
-    for _ in range(2000):
+    for _ in range(2000):  # one that waited would wait for ever
         car.tick()
         assert car.page.poll(0.0) == Hands()
-    took = time.monotonic() - begun
     os.kill(process.pid, signal.SIGCONT)
-    assert took < 20.0
 
 
 def test_what_cannot_be_sent_is_no_matter_of_the_drive(car: Car) -> None:

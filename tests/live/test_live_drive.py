@@ -413,3 +413,30 @@ def test_a_slower_clock_and_no_clock() -> None:
         pace.wait()
     assert hand.s == pytest.approx(2.0)
     assert pace.told == ""
+
+
+@pytest.mark.parametrize(
+    ("info", "told"),
+    [
+        ({"success": True}, "arrived"),
+        ({"collision": True}, "touched something"),
+        ({"collision": True, "crash": True}, "crash"),
+        ({"missed_gate": True}, "missed gate"),
+        ({}, "time is up"),
+    ],
+)
+def test_a_lane_tells_how_its_drive_ended(
+    info: dict[str, bool], told: str, live: LiveDrive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (lane,) = live.lanes
+    step = lane.env.step
+    ended = dict.fromkeys(("success", "collision", "crash", "missed_gate"), False) | info
+
+    def last(action: Any) -> Any:
+        observation, reward, _, _, before = step(action)
+        return observation, reward, True, False, before | ended
+
+    monkeypatch.setattr(lane.env, "step", last)
+    lane.start(3)
+    lane.tick()
+    assert lane.ended == told

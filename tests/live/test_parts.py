@@ -19,7 +19,7 @@ from tral_fsm.estimation.detections import Detection
 from tral_fsm.estimation.wall_filter import WallEstimate
 from tral_fsm.live import meshes
 from tral_fsm.live.charts import History, values
-from tral_fsm.live.frame import CarFrame
+from tral_fsm.live.frame import CarFrame, Frame
 from tral_fsm.live.numbers import (
     can_give,
     first_value,
@@ -32,6 +32,7 @@ from tral_fsm.live.numbers import (
     span_of_slider,
 )
 from tral_fsm.live.overlays import believed, echo
+from tral_fsm.live.page import status
 from tral_fsm.tuning.listing import listing
 from tral_fsm.tuning.parameters import sites, with_value
 from tral_fsm.tuning.ranges import limits
@@ -154,3 +155,9 @@ def test_the_car_is_as_large_as_it_is() -> None:
     assert length == pytest.approx(0.4, abs=0.05)
     assert width == pytest.approx(0.2, abs=0.03)
     assert car["car/wheel_rear_left"].extents[0] == pytest.approx(0.064, abs=0.002)
+
+
+def test_names_in_the_status_are_shown_as_they_are() -> None:
+    car = CarFrame(name="my_*car*|.json", time_s=1.0, readings={}, action=(0.0, 0.0), state="turn_<b>")
+    frame = Frame(episode=0, title="_a_, seed 3", plan=None, cars=(car,))
+    assert status(frame).split("\n\n") == [r"**\_a\_, seed 3**", r"my\_\*car\*\|\.json: 1.0 s, turn\_&lt;b&gt;"]

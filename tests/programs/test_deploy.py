@@ -192,6 +192,18 @@ def test_a_policy_that_fails_stops_the_car_and_the_summary_says_so(tmp_path: Pat
     assert report["ended_by"].startswith("PolicyError: ")
 
 
+def test_a_full_disk_does_not_hide_what_the_policy_did_wrong(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("tral_fsm.evaluation.files.write_json", full)
+    with pytest.raises(PolicyError, match="no idea") as raised:
+        deploy(tmp_path, Person(), name="Failing")
+    assert "The summary could not be written either: [Errno 28] No space left on device" in raised.value.__notes__
+    with pytest.raises(OSError, match="No space left on device"):
+        deploy(tmp_path, Person())
+
+
 def test_a_policy_that_needs_what_the_car_does_not_read_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="needs gate_id"):
         deploy(tmp_path, Person(), name="Hungry")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from message_types import official
 
+from tral_env.errors import ConfigError
 from tral_env.recording.read import read
 from tral_env.ros.bag import write_bag
 
@@ -45,3 +48,23 @@ def test_rosbags_reads_every_message(bag: Path) -> None:
         for schema, _, message in make_reader(stream).iter_messages():
             assert schema is not None
             store.deserialize_cdr(message.data, schema.name)
+
+
+def test_a_recording_is_not_replaced_by_its_own_bag(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    path.write_bytes(DRIVE.read_bytes())
+    with pytest.raises(ConfigError, match="is the recording itself"):
+        write_bag(read(path), tmp_path / "." / "drive.mcap")
+    assert path.read_bytes() == DRIVE.read_bytes()
+
+
+def test_a_disk_that_fills_up_is_told_and_the_old_file_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    path = tmp_path / "old.mcap"
+    path.write_bytes(b"old")
+    monkeypatch.setattr("tral_env.ros.bag._channel", full)
+    with pytest.raises(ConfigError, match=r"old\.mcap: cannot be written: No space left on device"):
+        write_bag(read(DRIVE), path)
+    assert [each.read_bytes() for each in tmp_path.iterdir()] == [b"old"]

@@ -166,3 +166,27 @@ def until_it_fails(body: CarBody) -> None:
     end_s = time.monotonic() + 30.0
     while time.monotonic() < end_s:
         body.step(0.0, 0.0)
+
+
+class Sensors:
+    """Sensors that do not answer at first."""
+
+    def __init__(self) -> None:
+        self.starts = 0
+
+    def start(self) -> None:
+        self.starts += 1
+        if self.starts < 3:
+            raise OSError(121, "Remote I/O error")
+
+    def read(self, now_s: float) -> dict[str, float]:
+        return {"distance": 1.0}
+
+
+def test_sensors_that_did_not_start_are_started_again_and_the_reason_is_told(body: CarBody, garage: Garage) -> None:
+    garage.opened[0].sensors = Sensors()  # type: ignore[assignment]
+    body._started = False
+    ticks = [body.rest() for _ in range(4)]
+    assert [each.trouble for each in ticks] == ["[Errno 121] Remote I/O error"] * 2 + [""] * 2
+    assert ticks[-1].readings["distance"] == 1.0
+    assert garage.opened[0].sensors.starts == 3  # type: ignore[attr-defined]

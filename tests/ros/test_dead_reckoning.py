@@ -84,3 +84,17 @@ def test_an_imu_without_orientation_says_so_and_tells_noise_and_bias_of_the_chip
     noise_g, bias_g = 300e-6 * math.sqrt(41.0), 0.03
     accel = 9.80665**2 * (noise_g**2 + bias_g**2)
     assert list(imu.linear_acceleration_covariance) == pytest.approx([accel, 0, 0, 0, accel, 0, 0, 0, accel])
+
+
+def test_a_car_whose_way_nobody_counts_knows_neither_its_place_nor_its_speed() -> None:
+    reckoning = DeadReckoning()
+    for tick in range(11):
+        reckoning.update(tick * STEP_M, 1.0, 0.3, 0.3)
+    reckoning.lose()
+    lost = reckoning.message(0)
+    assert (lost.twist.twist.linear.x, lost.twist.twist.angular.z) == (0.0, 0.0)
+    for covariance in (lost.pose.covariance, lost.twist.covariance):
+        assert np.array_equal(square(list(covariance)), np.diag([NOT_MEASURED] * 6))
+    reckoning.update(11 * STEP_M, 1.0, 0.3, 0.3)
+    assert reckoning.message(0).twist.twist.linear.x == 1.0
+    assert square(list(reckoning.message(0).pose.covariance))[0, 0] < 1.0

@@ -7,8 +7,9 @@ import time
 
 import numpy as np
 import pytest
-from test_ros_nodes import after, until
+from test_ros_nodes import Statuses, after, until
 
+from tral_env.errors import ConfigError
 from tral_env.geometry import WHEEL_RADIUS_M
 from tral_env.hardware.faults import FaultLimits
 from tral_env.ros import topics
@@ -20,7 +21,7 @@ from tral_env.ros.msg.std import Bool
 from tral_env.ros.node import Node
 from tral_env.ros.qos import LATCHED, STATE
 
-GREY = np.zeros((4, 4), np.uint8)
+GREY = np.zeros((480, 640), np.uint8)
 PERIOD_S = 0.05
 
 
@@ -133,3 +134,50 @@ def test_a_car_whose_speed_nobody_tells_any_more_counts_as_standing() -> None:
 def see_the_same(node: CameraNode) -> None:
     node.look(Exposed(b"", GREY, time.time_ns()))
     node.judge()
+
+
+def test_an_image_of_the_future_was_exposed_now(watched: Watched) -> None:
+    assert watched.drive(0.1, 0.5, age_s=-3600.0) == ""
+    assert watched.drive(1.0, 0.5, age_s=1.0).startswith("STOP camera stale: the newest image is 0.5 s old")
+
+
+def test_an_arming_right_after_a_stop_begins_anew() -> None:
+    probe, node = Node("probe"), CameraNode(lambda: pytest.fail("no camera"))
+    armed = probe.publisher(topics.ARMED, Bool, LATCHED)
+    until(lambda: armed.listeners)
+    armed.publish(Bool(True))
+    until(lambda: after(node.judge, lambda: node._armed))
+    node._why = "camera stale"
+    for told in (False, True):
+        armed.publish(Bool(told))
+    until(lambda: after(node.judge, lambda: not node._why))
+    assert node._armed
+    node.node.close()
+    probe.close()
+
+
+def test_a_camera_whose_images_stay_away_is_not_said_to_look() -> None:
+    probe, node = Node("probe"), CameraNode(lambda: pytest.fail("no camera"))
+    statuses = Statuses(probe)
+
+    def told(level: int, message: str) -> bool:
+        node._diagnostics.hurry()
+        node.judge()
+        statuses.hear("/camera: images")
+        last = statuses.last.get("/camera: images")
+        return last is not None and (last.level, last.message) == (level, message)
+
+    until(lambda: told(1, "no image yet"))
+    node.look(Exposed(b"", GREY, time.time_ns()))
+    until(lambda: told(0, "looks"))
+    node._seen_s -= 1.1
+    until(lambda: told(1, "no image for over 1 s"))
+    node.node.close()
+    probe.close()
+
+
+def test_images_of_another_size_than_those_of_the_lens_are_refused() -> None:
+    node = CameraNode(lambda: pytest.fail("no camera"))
+    with pytest.raises(ConfigError, match="the images are 320 x 240 px, those of the lens 640 x 480 px"):
+        node.look(Exposed(b"", GREY[::2, ::2], time.time_ns()))
+    node.node.close()

@@ -91,3 +91,21 @@ def test_the_lens_is_told_as_ros_has_it() -> None:
     told = camera_info(CameraConfig(), Header())
     assert told.k[0] == told.p[0] == CameraConfig.fx
     assert (told.width, told.height, told.distortion_model) == (640, 480, "plumb_bob")
+
+
+@pytest.mark.parametrize("header", ["X-Exposure-Ns: soon", "Content-Length: many"])
+def test_a_part_with_a_header_that_is_no_number_is_told(header: str, monkeypatch: pytest.MonkeyPatch, url: str) -> None:
+    images = StreamImages(url)
+    name, _, value = header.partition(": ")
+    monkeypatch.setattr(images, "_headers", lambda: {"content-length": "9", name.lower(): value})
+    with pytest.raises(HardwareError, match="is gone: invalid literal"):
+        images.next()
+    images.close()
+
+
+def test_a_camera_is_asked_itself_whatever_proxy_web_pages_take(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("http_proxy", "http://127.0.0.1:9")
+    monkeypatch.delenv("no_proxy", raising=False)
+    images = StreamImages(url)
+    assert images.next() is not None
+    images.close()

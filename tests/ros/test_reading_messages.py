@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -10,7 +11,8 @@ from hypothesis import strategies as st
 
 from tral_env.interface import CORE_FIELDS, MAX_AGE_S, NO_ECHO_M, Layout
 from tral_env.ros import topics
-from tral_env.ros.msg.sensor import JointState, Range
+from tral_env.ros.msg.sensor import AckermannDrive, AckermannDriveStamped, JointState, Range
+from tral_env.ros.msg.std import Header
 from tral_env.ros.msg.vision import Detection3DArray
 from tral_env.ros.readings import MessageReadings, ReadingMessages, detections_of, yaw_of, yaw_quaternion
 from tral_env.ros.times import nanoseconds, stamp
@@ -31,11 +33,19 @@ def reading(name: str) -> st.SearchStrategy[float]:
 
 @given(st.fixed_dictionaries({name: reading(name) for name in LAYOUT.names}))
 def test_a_policy_is_told_what_the_car_measured(readings: dict[str, float]) -> None:
-    heard = MessageReadings()
+    heard, told = MessageReadings(), {}
     for topic, message in ReadingMessages().of(readings, NOW_NS):
         assert not topic.startswith("/")
-        heard.hear(type(message).deserialize(message.serialize(use_version_2=False)))
-    assert heard.readings(NOW_NS) == {name: pytest.approx(value, abs=1e-5) for name, value in readings.items()}
+        told[topic] = type(message).deserialize(message.serialize(use_version_2=False))
+        heard.hear(told[topic])
+    core = {field.name: pytest.approx(readings[field.name], abs=1e-5) for field in CORE_FIELDS}
+    assert heard.readings(NOW_NS) == core
+    imu: Any = told[topics.IMU]
+    for axis in "xyz":
+        assert getattr(imu.angular_velocity, axis) == readings[f"imu_gyro_{axis}"]
+        assert getattr(imu.linear_acceleration, axis) == readings[f"imu_accel_{axis}"]
+    battery: Any = told[topics.BATTERY]
+    assert battery.voltage == readings["battery"]
 
 
 def test_an_age_goes_on_while_a_message_is_under_way() -> None:
@@ -159,3 +169,27 @@ def test_a_new_range_is_told_after_a_late_tick_and_an_old_one_is_not() -> None:
     assert told(0.0725, 0.0125) == 0
     assert told(0.095, 0.1) == 1  # fired 0.065 s after the first one
     assert told(0.2, 0.21) == 0  # the same, told 5 ms late
+
+
+@pytest.mark.parametrize(
+    "none",
+    [
+        Range(header=Header(stamp(NOW_NS), "speed"), range=1.0),
+        JointState(name=[topics.HALL_WHEEL], position=[1.0], velocity=[math.nan]),
+        AckermannDriveStamped(drive=AckermannDrive(steering_angle=math.nan)),
+    ],
+)
+def test_what_is_no_reading_is_refused_and_counted(none: Any) -> None:
+    heard = MessageReadings()
+    heard.hear(none)
+    assert heard.readings(NOW_NS) == {}
+    assert heard.refused > 0
+
+
+def test_a_detection_at_no_place_is_refused_and_a_later_one_at_a_place_is_not() -> None:
+    readings = {field.name: 0.0 for field in CORE_FIELDS if field.name.startswith(("gate_", "marker_"))}
+    readings["marker_id"], heard = -1.0, MessageReadings()
+    heard.hear(detections_of(readings | {"gate_x": math.nan}, NOW_NS))
+    assert (heard.readings(NOW_NS), heard.refused) == ({}, 1)
+    heard.hear(detections_of(readings | {"gate_x": 2.0}, NOW_NS))
+    assert heard.readings(NOW_NS)["gate_x"] == 2.0

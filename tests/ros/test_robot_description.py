@@ -62,3 +62,12 @@ def test_a_course_is_drawn_with_its_walls_gates_and_route() -> None:
     assert names.count("gate") == len(plan.gate_id)
     assert names.count("route") == 1
     assert sum(each.type == 1 for each in drawn) == len(plan.box_position)
+
+
+def test_the_camera_stands_where_the_car_file_says() -> None:
+    placed = {each.child_frame_id: each.transform.translation.x for each in static_transforms(0, 0.1)}
+    assert placed[topics.CAMERA_LINK] == 0.1
+    assert placed[topics.sonar_frame("front")] != 0.1
+    camera = ElementTree.fromstring(robot_description(0.1)).find("joint[@name='camera_link_joint']/origin")
+    assert camera is not None
+    assert camera.get("xyz", "").split()[0] == "0.1"

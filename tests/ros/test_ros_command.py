@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import logging
+import math
+import os
 import re
 import runpy
+import signal
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -13,13 +17,13 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from tral_env.errors import BadFileError, ConfigError
+from tral_env.errors import BadFileError, ConfigError, HardwareError
 from tral_env.ros.parameters import read_parameters
 from tral_fsm.cli import app
 from tral_fsm.cli.console import BAD_USAGE
-from tral_fsm.cli.ros import NODES
+from tral_fsm.cli.ros import NODES, _until_stopped
 from tral_fsm.programs.ros.asked import Asked
-from tral_fsm.programs.ros.nodes import car_node, has_images
+from tral_fsm.programs.ros.nodes import camera_node, car_node, has_images
 
 PACKAGED = Path(__file__).parents[2] / "tral_env/ros/config/tral.yaml"
 
@@ -34,6 +38,9 @@ def tral(*arguments: str) -> Any:
         ({"use_sim_time": True, "backend": "twin"}, "lives in real time"),
         ({"lock_step": True, "camera": "rendered"}, "rendered images come in real time"),
         ({"dry": True}, "moves no real car"),
+        ({"camera_timeout": math.nan}, "camera_timeout = nan"),
+        ({"camera_timeout": 0.0}, "camera_timeout = 0.0: expected a number above 0, at most 10 s"),
+        ({"command_timeout": 60.0}, "command_timeout = 60.0"),
     ],
 )
 def test_what_does_not_fit_together_is_refused(options: dict[str, Any], said: str) -> None:
@@ -50,7 +57,7 @@ def file(folder: Path, text: str) -> Path:
 def test_parameters_of_a_node_count_more_than_those_of_all(tmp_path: Path) -> None:
     path = file(
         tmp_path,
-        "/car1/car:\n  ros__parameters: {seed: 2}\n/**:\n  ros__parameters: {seed: 1, camera: rendered}\n"
+        "car:\n  ros__parameters: {seed: 2}\n/**:\n  ros__parameters: {seed: 1, camera: rendered}\n"
         "fsm:\n  ros__parameters: {policy: wall}\nrviz2:\n  ros__parameters: {anything: 1}\n",
     )
     assert read_parameters(path, NODES, ["car"]) == {"seed": 2, "camera": "rendered"}
@@ -206,3 +213,110 @@ def test_no_car_is_opened_when_another_option_is_wrong(
 def test_no_parameter_is_dropped_without_a_word(tmp_path: Path, text: str, told: str) -> None:
     with pytest.raises(BadFileError, match=re.escape(told)):
         read_parameters(file(tmp_path, text), NODES, list(NODES))
+
+
+@pytest.mark.parametrize(
+    ("namespace", "seed"), [(None, 3), ("/car1", 3), ("car1/", 3), ("/car2", 4), ("/car3", 2), ("", 5)]
+)
+def test_a_name_with_a_namespace_is_for_the_node_of_that_namespace_alone(
+    namespace: str | None, seed: int, tmp_path: Path
+) -> None:
+    text = "".join(
+        f"{section}: {{ros__parameters: {{seed: {seed}}}}}\n"
+        for section, seed in (("/car1/car", 3), ("car", 2), ("car2/car", 4), ("/car", 5))
+    )
+    path = file(tmp_path, text + "/**: {ros__parameters: {namespace: /car1}}\n")
+    assert read_parameters(path, NODES, ["car"], namespace)["seed"] == seed
+
+
+def test_the_namespace_of_the_command_line_says_whose_parameters_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Asked] = []
+
+    def noted(each: Asked) -> None:
+        asked.append(each)
+        raise ConfigError("enough")
+
+    monkeypatch.setattr("tral_fsm.programs.ros.nodes.fsm_node", noted)
+    path = file(
+        tmp_path,
+        "/car1/fsm: {ros__parameters: {policy: wall}}\n/car2/fsm: {ros__parameters: {policy: gate}}\n",
+    )
+    for order in (["--params-file", str(path), "--namespace", "/car2"], ["--namespace=/car2", f"--params-file={path}"]):
+        tral("fsm", *order)
+    assert [each.policy for each in asked] == ["gate", "gate"]
+
+
+@pytest.mark.parametrize("section", ["car", "/**", "/car1/car"])
+def test_no_file_arms_a_car(section: str, tmp_path: Path) -> None:
+    path = file(tmp_path, f"{section}: {{ros__parameters: {{arm: true}}}}\n")
+    for command in ("car", "fsm", "up"):
+        result = tral(command, "--params-file", str(path))
+        assert result.exit_code == 1
+        assert f"{section}: arm: a file arms no car" in " ".join(result.stderr.split())
+    others = file(tmp_path, "gripper: {ros__parameters: {arm: left}}\n")
+    assert read_parameters(others, NODES, list(NODES), refused={"arm": "no"}) == {}
+
+
+def test_a_file_of_parameters_that_is_not_there_is_told(tmp_path: Path) -> None:
+    result = tral("fsm", "--params-file", str(tmp_path / "none.yaml"))
+    assert result.exit_code == 1
+    assert "none.yaml: cannot be read" in " ".join(result.stderr.split())
+
+
+@pytest.mark.parametrize(("before", "ends"), [(signal.SIG_DFL, True), (signal.SIG_IGN, False)])
+def test_the_end_of_the_terminal_ends_the_nodes_unless_they_were_told_to_outlive_it(before: Any, ends: bool) -> None:
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    signal.signal(signal.SIGHUP, before)
+    try:
+        ended = _until_stopped()
+        os.kill(os.getpid(), signal.SIGHUP)
+        assert ended.is_set() is ends
+        assert logging.getLogger("tral.ros.car").isEnabledFor(logging.INFO)
+        assert not logging.getLogger("OpenGL").isEnabledFor(logging.INFO)
+    finally:
+        logging.getLogger("tral.ros").setLevel(logging.NOTSET)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+def test_another_camera_of_a_car_has_the_size_rate_and_latency_of_the_car_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[Any] = []
+    monkeypatch.setattr("tral_fsm.programs.ros.nodes.CameraImages", opened.append)
+    monkeypatch.setattr(
+        "tral_fsm.programs.ros.nodes.StreamImages", lambda url, latency_s: opened.append((url, latency_s))
+    )
+    config = car_file(tmp_path, CAMERA + 'lens = "default"\nrate_hz = 20.0\nlatency_s = 0.04\n')
+    for source in ("2", "http://here/stream"):
+        node = camera_node(Asked(backend="car", config=config, source=source))
+        assert node._open is not None
+        node._open()
+        node.node.close()
+    assert (opened[0].device, opened[0].rate_hz, opened[0].latency_s) == (2, 20.0, 0.04)
+    assert opened[1] == ("http://here/stream", 0.04)
+
+
+def test_the_car_tells_where_the_camera_of_the_car_file_stands(tmp_path: Path) -> None:
+    asked = Asked(backend="car", config=car_file(tmp_path, CAMERA + "forward = 0.1\n"), dry=True)
+    node = car_node(asked)
+    assert node.body.camera_x == 0.1
+    node.close()
+
+
+def test_a_car_whose_node_cannot_begin_is_closed_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    closed: list[bool] = []
+
+    class Body:
+        name = "bench"
+
+        def close(self) -> None:
+            closed.append(True)
+
+    monkeypatch.setattr("tral_fsm.programs.ros.nodes._body", lambda asked: Body())
+    monkeypatch.setenv("CYCLONEDDS_URI", "<CycloneDDS><NoSuchElement/></CycloneDDS>")
+    with pytest.raises(HardwareError, match="CYCLONEDDS_URI"):
+        car_node(Asked())
+    assert closed == [True]

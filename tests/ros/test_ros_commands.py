@@ -136,3 +136,26 @@ def test_who_sends_by_a_wrong_clock_is_told_so() -> None:
     gate.hear(command(age_s=3.0), 0.0, NOW_NS)
     assert gate.command(0.0, 2.1) is None
     assert gate.why == "no command for 2 s after arming; 1 came with stamps over 0.15 s off: compare both clocks"
+
+
+def test_a_speed_is_not_regulated_where_no_hall_sensor_tells_it() -> None:
+    gate = armed()
+    gate.hear(command(1.0, open_loop=False), 1.9, NOW_NS)
+    assert gate.command(None, 1.95) == (pytest.approx(0.1 / FULL_LOCK), 0.0)
+    gate.hear(command(1.0, open_loop=False), 2.0, NOW_NS)
+    assert gate.command(None, 2.01) is None
+    assert gate.why.endswith("no hall sensor tells the car's: send ackermann_cmd_open_loop")
+
+
+def test_a_throttle_needs_no_hall_sensor() -> None:
+    gate = armed()
+    gate.hear(command(2.64), 3.0, NOW_NS)
+    assert gate.command(None, 3.1) == pytest.approx((0.1 / FULL_LOCK, 1.0), abs=1e-6)
+
+
+def test_what_was_answered_before_an_arming_answers_nothing_after_it() -> None:
+    gate = armed()
+    gate.hear(command(), 0.0, NOW_NS)
+    assert gate.answers_ns == NOW_NS
+    gate.arm(1.0)
+    assert gate.answers_ns == 0

@@ -17,8 +17,9 @@ from cyclonedds.core import Policy
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
-from tral_env.errors import ConfigError, HardwareError
+from tral_env.errors import ConfigError, CourseError, HardwareError
 from tral_env.ros import topics
+from tral_env.ros.body import Tick
 from tral_env.ros.car_node import CarNode, CarOptions
 from tral_env.ros.commands import CommandLimits, drive_of
 from tral_env.ros.definition import type_hash
@@ -26,7 +27,9 @@ from tral_env.ros.msg.graph import ParticipantEntitiesInfo
 from tral_env.ros.msg.sensor import AckermannDrive, AckermannDriveStamped, Odometry, Range
 from tral_env.ros.msg.std import Bool, DiagnosticArray, DiagnosticStatus, Header, Int64, String
 from tral_env.ros.node import Node, check_namespace, domain_id
+from tral_env.ros.odometry import NOT_MEASURED
 from tral_env.ros.qos import COMMAND, LATCHED, SENSOR_DATA, STATE, Profile
+from tral_env.ros.readings import yaw_of
 from tral_env.ros.times import stamp
 from tral_fsm import load_policy
 from tral_fsm.programs.ros.fsm_node import FsmNode, FsmOptions
@@ -217,6 +220,35 @@ def test_a_seed_that_is_none_stops_the_car_and_the_node_goes_on(car: Clockless, 
     car.spin(2)
 
 
+@pytest.mark.parametrize("error", [CourseError("no such course"), ConfigError("the twin refuses")])
+def test_a_reset_or_an_arming_that_fails_is_told_and_the_node_goes_on(
+    error: Exception, car: Clockless, probe: Node, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fails(*_: Any) -> Any:
+        raise error
+
+    caplog.set_level("INFO")
+    reset = probe.publisher(topics.RESET, Int64, STATE)
+    until(lambda: reset.listeners)
+    car.node.body.reset = car.node.body.arm = fails  # type: ignore[method-assign]
+    reset.publish(Int64(3))
+    car.arm.publish(Bool(True))
+
+    def told() -> set[str]:
+        return {each.message for each in caplog.records}
+
+    until(lambda: after(car.node.spin, lambda: {f"not reset: {error}", f"not armed: {error}"} <= told()))
+    assert not car.node.gate.armed
+
+
+def test_a_car_that_reads_nothing_tells_why_and_that_it_knows_no_place(car: Clockless, probe: Node) -> None:
+    statuses = Statuses(probe)
+    car.node.body.rest = lambda: Tick({}, trouble="no answer")  # type: ignore[method-assign]
+    until(lambda: after(car.node.spin, lambda: statuses.hear("/car: commands")))
+    assert statuses.last["/car: commands"].message == "stopped: not armed yet; no readings: no answer"
+    assert car.odometry.take()[-1].pose.covariance[0] == NOT_MEASURED
+
+
 def test_a_node_tells_on_the_terminal_too_why_the_car_stands(car: Clockless, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level("INFO")
     car.ask(True)
@@ -290,11 +322,49 @@ def test_the_policy_node_tells_ticks_that_were_skipped_or_late_and_readings_that
     until(
         lambda: after(lambda: fsm.spin(0.0), lambda: statuses.figures("/fsm: readings").get("refused readings") == "3")
     )
-    assert statuses.last["/fsm: readings"].level == 0
     fsm.stop("the policy failed")
     until(lambda: after(lambda: fsm.spin(0.0), lambda: statuses.level("/fsm: readings") == 2))
     assert statuses.last["/fsm: readings"].message == "stopped the car: the policy failed"
     fsm.node.close()
+
+
+def test_the_policy_node_is_not_well_while_nothing_comes(probe: Node) -> None:
+    statuses = Statuses(probe)
+    fsm = FsmNode(load_policy("office"))
+    armed = probe.publisher(topics.ARMED, Bool, LATCHED)
+    odometry = probe.publisher(topics.ODOMETRY, Odometry, STATE)
+    until(lambda: armed.listeners and odometry.listeners)
+    armed.publish(Bool(True))
+    until(lambda: after(lambda: fsm.spin(0.0), lambda: fsm.armed))
+
+    def told(message: str) -> bool:
+        fsm._diagnostics.hurry()
+        fsm.spin(0.0)
+        statuses.hear("/fsm: readings")
+        return statuses.last["/fsm: readings"].message == message if statuses.last else False
+
+    until(lambda: told("waits for the camera"))
+    fsm._begun_s -= 1.1
+    until(lambda: told("no odometry from the car for over 1 s"))
+    assert statuses.last["/fsm: readings"].level == 1
+    fsm._seen_s = fsm._came_s = time.monotonic()
+    until(lambda: told("drives"))
+    assert statuses.last["/fsm: readings"].level == 0
+    fsm.node.close()
+
+
+@pytest.mark.parametrize("seconds", [math.nan, math.inf, 0.0, -1.0])
+def test_a_camera_is_waited_for_some_time(seconds: float) -> None:
+    with pytest.raises(ConfigError, match="camera_timeout_s"):
+        FsmOptions(camera_timeout_s=seconds)
+
+
+def test_a_policy_that_needs_readings_which_nobody_tells_it_is_refused() -> None:
+    class Reads:
+        needed_readings = frozenset({"battery", "speed", "imu_gyro_z"})
+
+    with pytest.raises(ConfigError, match="the policy needs battery, imu_gyro_z, which the node `fsm` does not tell"):
+        FsmNode(Reads())
 
 
 def test_one_message_does_not_arm_two_cars_of_one_name(car: Clockless) -> None:
@@ -320,6 +390,21 @@ def test_a_simulated_car_that_rests_keeps_to_the_clock_also_in_lock_step(monkeyp
     resting.rest()
     assert slept == [1 / 80]
     resting.close()
+
+
+def test_the_truth_of_a_simulated_car_is_its_pose_and_both_of_its_speeds() -> None:
+    turning = body()
+    told, yaws = [], []
+    for _ in range(80):
+        turning.step(0.5, 0.4)
+        (truth,) = (message for topic, message in turning.extra(0) if topic == topics.TRUTH)
+        assert isinstance(truth, Odometry)
+        told.append(truth.twist.twist)
+        yaws.append(yaw_of(truth.pose.pose.orientation))
+    assert told[-1].angular.z == pytest.approx(80 * (yaws[-1] - yaws[-2]), rel=0.02)
+    assert told[-1].angular.z > 0.3
+    assert told[-1].linear.x == pytest.approx(turning.info["speed_mps"])
+    turning.close()
 
 
 def test_a_message_stops_the_car(car: Clockless) -> None:

@@ -186,6 +186,41 @@ def test_a_fault_begins_at_its_time_and_ends_by_itself() -> None:
     assert not twin.faults.active
 
 
+def test_a_fault_that_is_to_come_does_not_come_once_it_was_ended() -> None:
+    twin, clock = twin_awake()
+    for name in ("bus-stuck", "hall-off"):
+        twin.faults.at(clock.now + 0.4, name)
+    twin.faults.end("bus-stuck")
+    clock.sleep(0.5)
+    assert list(twin.faults.active) == ["hall-off"]
+
+
+def test_a_fault_that_ends_by_itself_comes_again_at_its_next_time() -> None:
+    twin, clock = twin_awake()
+    twin.faults.begin("hall-off", seconds=0.1)
+    twin.faults.at(clock.now + 0.4, "hall-off")
+    clock.sleep(0.2)
+    assert not twin.faults.active
+    clock.sleep(0.3)
+    assert list(twin.faults.active) == ["hall-off"]
+
+
+def test_a_serial_board_counts_what_its_hall_sensor_gives() -> None:
+    twin, clock = twin_awake()
+    send(twin, 1530.0, 1300.0)
+    clock.sleep(1.0)
+    ticks = [twin.car.board_readings.ticks]
+    for fault in ("hall-off", "hall-bouncing"):
+        twin.faults.begin(fault)
+        clock.sleep(0.5)
+        twin.faults.end(fault)
+        ticks.append(twin.car.board_readings.ticks)
+    assert ticks[0] > 0
+    assert ticks[1] == ticks[0]
+    assert (ticks[2] - ticks[1]) % 3 == 0
+    assert ticks[2] - ticks[1] > 15
+
+
 def test_unknown_faults_and_rates_are_refused() -> None:
     twin, _ = twin_awake()
     with pytest.raises(ConfigError, match="unknown fault 'sonar-silence': did you mean 'sonar-silent'"):

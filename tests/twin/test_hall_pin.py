@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tral_env.errors import HardwareError
-from tral_env.twin.faults import bouncing
+from tral_env.twin.car import bouncing
 from tral_env.twin.hall import AWAY, NEAR, EdgeEvent, HallPin, LineRequest, TwinHallOptions
 
 

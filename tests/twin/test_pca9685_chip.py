@@ -178,3 +178,9 @@ def test_the_general_call_resets_it_by_one_byte_alone() -> None:
     assert read(chip, 0xFE) == [100]
     assert chip.write(0x00, [0x06])
     assert read(chip, 0xFE) == [0x1E]
+
+
+@pytest.mark.parametrize("last", [0x45, 0xFE])
+def test_the_pointer_rolls_over_behind_the_outputs_and_behind_the_prescaler(last: int) -> None:
+    chip, _ = awake()
+    assert read(chip, last, 2)[1] == read(chip, 0x00)[0] == AI

@@ -80,3 +80,9 @@ def test_files_tell_who_may_do_what() -> None:
     assert chip.read((*CHIP, "npwm")) == "4\n"
     with pytest.raises(PermissionError):
         chip.read((*CHIP, "export"))
+
+
+@pytest.mark.parametrize("name", ["0", "pwm00", "pwm\N{ARABIC-INDIC DIGIT ZERO}"])
+def test_an_output_has_one_name(name: str) -> None:
+    with pytest.raises(FileNotFoundError):
+        exported().mode((*CHIP, name))

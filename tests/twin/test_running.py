@@ -17,7 +17,7 @@ import pytest
 from tral_env.errors import ConfigError, HardwareError
 from tral_env.hardware.actuator.settings import Limits
 from tral_env.hardware.calibration_file import load_calibration
-from tral_env.twin.control import ask
+from tral_env.twin.control import ControlServer, ask
 from tral_env.twin.devices import why_no_files
 from tral_env.twin.hall import TwinHall
 from tral_env.twin.running import TwinProcess
@@ -149,6 +149,13 @@ def test_requests_that_nobody_understands_are_refused(twin: TwinProcess) -> None
 def test_a_second_twin_of_the_same_folder_is_refused(twin: TwinProcess) -> None:
     with pytest.raises(HardwareError, match="a twin runs already"):
         TwinProcess(twin.settings)
+
+
+@pytest.mark.parametrize("place", ["long" * 30, "file/below"])
+def test_a_folder_in_which_no_twin_can_listen_is_told(place: str, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(HardwareError, match=r"no twin can listen at .*: give it another folder or name"):
+        ControlServer(tmp_path / place / "control", {})
 
 
 def test_a_hall_counter_connects(twin: TwinProcess) -> None:

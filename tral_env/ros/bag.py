@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 from cyclonedds.idl import IdlStruct
 from mcap.writer import Writer
 
+from tral_env.atomic import whole_file
 from tral_env.errors import ConfigError
 from tral_env.recording.read import Recording
 from tral_env.ros import topics
@@ -32,25 +34,30 @@ def write_bag(recording: Recording, path: Path) -> int:
         Number of messages.
 
     Raises:
-        ConfigError: the file cannot be made.
+        ConfigError: the file cannot be written, or is the recording.
     """
+    if path.resolve() == recording.path.resolve():
+        raise ConfigError(f"{path}: is the recording itself: choose another file")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        stream = path.open("wb")
+        with whole_file(path) as stream:
+            return _write(recording, stream)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _write(recording: Recording, stream: IO[bytes]) -> int:
+    writer = Writer(stream)
+    writer.start(profile="ros2", library="tral-env")
+    channels: dict[str, int] = {}
     count = 0
-    with stream:
-        writer = Writer(stream)
-        writer.start(profile="ros2", library="tral-env")
-        channels: dict[str, int] = {}
-        for time_ns, (topic, message) in _messages(recording):
-            if topic not in channels:
-                channels[topic] = _channel(writer, topic, type(message))
-            data = message.serialize(use_version_2=False)
-            writer.add_message(channels[topic], log_time=time_ns, publish_time=time_ns, data=data, sequence=count)
-            count += 1
-        writer.finish()
+    for time_ns, (topic, message) in _messages(recording):
+        if topic not in channels:
+            channels[topic] = _channel(writer, topic, type(message))
+        data = message.serialize(use_version_2=False)
+        writer.add_message(channels[topic], log_time=time_ns, publish_time=time_ns, data=data, sequence=count)
+        count += 1
+    writer.finish()
     return count
 
 

@@ -14,6 +14,8 @@ class Tick(NamedTuple):
     readings: Mapping[str, float]
     over: str = ""
     """Why the drive is over; empty: it goes on."""
+    trouble: str = ""
+    """Why the sensors read nothing; empty: they read."""
 
 
 class Body(Protocol):
@@ -34,11 +36,16 @@ class Body(Protocol):
         """Whether its readings tell gates and markers; where a camera node does that, they do not."""
         ...
 
+    @property
+    def camera_x(self) -> float:
+        """The camera stands this far ahead of the rear axle, m."""
+        ...
+
     def arm(self) -> Tick:
         """Make ready to drive, in neutral.
 
         Raises:
-            HardwareError: it does not.
+            TralError: it does not.
         """
         ...
 
@@ -58,7 +65,11 @@ class Body(Protocol):
         """Stop at once; only `arm` undoes it."""
 
     def reset(self, seed: int) -> None:
-        """Put the car at the start of the course of a seed; a real car does nothing."""
+        """Put the car at the start of the course of a seed; a real car does nothing.
+
+        Raises:
+            TralError: it has no such course, or is broken.
+        """
 
     def extra(self, now_ns: int) -> Sequence[Told]:
         """What a simulated car tells beside its readings, in each tick."""

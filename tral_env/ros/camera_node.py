@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 
 from tral_env.arrays import number
 from tral_env.config import CameraConfig, CarConfig
-from tral_env.errors import HardwareError
+from tral_env.errors import ConfigError, HardwareError
 from tral_env.hardware.faults import FaultLimits
 from tral_env.perception.aruco import Detector, marker_poses
 from tral_env.perception.gate import Detection, nearest_in_image
@@ -29,6 +29,8 @@ _RETRY_S = 0.5
 """A camera that is gone is opened again this often, s."""
 _JUDGE_S = 0.05
 """While the car drives, its images are judged this often, s."""
+_SILENT_S = 1.0
+"""A camera that gave no image for so long is no camera that looks, s. Source: choice."""
 _SPEED_S = 0.2
 """A speed that was told longer ago is that of a car whose node is gone, s."""
 
@@ -68,14 +70,14 @@ class CameraNode:
         self._seen = node.publisher(topics.DETECTIONS, Detection3DArray, SEEN)
         self._detector, self._car = Detector(), replace(CarConfig(), camera_x=self.options.forward)
         self._last_url = ""
-        self._armed_topic = node.subscription(topics.ARMED, Bool, LATCHED)
+        self._armed_topic = node.subscription(topics.ARMED, Bool, replace(LATCHED, depth=10))
         self._joints = node.subscription(topics.JOINTS, JointState, STATE)
         self._arm = node.publisher(topics.ARM, Bool, STATE)
         self._diagnostics = Diagnostics(node, "images")
         self._guard, self._readings = ImageGuard(self.options.faults), MessageReadings()
         self._armed, self._why = False, ""
         self._said: set[str] = set()
-        self._told_s = 0.0
+        self._told_s = self._seen_s = 0.0
         self._failure: Exception | None = None
         self.images = self.unreadable = 0
         """Number of images until now, and of those that were none."""
@@ -130,10 +132,21 @@ class CameraNode:
         return 0.0 if is_old else self._readings.readings(time.time_ns()).get("speed", 0.0)
 
     def look(self, image: Exposed) -> None:
-        """Tell an image, and what it shows."""
-        self.images += 1
-        self._guard.note(image.grey, (time.time_ns() - image.exposed_ns) / 1e9)
+        """Tell an image, and what it shows.
+
+        Raises:
+            ConfigError: the image has another size than those of the lens.
+        """
         lens = self.options.lens
+        if image.grey.shape != (lens.height, lens.width):
+            height, width = image.grey.shape
+            raise ConfigError(
+                f"the images are {width} x {height} px, those of the lens {lens.width} x {lens.height} px: let the "
+                "camera give such images, or calibrate it with its own, by `tral calibrate`"
+            )
+        self.images += 1
+        self._seen_s = time.monotonic()
+        self._guard.note(image.grey, (time.time_ns() - image.exposed_ns) / 1e9)
         seen = nearest_in_image(marker_poses(self._detector.detect(image.grey), lens, self._car))
         self._seen.publish(detections_of(_named(seen), image.exposed_ns))
         header = Header(stamp(image.exposed_ns), topics.CAMERA_OPTICAL)
@@ -160,8 +173,12 @@ class CameraNode:
     def _diagnose(self) -> None:
         if self._why:
             level, message = FAILED, f"stopped the car: {self._why}"
+        elif not self.images:
+            level, message = WARNING, "no image yet"
+        elif time.monotonic() - self._seen_s > _SILENT_S:
+            level, message = WARNING, f"no image for over {_SILENT_S:g} s"
         else:
-            level, message = (OK, "looks") if self.images else (WARNING, "no image yet")
+            level, message = OK, "looks"
         self._diagnostics.tell(time.time_ns(), level, message, self.figures)
 
     def _watch(self, ended: threading.Event) -> None:
@@ -183,7 +200,7 @@ class CameraNode:
         assert self._url is not None
         self._say("waiting for a simulated car with --camera rendered")
         while not ended.is_set():
-            for message in reversed(self._url.take()):
+            for message in self._url.take():
                 self._last_url = message.data
             if self._last_url:
                 return StreamImages(self._last_url)

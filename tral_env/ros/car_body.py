@@ -9,6 +9,7 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
+from tral_env.config import CarConfig
 from tral_env.errors import ActuatorLostError, HardwareError
 from tral_env.hardware.env import TralCarEnv
 from tral_env.interface import CONTROL_PERIOD_S, CORE_LAYOUT
@@ -35,6 +36,7 @@ class CarBody:
         name: str,
         *,
         sees: bool,
+        camera_x: float = CarConfig.camera_x,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
@@ -44,6 +46,7 @@ class CarBody:
             open_car: opens its environment, which is closed again by this body.
             name: which car this is.
             sees: whether its sensors have a camera.
+            camera_x: the camera stands this far ahead of the rear axle, m.
             clock: gives a time that never goes back, s.
             sleep: waits some seconds.
 
@@ -54,7 +57,7 @@ class CarBody:
         self._open_car = open_car
         self.env: TralCarEnv | None = open_car()
         """None: its actuator's process is gone, and it could not be opened anew yet."""
-        self.name, self.sees = name, sees
+        self.name, self.sees, self.camera_x = name, sees, camera_x
         self._clock, self._sleep = clock, sleep
         self._started = False
 
@@ -80,20 +83,20 @@ class CarBody:
         return Tick(self._named(observation), "time limit" if truncated else "")
 
     def rest(self) -> Tick:
-        """See `Body.rest`; the sensors are read, and a sensor that fails reads nothing."""
-        began_s = self._clock()
+        """See `Body.rest`; the sensors are read, and where one fails, nothing is."""
+        began_s, trouble = self._clock(), ""
         readings: Mapping[str, float] = {}
         sensors = None if self.env is None else self.env.sensors
         if sensors is not None:
             try:
                 if not self._started:
-                    self._started = True
                     sensors.start()
+                    self._started = True
                 readings = sensors.read(self._clock())
-            except OSError:  # of a driver, or a HardwareError, which is one too
-                readings = {}
+            except OSError as error:  # of a driver, or a HardwareError, which is one too
+                trouble = str(error)
         self._sleep(max(began_s + CONTROL_PERIOD_S - self._clock(), 0.0))
-        return Tick({**readings, "steering": 0.0, "throttle": 0.0})
+        return Tick({**readings, "steering": 0.0, "throttle": 0.0}, trouble=trouble)
 
     def stop(self) -> None:
         """See `Body.stop`; where the actuator's process is gone, its keeper has stopped the car."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from cyclonedds.idl import IdlStruct
 
-from tral_env.errors import HardwareError
+from tral_env.errors import HardwareError, TralError
 from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.ros import topics
 from tral_env.ros.body import Body, Tick
@@ -174,7 +174,7 @@ class CarNode:
             self.node.wait(left_s)
             self._hear_orders()
         was_armed = self.gate.armed
-        command = self.gate.command(self._tick.readings.get("speed", 0.0), self._now_s())
+        command = self.gate.command(self._tick.readings.get("speed"), self._now_s())
         if was_armed and command is None:
             self._tell_stop()
         return command
@@ -194,8 +194,12 @@ class CarNode:
             if message.data < 0:
                 self.node.log(f"not reset: the seed {message.data} is below 0", ERROR)
                 continue
+            try:
+                self.body.reset(message.data)
+            except TralError as error:
+                self.node.log(f"not reset: {error}", ERROR)
+                continue
             self._over = False
-            self.body.reset(message.data)
             self._messages.reset()
             self._reckoning.reset()
             self._tell_latched()
@@ -212,7 +216,7 @@ class CarNode:
                 name = self.node.full_name
                 raise HardwareError(f"two nodes are {name}: end one, or give each car a --namespace of its own")
             self._tick = self.body.arm()
-        except HardwareError as error:
+        except TralError as error:
             self.gate.why = str(error)
             self.node.log(f"not armed: {error}", ERROR)
             self._tell_armed()
@@ -274,6 +278,8 @@ class CarNode:
             self._reckoning.update(
                 readings["distance"], readings["speed"], readings.get("steering", 0.0), readings.get("throttle", 0.0)
             )
+        else:
+            self._reckoning.lose()
         self._publish(topics.TF, TFMessage([self._reckoning.transform(now_ns)]))
         self._publish(topics.ODOMETRY, self._reckoning.message(now_ns))
         if self._diagnostics.due:
@@ -290,9 +296,9 @@ class CarNode:
 
     def _tell_latched(self) -> None:
         now_ns = self._time_ns()
-        self._publish(topics.DESCRIPTION, String(robot_description()))
+        self._publish(topics.DESCRIPTION, String(robot_description(self.body.camera_x)))
         latched = self.body.latched(now_ns)
-        transforms = static_transforms(now_ns)
+        transforms = static_transforms(now_ns, self.body.camera_x)
         for topic, message in latched:
             if isinstance(message, TransformStamped):
                 transforms.append(message)
@@ -303,5 +309,7 @@ class CarNode:
     def _diagnose(self, now_ns: int) -> None:
         armed = self.gate.armed
         message = "armed" if armed else f"stopped: {self.gate.why}"
+        if self._tick.trouble:
+            message += f"; no readings: {self._tick.trouble}"
         figures = {"armed": str(armed).lower(), **self.figures}
         self._diagnostics.tell(now_ns, OK if armed else WARNING, message, figures)

@@ -6,11 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from tral_env.checks import check_number
-from tral_env.errors import ConfigError
 from tral_env.geometry import FULL_LOCK
 from tral_env.ros.msg.sensor import AckermannDrive, AckermannDriveStamped
-from tral_env.ros.patience import COMMAND_TIMEOUT_S
+from tral_env.ros.patience import COMMAND_TIMEOUT_S, check_patience
 from tral_env.ros.times import nanoseconds
 from tral_env.se2 import clip
 from tral_env.speed_control import SPEED_PER_THROTTLE, SpeedRegulator
@@ -43,10 +41,7 @@ class CommandLimits:
     def __post_init__(self) -> None:
         """Check the values."""
         for name in ("timeout_s", "patience_s"):
-            value = getattr(self, name)
-            check_number(name, value, "s")
-            if not 0.0 < value <= 10.0:
-                raise ConfigError(f"{name} = {value!r}: expected a number above 0, at most 10 s")
+            check_patience(name, getattr(self, name))
 
 
 class Received(NamedTuple):
@@ -96,7 +91,7 @@ class CommandGate:
 
     def arm(self, now_s: float) -> None:
         """Take commands from now on; older ones are forgotten."""
-        self.armed, self.why = True, ""
+        self.armed, self.why, self.answers_ns = True, "", 0
         self._source, self._last, self._armed_s, self._off = None, None, now_s, 0
         self._regulator = SpeedRegulator()
 
@@ -141,11 +136,11 @@ class CommandGate:
         self._last, self._came_s = received, now_s
         return None
 
-    def command(self, speed: float, now_s: float) -> tuple[float, float] | None:
+    def command(self, speed: float | None, now_s: float) -> tuple[float, float] | None:
         """Steering and throttle for the next tick; None: the car must stop, and `why` tells why.
 
         Args:
-            speed: of the car from its hall sensor, m/s.
+            speed: of the car from its hall sensor, m/s; None: no hall sensor tells it. Then no speed can be regulated.
             now_s: time on a clock that never goes back, s.
         """
         if not self.armed:
@@ -161,6 +156,11 @@ class CommandGate:
         drive = self._last.message.drive
         if self._last.open_loop:
             return steering_of(drive), throttle_of(drive)
+        if speed is None:
+            if now_s - self._armed_s > self.limits.patience_s:
+                self.disarm("a speed is commanded, and no hall sensor tells the car's: send ackermann_cmd_open_loop")
+                return None
+            return steering_of(drive), 0.0
         if drive.speed < 0.0:
             return steering_of(drive), self._regulator.reverse(drive.speed / SPEED_PER_THROTTLE, speed)
         return steering_of(drive), self._regulator.regulate(drive.speed, speed)

@@ -32,8 +32,12 @@ _OPTICAL: Rpy = (-math.pi / 2, 0.0, -math.pi / 2)
 _WHEEL_WIDTH_M = 0.026
 
 
-def sensor_frames() -> dict[str, tuple[str, tuple[float, float, float], Rpy]]:
-    """Frame -> the frame that holds it, its place [m], and its roll, pitch, yaw."""
+def sensor_frames(camera_x: float = _CAR.camera_x) -> dict[str, tuple[str, tuple[float, float, float], Rpy]]:
+    """Frame -> the frame that holds it, its place [m], and its roll, pitch, yaw.
+
+    Args:
+        camera_x: the camera stands this far ahead of the rear axle, m.
+    """
     height = _CAR.sonar_height
     side, front = SIDE_SONAR_X_M, FRONT_SONAR_X_M
     return {
@@ -41,16 +45,16 @@ def sensor_frames() -> dict[str, tuple[str, tuple[float, float, float], Rpy]]:
         topics.sonar_frame("front"): (topics.BASE, (front, 0.0, height), (0.0, 0.0, 0.0)),
         topics.sonar_frame("right"): (topics.BASE, (side, -SIDE_SONAR_Y_M, height), (0.0, 0.0, -math.pi / 2)),
         topics.IMU_LINK: (topics.BASE, (WHEELBASE_M / 2, 0.0, 0.055), (0.0, 0.0, 0.0)),
-        topics.CAMERA_LINK: (topics.BASE, (_CAR.camera_x, 0.0, _CAR.camera_z), (0.0, 0.0, 0.0)),
+        topics.CAMERA_LINK: (topics.BASE, (camera_x, 0.0, _CAR.camera_z), (0.0, 0.0, 0.0)),
         topics.CAMERA_OPTICAL: (topics.CAMERA_LINK, (0.0, 0.0, 0.0), _OPTICAL),
     }
 
 
-def static_transforms(now_ns: int) -> list[TransformStamped]:
-    """Where the sensors stand."""
+def static_transforms(now_ns: int, camera_x: float = _CAR.camera_x) -> list[TransformStamped]:
+    """Where the sensors stand, see `sensor_frames`."""
     return [
         TransformStamped(Header(stamp(now_ns), parent), frame, Transform(Vector3(*place), quaternion(*rpy)))
-        for frame, (parent, place, rpy) in sensor_frames().items()
+        for frame, (parent, place, rpy) in sensor_frames(camera_x).items()
     ]
 
 
@@ -66,15 +70,19 @@ def quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:
 
 
 @cache
-def robot_description() -> str:
-    """The car as URDF: boxes, cylinders and ellipsoids of assets/car.xml that a camera sees, wheels, sensor frames."""
+def robot_description(camera_x: float = _CAR.camera_x) -> str:
+    """The car as URDF: boxes, cylinders and ellipsoids of assets/car.xml that a camera sees, wheels, sensor frames.
+
+    Args:
+        camera_x: see `sensor_frames`.
+    """
     robot = ElementTree.Element("robot", name="tral")
     base = ElementTree.SubElement(robot, "link", name=topics.BASE)
     colours = _materials()
     for geom in _body().findall("geom"):
         if geom.get("class") == "visual":
             _visual(base, geom, colours)
-    for frame, (parent, place, rpy) in sensor_frames().items():
+    for frame, (parent, place, rpy) in sensor_frames(camera_x).items():
         ElementTree.SubElement(robot, "link", name=frame)
         _joint(robot, f"{frame}_joint", "fixed", parent, frame, place, rpy)
     for wheel in topics.WHEELS:

@@ -43,9 +43,9 @@ class ImageGuard:
             self._log.reset(self._begun_s)
 
     def note(self, grey: NDArray[np.uint8], age_s: float) -> None:
-        """Take an image, (height, width), that was exposed so long ago, s."""
+        """Take an image, (height, width), that was exposed so long ago, s; one of the future was exposed now."""
         with self._lock:
-            self._log.note(grey, self._clock() - age_s)
+            self._log.note(grey, self._clock() - max(age_s, 0.0))
             self._waits = False
 
     def judge(self, speed: float) -> Finding | None:

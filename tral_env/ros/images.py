@@ -20,6 +20,8 @@ _QUALITY = 85
 """Quality of the JPEG of a camera without JPEGs, in percent. Source: choice."""
 _MAX_BYTES = 20_000_000
 _EXPOSURE = "x-exposure-ns"
+_DIRECT = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+"""Asks a camera itself, whatever proxy the environment names for web pages."""
 
 
 class Exposed(NamedTuple):
@@ -97,7 +99,7 @@ class StreamImages:
         """
         self._url, self._latency_ns = url, round(latency_s * 1e9)
         try:
-            self._stream: HTTPResponse = urllib.request.urlopen(url, timeout=_TIMEOUT_S)
+            self._stream: HTTPResponse = _DIRECT.open(url, timeout=_TIMEOUT_S)
         except (OSError, ValueError) as error:
             raise HardwareError(f"the camera {url} does not answer: {error}") from error
 
@@ -108,17 +110,16 @@ class StreamImages:
             size = int(headers.get("content-length", "0"))
             if not 0 < size <= _MAX_BYTES:
                 raise HardwareError(f"the camera {self._url} sends no MJPEG: a part without its length")
+            exposed = int(headers.get(_EXPOSURE, "-1"))
             jpeg = self._stream.read(size)
         except (OSError, HTTPException, ValueError) as error:
             if isinstance(error, HardwareError):
                 raise
             raise HardwareError(f"the camera {self._url} is gone: {error}") from error
         now_ns = time.time_ns()
-        exposed_ns = now_ns - self._latency_ns
-        if _EXPOSURE in headers:
-            exposed_ns = now_ns - max(time.monotonic_ns() - int(headers[_EXPOSURE]), 0)
+        age_ns = self._latency_ns if exposed < 0 else max(time.monotonic_ns() - exposed, 0)
         grey = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_GRAYSCALE)
-        return None if grey is None else Exposed(jpeg, np.asarray(grey, np.uint8), exposed_ns)
+        return None if grey is None else Exposed(jpeg, np.asarray(grey, np.uint8), now_ns - age_ns)
 
     def close(self) -> None:
         """See `Images.close`."""

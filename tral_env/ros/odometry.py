@@ -73,7 +73,7 @@ class DeadReckoning:
         self.speed = self.yaw_rate = 0.0
         self.direction = 1.0
         self._distance: float | None = None
-        self._bend = 0.0
+        self._bend, self._is_counted = 0.0, True
         self._P = np.diag([0.0, 0.0, 0.0, _OFFSET, _GAIN, _SCALE])
 
     def update(self, distance: float, speed: float, steering: float, throttle: float) -> None:
@@ -89,7 +89,7 @@ class DeadReckoning:
         if speed == 0.0 and abs(throttle) > THROTTLE_DEAD:
             self.direction = math.copysign(1.0, throttle)
         way = 0.0 if self._distance is None or distance < self._distance else distance - self._distance
-        self._distance = distance
+        self._distance, self._is_counted = distance, True
         bend = curvature(steering)
         turn = self.direction * way * bend
         middle = self.yaw + turn / 2
@@ -100,6 +100,11 @@ class DeadReckoning:
         self.yaw_rate, self._bend = self.speed * bend, bend
         if way:
             self._spread(self.direction * way, middle, bend)
+
+    def lose(self) -> None:
+        """No hall sensor counts the way in this tick: the car is wherever it may be, at whatever speed."""
+        self.speed = self.yaw_rate = 0.0
+        self._is_counted = False
 
     def transform(self, now_ns: int) -> TransformStamped:
         """The frame base_link in the frame odom."""
@@ -128,6 +133,8 @@ class DeadReckoning:
 
     def _pose_covariance(self) -> Array:
         """Of x, y, z, roll, pitch, yaw, (6, 6), m and rad; a way is counted in ticks, too."""
+        if not self._is_counted:
+            return np.diag([NOT_MEASURED] * 6)
         found = np.diag([0.0, 0.0, *[NOT_MEASURED] * 3, 0.0])
         told = np.ix_([0, 1, 5], [0, 1, 5])
         ahead = np.array([math.cos(self.yaw), math.sin(self.yaw), 0.0])
@@ -136,6 +143,8 @@ class DeadReckoning:
 
     def _twist_covariance(self) -> Array:
         """Of the speeds along and about x, y, z of the car, (6, 6), m/s and rad/s."""
+        if not self._is_counted:
+            return np.diag([NOT_MEASURED] * 6)
         v, bend = self.speed, self._bend
         spacing = _CREEP if v == 0.0 else (v * v / _HALL.metres_per_tick) ** 2 * _STAMPS
         forward = spacing + _SCALE * v * v

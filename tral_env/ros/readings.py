@@ -28,6 +28,7 @@ from tral_env.ros.times import nanoseconds, seconds_ns, stamp
 from tral_env.sensors.imu import AXES, draw_bias, noise_sigma
 
 SUBJECTS = ("gate", "marker")
+_SONARS = frozenset(map(topics.sonar_frame, topics.SIDES))
 MAX_AHEAD_S = 0.1
 """A stamp further in the future than this is of another clock: the reading counts as too old. Source: choice."""
 CLOCK_SET_S = 1.0
@@ -208,7 +209,7 @@ def _joints(readings: Mapping[str, float], steering: float, now_ns: int) -> Join
 
 
 class MessageReadings:
-    """Turns messages back into readings."""
+    """Turns messages back into the readings of a policy."""
 
     def __init__(self) -> None:
         """Nothing heard yet."""
@@ -223,7 +224,7 @@ class MessageReadings:
         self._values.clear()
 
     def hear(self, message: IdlStruct) -> None:
-        """Take a message of any topic of readings; an older one than the last is refused."""
+        """Take a message of a topic of readings; an older one than the last is refused."""
         self.heard += 1
         match message:
             case Range():
@@ -234,14 +235,7 @@ class MessageReadings:
             case JointState():
                 self._hear_joints(message)
             case AckermannDriveStamped():
-                self._values["steering"] = steering_of(message.drive)
-                self._values["throttle"] = throttle_of(message.drive)
-            case BatteryState():
-                self._values["battery"] = message.voltage
-            case Imu():
-                for axis in "xyz":
-                    self._values[f"imu_gyro_{axis}"] = getattr(message.angular_velocity, axis)
-                    self._values[f"imu_accel_{axis}"] = getattr(message.linear_acceleration, axis)
+                self._take({"steering": steering_of(message.drive), "throttle": throttle_of(message.drive)})
             case _:
                 pass
 
@@ -254,34 +248,46 @@ class MessageReadings:
         ages = {f"{name}_age": _age_s(now_ns - since_ns) for name, since_ns in self._since_ns.items()}
         return self._values | ages
 
+    def _take(self, values: Mapping[str, float]) -> None:
+        """Take values over, unless one of them is no number."""
+        if all(map(math.isfinite, values.values())):
+            self._values |= values
+        else:
+            self.refused += 1
+
     def _hear_range(self, message: Range) -> None:
         """REP 117: infinite: no echo; minus infinite: too close to measure; NaN: no measurement."""
         name = message.header.frame_id
-        if math.isnan(message.range) or not self._newer(name, message.header):
+        if name not in _SONARS or math.isnan(message.range) or not self._newer(name, message.header):
             self.refused += 1
             return
-        instead = {math.inf: NO_ECHO_M, -math.inf: message.min_range}
-        self._values[name] = instead.get(message.range, message.range)
+        self._take({name: {math.inf: NO_ECHO_M, -math.inf: message.min_range}.get(message.range, message.range)})
 
     def _hear_joints(self, message: JointState) -> None:
         """Other nodes tell joints on this topic too, often without a rate: they are passed over."""
         told = dict(zip(message.name, zip(message.position, message.velocity, strict=False), strict=False))
         if topics.HALL_WHEEL in told:
             angle, rate = told[topics.HALL_WHEEL]
-            self._values["distance"], self._values["speed"] = angle * WHEEL_RADIUS_M, abs(rate) * WHEEL_RADIUS_M
+            self._take({"distance": angle * WHEEL_RADIUS_M, "speed": abs(rate) * WHEEL_RADIUS_M})
 
     def _hear_detection(self, detection: Detection3D) -> None:
         if not detection.results:
             return
         best = max(detection.results, key=lambda result: result.hypothesis.score)
         subject, _, number = best.hypothesis.class_id.partition("_")
-        if subject not in SUBJECTS or not number.isdecimal() or not self._newer(subject, detection.header):
+        place, heading = best.pose.pose.position, yaw_of(best.pose.pose.orientation)
+        is_one = subject in SUBJECTS and number.isdecimal() and all(map(math.isfinite, (place.x, place.y, heading)))
+        if not is_one or not self._newer(subject, detection.header):
             self.refused += 1
             return
-        pose = best.pose.pose
-        self._values[f"{subject}_id"] = float(number)
-        self._values[f"{subject}_x"], self._values[f"{subject}_y"] = pose.position.x, pose.position.y
-        self._values[f"{subject}_heading"] = yaw_of(pose.orientation)
+        self._take(
+            {
+                f"{subject}_id": float(number),
+                f"{subject}_x": place.x,
+                f"{subject}_y": place.y,
+                f"{subject}_heading": heading,
+            }
+        )
 
     def _newer(self, name: str, header: Header) -> bool:
         """Take a stamp over, unless it is a little older than the last one; if it is far older, the clock was set."""

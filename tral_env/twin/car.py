@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +28,8 @@ _MAX_BOUNCES = 3
 _MAGNETS = 8
 BOARD_CADENCE_S = 0.07
 """The boards of the original cars range this often, s. Source: SRF08, 65 ms, and the board's own turn."""
+BOUNCES_S = (0.0004, 0.0011)
+"""A bouncing hall sensor gives two more edges so long after each, s."""
 EMPTY_BATTERY_V = 4.5
 """A battery that sags ends here, V."""
 _CAR = {"sonar_cadence_s": CONTROL_PERIOD_S, "sonar_together": 1.0}
@@ -72,6 +75,8 @@ class TwinCar:
         """Parameters of the car."""
         self.sags_v_per_s = 0.0
         """The battery loses so many volts in a second."""
+        self.hall_off = self.hall_bounces = False
+        """Whether no edge of the hall sensor comes, and whether each comes three times."""
         self._board = _empty_readings()
 
     def reset(self, seed: int, now_s: float) -> None:
@@ -172,8 +177,11 @@ class TwinCar:
         self._keep(now_s)
         self._sag()
         time_s = float(world.sim.time_s[0])
-        self._read_boards(time_s)
-        return [now_s - time_s + edge_s for edge_s in sorted(self._edges.new)]
+        edges_s = [] if self.hall_off else sorted(self._edges.new)
+        if self.hall_bounces:
+            edges_s = bouncing(edges_s)
+        self._read_boards(time_s, edges_s)
+        return [now_s - time_s + edge_s for edge_s in edges_s]
 
     def echoes(self, side: str, fired_s: float) -> list[float] | None:
         """Ranges of the echoes of a ranging that was fired at a time, m; None: the car has not come there yet."""
@@ -200,17 +208,17 @@ class TwinCar:
             battery_v = self._world.sim.actuators.actuation.parameters.battery_v
             battery_v[0] = max(battery_v[0] - self.sags_v_per_s * CONTROL_PERIOD_S, EMPTY_BATTERY_V)
 
-    def _read_boards(self, time_s: float) -> None:
+    def _read_boards(self, time_s: float, edges_s: Sequence[float]) -> None:
         """Let the boards' own sonars range in their cadence, and their counters count."""
-        edges, board = sorted(self._edges.new), self._board
-        self._stamps = (*self._stamps, *edges)[-_MAGNETS - 1 :]
+        board = self._board
+        self._stamps = (*self._stamps, *edges_s)[-_MAGNETS - 1 :]
         ranging = int(time_s / BOARD_CADENCE_S)
         fresh = ranging != board.ranging
         newest = dict(zip(SONARS, self._rangings[-1][1], strict=True))
         self._board = BoardReadings(
             range_m=newest if fresh else board.range_m,
             ranging=ranging,
-            ticks=board.ticks + len(edges),
+            ticks=board.ticks + len(edges_s),
             spacing_s=self._stamps[-1] - self._stamps[-2],
             turn_s=self._stamps[-1] - self._stamps[0],
             battery_v=self.battery_v,
@@ -226,6 +234,11 @@ def _empty_readings() -> BoardReadings:
     return BoardReadings(
         range_m=dict.fromkeys(SONARS, NO_ECHO_M), ranging=-1, ticks=0, spacing_s=0.0, turn_s=0.0, battery_v=0.0
     )
+
+
+def bouncing(edges_s: Sequence[float]) -> list[float]:
+    """Edges of a sensor that bounces, s, in their order."""
+    return sorted([*edges_s, *(edge_s + late_s for edge_s in edges_s for late_s in BOUNCES_S)])
 
 
 def bounces(range_m: float) -> list[float]:

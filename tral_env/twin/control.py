@@ -34,18 +34,32 @@ class ControlServer:
             answers: name -> what answers it.
 
         Raises:
-            HardwareError: a twin listens there already.
+            HardwareError: a twin listens there already, or nobody can.
         """
         self._path, self._answers = path, answers
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            self._listen()
+        except HardwareError:
+            self._listener.close()
+            raise
+        except OSError as error:
+            self._listener.close()
+            raise HardwareError(f"no twin can listen at {path}: {error}: give it another folder or name") from error
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _listen(self) -> None:
+        path = self._path
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists():
             if _answers(path):
-                raise HardwareError(f"a twin runs already at {path.parent}: `tral twin down`, or give another --name")
+                raise HardwareError(
+                    f"a twin runs already at {path.parent}: end it by `tral twin down --name {path.parent.name}`, or "
+                    "give another --name (`tral ros`: another --namespace)"
+                )
             path.unlink()
-        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._listener.bind(str(path))
         self._listener.listen()
-        threading.Thread(target=self._accept, daemon=True).start()
 
     def close(self) -> None:
         """Stop listening, and remove the socket."""
@@ -100,7 +114,9 @@ class ControlConnection:
         self._answers = self._socket.makefile("rb")
 
     def _silent(self, error: OSError) -> HardwareError:
-        return HardwareError(f"no twin answers at {self._folder} ({error.strerror}): start one by `tral twin up`")
+        return HardwareError(
+            f"no twin answers at {self._folder} ({error.strerror or error}): start one by `tral twin up`"
+        )
 
     def ask(self, **request: Any) -> Any:
         """Ask the twin.

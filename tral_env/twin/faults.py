@@ -29,8 +29,6 @@ from tral_env.twin.srf08 import Srf08Chip
 
 BLOCKS_S = 1.0
 """A bus that times out blocks for so long, s: the kernel's default for an adapter."""
-BOUNCES_S = (0.0004, 0.0011)
-"""A bouncing hall sensor gives two more edges so long after each, s."""
 FILLER = "filler"
 """The file that fills the disk."""
 
@@ -47,8 +45,6 @@ class TwinParts(Protocol):
     servo: Servo
     controller: MotorController
     clock: Callable[[], float]
-    hall_off: bool
-    hall_bounces: bool
     camera_gone: bool
     camera_frozen: bool
 
@@ -100,11 +96,6 @@ class BusTimeouts:
 def stuck(messages: Sequence[I2cMessage]) -> None:
     """Raise errno 11: the adapter never wins the bus, because something holds SDA low."""
     raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN))
-
-
-def bouncing(edges_s: Sequence[float]) -> list[float]:
-    """Edges of a sensor that bounces, s, in their order."""
-    return sorted([*edges_s, *(edge_s + late_s for edge_s in edges_s for late_s in BOUNCES_S)])
 
 
 def _on_bus(name: str, make: Callable[[float], Callable[[Sequence[I2cMessage]], None]]) -> tuple[BeginFault, EndFault]:
@@ -208,9 +199,9 @@ INJECTED_FAULTS: dict[str, InjectedFault] = {
     "sonar-frozen": InjectedFault(
         "the ultrasonics answer, always with the ranges that they had", *_flag("rangers", "frozen")
     ),
-    "hall-off": InjectedFault("no edge of the hall sensor comes", *_flag("hall_off")),
+    "hall-off": InjectedFault("no edge of the hall sensor comes", *_flag("car", "hall_off")),
     "hall-bouncing": InjectedFault(
-        "each edge of the hall sensor comes three times within 1.1 ms", *_flag("hall_bounces")
+        "each edge of the hall sensor comes three times within 1.1 ms", *_flag("car", "hall_bounces")
     ),
     "serial-unplugged": InjectedFault("both serial ports are gone; their readers get an error", _unplug, _plug_in),
     "serial-garbage": InjectedFault(
@@ -256,13 +247,14 @@ class FaultInjector:
         self._begin(name, rate, self._twin.clock() + seconds)
 
     def end(self, name: str) -> None:
-        """End a fault; one that is not active stays so.
+        """End a fault; one that is not active stays so, and one that is to come does not.
 
         Raises:
             ConfigError: no fault has this name.
         """
-        _fault(name, 1.0).end(self._twin)
-        self.active.pop(name, None)
+        self._end(name)
+        with self._lock:
+            self._coming = [each for each in self._coming if each[1] != name]
 
     def at(self, time_s: float, name: str, *, rate: float = 0.1, seconds: float = math.inf) -> None:
         """Begin a fault at a time on the twin's clock, s; see `begin`."""
@@ -279,11 +271,15 @@ class FaultInjector:
             self._begin(name, rate, now_s + seconds)
         for name, end_s in tuple(self.active.items()):
             if end_s <= now_s:
-                self.end(name)
+                self._end(name)
 
     def _begin(self, name: str, rate: float, end_s: float) -> None:
         _fault(name, rate).begin(self._twin, rate)
         self.active[name] = end_s
+
+    def _end(self, name: str) -> None:
+        _fault(name, 1.0).end(self._twin)
+        self.active.pop(name, None)
 
 
 def _fault(name: str, rate: float, seconds: float = math.inf) -> InjectedFault:

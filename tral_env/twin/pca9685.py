@@ -117,8 +117,8 @@ class Pca9685Chip:
         return ((off_high << 8 | off_low) - (on_high << 8 | on_low)) % STEPS
 
     def _advance(self) -> None:
-        if self._registers[MODE1] & AI:
-            self._pointer = (self._pointer + 1) % 256
+        if self._registers[MODE1] & AI:  # it rolls over behind the outputs, and behind the prescaler
+            self._pointer = 0 if self._pointer in (_LED15_OFF_H, PRE_SCALE) else (self._pointer + 1) % 256
 
     def _store(self, register: int, value: int) -> None:
         if register == MODE1:

@@ -93,9 +93,9 @@ class PwmChip:
 
     def _channel_of(self, path: tuple[str, ...], length: int) -> _Channel | None:
         """The exported channel to which a path of this length leads."""
-        if len(path) != length or path[:2] != CHIP or not path[2].removeprefix("pwm").isdecimal():
+        if len(path) != length or path[:2] != CHIP:
             return None
-        return self._channels.get(int(path[2].removeprefix("pwm")))
+        return next((channel for output, channel in self._channels.items() if path[2] == f"pwm{output}"), None)
 
 
 def _set(channel: _Channel, name: str, text: str) -> None:

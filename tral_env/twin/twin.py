@@ -19,7 +19,7 @@ from tral_env.twin.bus import I2cBus, TwinSmbus
 from tral_env.twin.camera import CameraStream, RenderRequest
 from tral_env.twin.car import TwinCar
 from tral_env.twin.devices import DeviceFiles, why_no_files
-from tral_env.twin.faults import FaultInjector, bouncing
+from tral_env.twin.faults import FaultInjector
 from tral_env.twin.hall import HALL_SOCKET, HallPin
 from tral_env.twin.lateness import Lateness
 from tral_env.twin.pca9685 import Pca9685Chip
@@ -72,7 +72,6 @@ class Twin(Physical):
         self.files: DeviceFiles | None = None
         self.hall: HallPin | None = None
         self.ports: dict[str, SerialPort] = {}
-        self.hall_off = self.hall_bounces = False
         self.camera_gone = self.camera_frozen = False
         self.faults = FaultInjector(self)
         self.failure = ""
@@ -92,8 +91,8 @@ class Twin(Physical):
         if self.failure:
             raise SimulationError(f"the twin has failed ({self.failure}): end it (`tral twin down`) and start it anew")
         with self._lock:
-            self.seed = seed
             self.car.reset(seed, self.clock())
+            self.seed = seed
             if self.camera is not None:
                 self.camera.place(self.car.render_setup())
 
@@ -113,9 +112,7 @@ class Twin(Physical):
                 port.turn(self.car.board_readings, now_s)
             if self.camera is not None and self.camera.is_due(now_s):
                 self.camera.expose(self._render_request(now_s))
-        if self.hall_off:
-            return []
-        return bouncing(edges_s) if self.hall_bounces else edges_s
+        return edges_s
 
     def start(self) -> Self:
         """Show the files, if this computer can, and run in real time in a thread of its own."""

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
+from typer.core import TyperCommand
 
 from tral_fsm.programs.ros.asked import Asked
 
@@ -59,14 +60,22 @@ NODES: dict[str, tuple[str, ...]] = {
 """Name of each node -> its parameters."""
 
 
-def _parameters(context: typer.Context, path: Path | None) -> Path | None:
-    """Take the parameters of a command's nodes from a file of ROS; options of the command line count more."""
-    if path is not None:
-        from tral_env.ros.parameters import read_parameters
+_REFUSED = {"arm": "a file arms no car: a person does, by true on the topic arm, or by --arm"}
+"""Parameter that no file may give -> why."""
 
-        name = context.command.name or ""
-        context.default_map = read_parameters(path, NODES, [name] if name in NODES else list(NODES))
-    return path
+
+class _NodeCommand(TyperCommand):
+    """A command that takes the parameters of its nodes from a file of ROS; options of the command line count more."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Let the file be the defaults."""
+        given, _, _ = self.make_parser(ctx).parse_args(list(args))
+        if (path := given.get("params_file")) and not ctx.resilient_parsing:
+            from tral_env.ros.parameters import read_parameters
+
+            nodes = [self.name] if self.name in NODES else list(NODES)
+            ctx.default_map = read_parameters(Path(path), NODES, nodes, given.get("namespace"), _REFUSED)
+        return super().parse_args(ctx, args)
 
 
 def _command(name: str, text: str, options: Iterable[str], run: Callable[[Asked, threading.Event], None]) -> None:
@@ -82,12 +91,12 @@ def _command(name: str, text: str, options: Iterable[str], run: Callable[[Asked,
     ]
     file = Annotated[
         Path | None,
-        typer.Option(callback=_parameters, is_eager=True, help="Parameters as a file of ROS 2, as a launch has it."),
+        typer.Option(help="Parameters as a file of ROS 2, as a launch has it."),
     ]
     taken.append(inspect.Parameter("params_file", kind, default=None, annotation=file))
     command.__signature__ = inspect.Signature(taken)  # type: ignore[attr-defined]
     command.__annotations__ = {each.name: each.annotation for each in taken}
-    app.command(name, help=text)(command)
+    app.command(name, cls=_NodeCommand, help=text)(command)
 
 
 def _require_dds() -> None:
@@ -101,9 +110,13 @@ def _require_dds() -> None:
 
 def _until_stopped() -> threading.Event:
     """An event that a signal sets; until then the nodes tell on stderr what they tell on /rosout."""
-    logging.basicConfig(level=logging.INFO, format="[%(levelname)s] [%(name)s]: %(message)s")
+    logging.basicConfig(format="[%(levelname)s] [%(name)s]: %(message)s")
+    logging.getLogger("tral.ros").setLevel(logging.INFO)
     ended = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as nohup leaves it
+        numbers.append(signal.SIGHUP)
+    for number in numbers:
         signal.signal(number, lambda *_: ended.set())
     return ended
 

@@ -15,6 +15,7 @@ from tral_env.errors import ConfigError, PolicyError, TralError, reason
 from tral_env.interface import CONTROL_PERIOD_S, MAX_AGE_S, Policy, check_readings
 from tral_env.se2 import Pose
 from tral_env.simulation.sim import CHANGEABLE
+from tral_env.world import how_it_ended
 from tral_fsm.evaluation.own_policy import as_policy, find_policy
 from tral_fsm.live.frame import CarFrame
 from tral_fsm.runtime.machine import Transit
@@ -23,12 +24,8 @@ from tral_fsm.tuning.parameters import Value, with_value
 
 SIDES = ("left", "front", "right")
 ARRIVED = "arrived"
-_OUTCOMES = (
-    ("success", ARRIVED),
-    ("crash", "crash"),
-    ("collision", "touched something"),
-    ("missed_gate", "missed a gate"),
-)
+_WORDS = {"success": ARRIVED, "collision": "touched something"}
+"""How a drive ended -> what is told of it, where that is something else."""
 Find = Callable[[str], Policy]
 """Gives the policy of a name or path."""
 FAULTS = (Exception, SystemExit)
@@ -163,7 +160,9 @@ class Lane:
         observation, _, terminated, truncated, self._info = self.env.step(self._action.copy())
         self._observation = self._silenced(observation) if self._silent else observation
         if terminated or truncated:
-            self.ended = next((told for key, told in _OUTCOMES if self._info[key]), "out of time")
+            ended = how_it_ended(self._info)
+            is_crash = ended == "collision" and self._info["crash"]
+            self.ended = "crash" if is_crash else _WORDS.get(ended, ended)
 
     def silence(self, side: str, silent: bool) -> None:
         """Take an ultrasonic away, so that its last reading grows old, or give it back."""

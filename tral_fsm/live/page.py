@@ -209,16 +209,16 @@ class Page:
 
 def status(frame: Frame) -> str:
     """The moment in words, as Markdown."""
-    lines = [f"**{frame.title}**"]
+    lines = [f"**{plain(frame.title)}**"]
     for car in frame.cars:
-        told = [f"{car.time_s:.1f} s", *([car.state] if car.state else [])]
+        told = [f"{car.time_s:.1f} s", *([plain(car.state)] if car.state else [])]
         if not math.isnan(car.speed_mps):
             told.append(f"{car.speed_mps:.2f} m/s")
         if not math.isnan(car.progress):
             told.append(f"{car.progress:.0%} of the way")
         if car.gates[1]:
             told.append(f"gate {car.gates[0]} of {car.gates[1]}")
-        lines.append(f"{car.name}: {', '.join(told)}{f' - **{plain(car.ended)}**' if car.ended else ''}")
+        lines.append(f"{plain(car.name)}: {', '.join(told)}{f' - **{plain(car.ended)}**' if car.ended else ''}")
     if frame.paused:
         lines.append("**paused**")
     lines += [plain(text) for text in (frame.lateness, frame.notice) if text]

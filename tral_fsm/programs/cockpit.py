@@ -124,14 +124,19 @@ class Cockpit:
         from tral_fsm.evaluation.files import write_json
         from tral_fsm.teleop.overseer import End
 
-        end = End("an error of the program", failed=True)
-        try:
-            end = drive.run(how_to_arm)
-        except Exception as error:
-            end = End(f"{type(error).__name__}: {error}", failed=True)
-            raise
-        finally:
+        def write(end: End) -> dict[str, Any]:
             recording = record.name if record is not None and drive.tally.ends_s else ""
             report = report_of(arguments, drive.tally, end, recording)
             write_json(self.out / SUMMARY, report)
-        return report
+            return report
+
+        try:
+            end = drive.run(how_to_arm)
+        except BaseException as error:
+            told = f"{type(error).__name__}: {error}" if isinstance(error, Exception) else "an error of the program"
+            try:
+                write(End(told, failed=True))
+            except OSError as second:  # what the policy did wrong is not hidden by a full disk
+                error.add_note(f"The summary could not be written either: {second}")
+            raise
+        return write(end)

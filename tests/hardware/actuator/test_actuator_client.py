@@ -216,9 +216,8 @@ def test_a_process_that_gave_a_stand_in_up_is_no_alarm_once_it_has_ended(monkeyp
 def test_a_copy_of_the_socket_in_a_fork_does_not_keep_the_process(process: type[Thread]) -> None:
     actuator = ActuatorProcess(settings())
     copies = [os.dup(fd) for fd in sockets()]
-    begun_s = time.monotonic()
-    actuator.close()
-    assert time.monotonic() - begun_s < 2.0
+    actuator.close()  # it would tell that the pulses could not be ended
+    assert process.board.stands == OFF
     for each in copies:
         os.close(each)
 
@@ -365,3 +364,15 @@ def test_an_end_without_a_word_is_an_alarm_and_a_loss(monkeypatch: pytest.Monkey
         actuator.check()
     with pytest.raises(HardwareError, match="could not end the pulses yet"):
         actuator.close()
+
+
+def test_an_answer_to_an_earlier_command_answers_no_later_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    early = Reply(State.DISARMED, Reason.NONE, Refusal.NONE, 0, 0, 0.0, 0.0, *NEUTRAL, 0, 0, 0, 0)
+    monkeypatch.setattr(client.subprocess, "Popen", Mute)
+    monkeypatch.setattr(client, "_ANSWER_S", 0.02)
+    monkeypatch.setattr(Mute, "packets", (b"{}", pack_reply(early)))
+    actuator = ActuatorProcess(settings())
+    with pytest.raises(HardwareError, match="does not answer"):
+        actuator.neutral()
+    Mute.last.end.send(ENDED)
+    actuator.close()

@@ -53,6 +53,41 @@ def test_a_pseudo_terminal_is_a_stand_in_also_behind_a_link(tmp_path: Path) -> N
     assert [found.is_given_up(s * SECOND) for s in (1, 10, 11)] == [False, False, True], "missing since second 1"
 
 
+def test_a_pseudo_terminal_of_another_program_with_the_same_number_is_not_the_one_that_is_open(tmp_path: Path) -> None:
+    ends = os.openpty()
+    name = os.ttyname(ends[1])
+    (tmp_path / "tty-board").symlink_to(name)  # the link of a twin that was killed stays
+    found = [stand_in(path) for path in (name, str(tmp_path / "tty-board"))]
+    made_ns = Path(name).stat().st_ctime_ns
+    while Path(name).stat().st_ctime_ns == made_ns:  # the kernel counts their age in its own ticks
+        for end in ends:
+            os.close(end)
+        ends = os.openpty()
+        assert os.ttyname(ends[1]) == name
+    for each in found:
+        assert each is not None
+        assert [each.is_given_up(s * SECOND) for s in (1, 10, 11)] == [False, False, True]
+    for end in ends:
+        os.close(end)
+
+
+def test_a_port_that_was_taken_away_and_came_back_is_there_again(tmp_path: Path) -> None:
+    link, ends = tmp_path / "tty-board", os.openpty()
+    link.symlink_to(os.ttyname(ends[1]))
+    found = stand_in(str(link))
+    assert found is not None
+    for _ in range(2):
+        link.unlink()
+        assert not found.is_given_up(0)
+        for end in ends:
+            os.close(end)
+        ends = os.openpty()
+        link.symlink_to(os.ttyname(ends[1]))
+        assert [found.is_given_up(s * SECOND) for s in (5, 20, 40)] == [False] * 3
+    for end in ends:
+        os.close(end)
+
+
 def test_a_file_or_a_folder_of_fuse_is_a_stand_in(tmp_path: Path, mounts: Path) -> None:
     assert stand_in(str(tmp_path), mounts) is not None
     assert stand_in(str(mounts), mounts) is not None
@@ -83,10 +118,10 @@ def serial_port(real: os.stat_result, major: int, monkeypatch: pytest.MonkeyPatc
     """A device file with a major number."""
 
     class Found:
-        st_mode, st_dev, st_rdev = real.st_mode, real.st_dev, os.makedev(major, 0)
+        st_mode, st_dev, st_rdev, st_ctime_ns = real.st_mode, real.st_dev, os.makedev(major, 0), real.st_ctime_ns
 
     monkeypatch.setattr("tral_env.hardware.actuator.stand_in.os.stat", lambda path: Found())
-    return "/dev/ttyS0"
+    return "/dev/null"
 
 
 def test_a_stand_in_that_is_missing_for_ten_seconds_is_given_up(tmp_path: Path, shown: StandIn) -> None:

@@ -10,6 +10,7 @@ import errno
 import os
 import stat
 from pathlib import Path
+from typing import NamedTuple
 
 from tral_env.hardware.actuator.wire import NS
 
@@ -27,12 +28,13 @@ class StandIn:
     """A device file that a program shows."""
 
     def __init__(self, path: str) -> None:
-        """Note which file system the device file is on.
+        """Note which device file it is.
 
         Raises:
             OSError: it is not there.
         """
-        self._path, self._file_system = path, os.stat(path).st_dev  # noqa: PTH116
+        self._path = path
+        self._link, self._device = _seen(path)
         self._missing_ns: int | None = None
         """It is missing since then."""
 
@@ -45,11 +47,34 @@ class StandIn:
         return now_ns - self._missing_ns >= _GONE_S * NS
 
     def _is_missing(self) -> bool:
-        """Whether no file is there, or one of another mount: the open one is as dead then."""
+        """Whether no file is there, or another one than before: the open one is as dead then.
+
+        Behind a new link stands the same port again: it was taken away and came back.
+        """
         try:
-            return os.stat(self._path).st_dev != self._file_system  # noqa: PTH116
+            link, device = _seen(self._path)
         except OSError as error:
             return error.errno in _MISSING
+        if link != self._link and device.file_system == self._device.file_system:
+            self._link, self._device = link, device
+        return device != self._device
+
+
+class _Device(NamedTuple):
+    file_system: int
+    made_ns: int
+    """When a pseudo-terminal was made, ns: a number that is free is given to another one. 0: it is none."""
+
+
+def _seen(path: str) -> tuple[tuple[int, int], _Device]:
+    """The link at a path, (0, 0) without one, and the device that it leads to.
+
+    Raises:
+        OSError: nothing is there.
+    """
+    found, link = os.stat(path), os.lstat(path)  # noqa: PTH116
+    device = _Device(found.st_dev, found.st_ctime_ns if stat.S_ISCHR(found.st_mode) else 0)
+    return (link.st_ino, link.st_ctime_ns) if stat.S_ISLNK(link.st_mode) else (0, 0), device
 
 
 def stand_in(path: str, mounts: Path = Path("/proc/self/mountinfo")) -> StandIn | None:

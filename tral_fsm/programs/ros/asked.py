@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tral_env.errors import ConfigError
-from tral_env.ros.patience import CAMERA_TIMEOUT_S, COMMAND_TIMEOUT_S
+from tral_env.ros.patience import CAMERA_TIMEOUT_S, COMMAND_TIMEOUT_S, check_patience
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +34,8 @@ class Asked:
 
     def __post_init__(self) -> None:
         """Refuse what does not fit together, before a car is opened."""
+        check_patience("command_timeout", self.command_timeout)
+        check_patience("camera_timeout", self.camera_timeout)
         simulated_time = self.use_sim_time or self.lock_step
         if simulated_time and self.backend != "simulation":
             raise ConfigError(f"use_sim_time: the backend '{self.backend}' lives in real time")

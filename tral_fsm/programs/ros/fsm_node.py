@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from tral_env.errors import TralError
+from tral_env.errors import ConfigError, TralError
 from tral_env.interface import CONTROL_PERIOD_S, Layout
 from tral_env.ros import topics
 from tral_env.ros.car_node import PUBLISHED
@@ -17,12 +17,12 @@ from tral_env.ros.diagnostics import FAILED, OK, WARNING, Diagnostics, in_words
 from tral_env.ros.msg.sensor import AckermannDriveStamped, Odometry
 from tral_env.ros.msg.std import Bool, Header, State, String, Transition, TransitionEvent
 from tral_env.ros.node import WARN, Node, Subscription
-from tral_env.ros.patience import CAMERA_TIMEOUT_S
+from tral_env.ros.patience import CAMERA_TIMEOUT_S, check_patience
 from tral_env.ros.qos import COMMAND, LATCHED, STATE
 from tral_env.ros.readings import MessageReadings
 from tral_env.ros.times import nanoseconds, seconds_ns, stamp
 
-READINGS = (*topics.RANGES.values(), topics.BATTERY, topics.IMU, topics.JOINTS, topics.APPLIED)
+READINGS = (*topics.RANGES.values(), topics.JOINTS, topics.APPLIED)
 
 _MISSED_S = 0.1
 """A camera that is said to be dead is believed to be when it was silent for so long, s: an image was missed."""
@@ -31,6 +31,8 @@ _LATE_NS = seconds_ns(CONTROL_PERIOD_S)
 _WHOLE_S = 0.005
 """The other messages of a tick may come so much later than its odometry, s: a topic that others hear too takes another
 way."""
+_SILENT_S = 1.0
+"""A car that told no odometry for so long tells none, s. Source: choice."""
 _LOOK_S = 0.02
 """While it drives, the node looks this often whether the camera is still there, s."""
 
@@ -45,24 +47,33 @@ class FsmOptions:
     """A policy that needs the camera stops the car when nothing came from it for so long, s; when the camera's process
     is dead, sooner."""
 
+    def __post_init__(self) -> None:
+        """Check the time."""
+        check_patience("camera_timeout_s", self.camera_timeout_s)
+
 
 class FsmNode:
     """A policy that drives through messages: each message of odometry is a tick."""
 
     def __init__(self, policy: Any, options: FsmOptions | None = None) -> None:
-        """Open the topics."""
+        """Open the topics.
+
+        Raises:
+            ConfigError: the policy needs readings that this node does not hear.
+        """
         self.options = options or FsmOptions()
-        self._policy = policy
+        self._policy, self._layout = policy, Layout()
+        needed = getattr(policy, "needed_readings", None) or ()
+        if lacking := sorted(set(needed).difference(self._layout.names)):
+            raise ConfigError(f"the policy needs {', '.join(lacking)}, which the node `fsm` does not tell it")
+        self._looks = any(name.startswith(("gate_", "marker_")) for name in needed)
+        """Whether the policy needs the camera."""
         self.node = node = Node("fsm", namespace=self.options.namespace)
         self._readings = MessageReadings()
-        self._layout = Layout()
         self._heard: list[Subscription[Any]] = [
             node.subscription(topic, *PUBLISHED[topic], wakes=topic == topics.APPLIED) for topic in READINGS
         ]
         self._detections = node.subscription(topics.DETECTIONS, *PUBLISHED[topics.DETECTIONS])
-        needed = getattr(policy, "needed_readings", None) or ()
-        self._looks = any(name.startswith(("gate_", "marker_")) for name in needed)
-        """Whether the policy needs the camera."""
         self._seen_s: float | None = None
         """When the camera told something last, s; None: never in this drive."""
         self._odometry = node.subscription(topics.ODOMETRY, Odometry, STATE, wakes=True)
@@ -78,7 +89,7 @@ class FsmNode:
         """Number of ticks that were answered, that came over a control period late, and that were not answered because
         the next one had come too."""
         self._tick_ns = self._answered_ns = self._applied_ns = 0
-        self._came_s = 0.0
+        self._came_s = self._begun_s = 0.0
         self._told_state = ""
         self.watch: Callable[[Mapping[str, float]], None] = lambda readings: None
         """Called with the readings of each tick that is answered."""
@@ -158,7 +169,7 @@ class FsmNode:
         self.why = ""
         self._policy.reset(1)
         self._readings.reset()
-        self._answered_ns, self._seen_s = 0, None
+        self._answered_ns, self._seen_s, self._begun_s = 0, None, time.monotonic()
 
     def _camera_trouble(self) -> str:
         """Why the camera cannot be trusted; empty: it can."""
@@ -188,13 +199,22 @@ class FsmNode:
         return None
 
     def _diagnose(self) -> None:
-        if self.why:
-            level, message = FAILED, f"stopped the car: {self.why}"
-        else:
-            level, message = (OK, "drives") if self.armed else (WARNING, "the car is not armed")
+        level, message = self._how_it_does()
         self._diagnostics.tell(
             self._tick_ns if self.options.use_sim_time else time.time_ns(), level, message, self.figures
         )
+
+    def _how_it_does(self) -> tuple[int, str]:
+        """Level and sentence of its status."""
+        if self.why:
+            return FAILED, f"stopped the car: {self.why}"
+        if not self.armed:
+            return WARNING, "the car is not armed"
+        if time.monotonic() - max(self._came_s, self._begun_s) > _SILENT_S:
+            return WARNING, f"no odometry from the car for over {_SILENT_S:g} s"
+        if self._looks and self._seen_s is None:
+            return WARNING, "waits for the camera"
+        return OK, "drives"
 
     def _tell_state(self) -> None:
         states = getattr(self._policy, "active_states", None)

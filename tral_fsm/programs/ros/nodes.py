@@ -7,7 +7,9 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from tral_env.config import CarConfig
 from tral_env.errors import ConfigError
+from tral_env.hardware.camera_options import CameraOptions
 from tral_env.hardware.car_file import load_car
 from tral_env.ros.body import Body
 from tral_env.ros.camera_node import CameraNode, CameraNodeOptions
@@ -39,7 +41,12 @@ def car_node(asked: Asked) -> CarNode:
         limits=CommandLimits(timeout_s=asked.command_timeout),
         arm=asked.arm,
     )
-    return CarNode(_body(asked), options)
+    body = _body(asked)
+    try:
+        return CarNode(body, options)
+    except BaseException:
+        body.close()
+        raise
 
 
 def camera_node(asked: Asked) -> CameraNode:
@@ -57,7 +64,7 @@ def camera_node(asked: Asked) -> CameraNode:
         raise ConfigError(f"{asked.config}: it has no [camera]: add one with `tral car init`, and calibrate its lens")
     lens = camera.calibrated()
     own = functools.partial(CameraImages, camera)
-    opened: Callable[[], Images] = functools.partial(_open_source, asked.source) if asked.source else own
+    opened: Callable[[], Images] = functools.partial(_open_source, asked.source, camera) if asked.source else own
     options = CameraNodeOptions(namespace=asked.namespace, lens=lens, forward=camera.forward, faults=car.fault_limits())
     return CameraNode(opened, options)
 
@@ -117,10 +124,13 @@ def _body(asked: Asked) -> Body:
         from tral_env.hardware.env import TralCarEnv
 
         # The node `camera` opens the camera, and a camera can be opened once.
-        car = replace(load_car(asked.config), camera=None)
+        car = load_car(asked.config)
+        forward = CarConfig.camera_x if car.camera is None else car.camera.forward
         output = "recorder" if asked.dry else None
-        opened = functools.partial(TralCarEnv, config=car, output=output, max_duration_s=FOR_EVER_S)
-        return CarBody(opened, car.name, sees=False)
+        opened = functools.partial(
+            TralCarEnv, config=replace(car, camera=None), output=output, max_duration_s=FOR_EVER_S
+        )
+        return CarBody(opened, car.name, sees=False, camera_x=forward)
     if asked.backend == "twin":
         from tral_env.twin.settings import TwinSettings
         from tral_fsm.programs.ros.twin import TwinBody
@@ -141,9 +151,8 @@ def _body(asked: Asked) -> Body:
     )  # fmt: skip
 
 
-def _open_source(source: str) -> Images:
-    from tral_env.hardware.camera_options import CameraOptions
-
+def _open_source(source: str, options: CameraOptions = CameraOptions()) -> Images:  # noqa: B008 - frozen
+    """Open a camera by its number, path or URL; all else is as the options say."""
     if source.startswith(("http://", "https://")):
-        return StreamImages(source)
-    return CameraImages(CameraOptions(device=int(source) if source.isdecimal() else source))
+        return StreamImages(source, options.latency_s)
+    return CameraImages(replace(options, device=int(source) if source.isdecimal() else source))

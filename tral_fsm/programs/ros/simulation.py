@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tral_env.config import CarConfig
 from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.perception.degrade import ImageCorruption
 from tral_env.ros import topics
@@ -80,7 +81,7 @@ class SimulatedBody:
         self._world: World = self.env.unwrapped.world  # type: ignore[attr-defined]
         self._layout = self._world.layout
         self.sim_time_s = 0.0
-        self.sees = options.camera == "projected"
+        self.sees, self.camera_x = options.camera == "projected", CarConfig.camera_x
         self._camera: SimulatedCamera | None = None
         self._due_s = time.monotonic()
         self.reset(options.seed)
@@ -133,7 +134,9 @@ class SimulatedBody:
         """Where the car is, and how its drive ended."""
         x, y, yaw = np.asarray(self.info["pose"]).tolist()
         pose = Pose(Point(x, y, 0.0), yaw_quaternion(yaw))
-        twist = Twist(Vector3(float(self.info["speed_mps"])))
+        physics = self._world.sim.physics
+        turning = float(physics.qvel[0, physics.handles.root_dof + 5])
+        twist = Twist(Vector3(float(self.info["speed_mps"])), Vector3(z=turning))
         header = Header(stamp(now_ns), topics.MAP)
         told = [Told(topics.TRUTH, Odometry(header, topics.BASE, PoseWithCovariance(pose), TwistWithCovariance(twist)))]
         if self._over and not self._told:

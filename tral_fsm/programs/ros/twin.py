@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from tral_env.errors import HardwareError
 from tral_env.hardware.calibration_file import load_calibration
@@ -37,6 +38,8 @@ class TwinBody(CarBody):
         self._status = self._twin.first_status
         self._seed, self._ticks, self._told = settings.seed, 0, False
         self._fresh = True
+        self._outcome: dict[str, Any] | None = None
+        """How this drive ended; None: it goes on."""
         if self._status["i2c"] is None:
             self._twin.close()
             raise HardwareError(f"the twin has no device files here: {self._status['why_no_files']}")
@@ -50,30 +53,30 @@ class TwinBody(CarBody):
         """See `Body.arm`; a drive that is over, or has not begun, begins at the start, after the second of neutral."""
         tick = super().arm()
         if self._fresh or self._told:
-            self._twin.reset(self._seed)
-            self._fresh = self._told = False
+            self.reset(self._seed)
+            self._fresh = False
         return tick
 
     def reset(self, seed: int) -> None:
         """See `Body.reset`."""
-        self._seed, self._fresh, self._told = seed, True, False
         self._twin.reset(seed)
+        self._seed, self._fresh, self._told, self._outcome = seed, True, False, None
 
     def step(self, steering: float, throttle: float) -> Tick:
         """See `Body.step`."""
-        tick = super().step(steering, throttle)
-        self._ticks += 1
-        if self._ticks % _LOOK_TICKS == 0 and (outcome := self._twin.outcome()) is not None:
-            return tick._replace(over=outcome["ended"])
-        return tick
+        return self._looked_at(super().step(steering, throttle))
+
+    def rest(self) -> Tick:
+        """See `Body.rest`."""
+        return self._looked_at(super().rest())
 
     def extra(self, now_ns: int) -> Sequence[Told]:
         """See `Body.extra`: how the drive has ended."""
-        if self._told or self._ticks % _LOOK_TICKS or (outcome := self._twin.outcome()) is None:
+        if self._told or self._outcome is None:
             return ()
         self._told = True
-        success = outcome["ended"] == "success"
-        told = {"seed": self._seed, "success": success, **outcome, "lateness": self._twin.status()["lateness"]}
+        success = self._outcome["ended"] == "success"
+        told = {"seed": self._seed, "success": success, **self._outcome, "lateness": self._twin.status()["lateness"]}
         return (Told(topics.RESULT, String(json.dumps(told))),)
 
     def latched(self, now_ns: int) -> Sequence[Told]:
@@ -87,6 +90,13 @@ class TwinBody(CarBody):
             super().close()
         finally:
             self._twin.close()
+
+    def _looked_at(self, tick: Tick) -> Tick:
+        """A tick of a drive; now and then the twin is asked how that goes."""
+        self._ticks += 1
+        if self._outcome is None and not self._fresh and self._ticks % _LOOK_TICKS == 0:
+            self._outcome = self._twin.outcome()
+        return tick if self._outcome is None else tick._replace(over=self._outcome["ended"])
 
     def _open(self) -> TralCarEnv:
         """The car's own environment, with a calibration that knows the clock of the twin's board."""
