@@ -28,7 +28,7 @@ from tral_fsm.evaluation.stuck import StuckWatch
 from tral_fsm.formats import tral_json
 from tral_fsm.learning.choices import MAX_CARS, VALIDATION_SEEDS, TrainRequest, read_settings
 from tral_fsm.learning.reinforcement import reinforcement_settings, settings_for
-from tral_fsm.learning.run import TrainingRun
+from tral_fsm.learning.run import TrainingRun, wanted_arrivals
 from tral_fsm.learning.start import begin_with, explore, network_to_begin_with
 from tral_fsm.learning.teacher import Samples, Student, TeacherSettings, teacher_settings
 from tral_fsm.learning.validation import Score, Validation
@@ -383,6 +383,16 @@ def test_a_network_that_loses_arrivals_is_not_kept_however_fast(tmp_path: Path) 
         assert run.validate(lost, {}) != begun
         assert run.best == begun
     assert load_network(tmp_path).layers[-1][0] == pytest.approx(network.layers[-1][0])
+
+
+@pytest.mark.parametrize(("algo", "wanted"), [("residual", 82), ("ppo", 86)])
+def test_a_machine_need_not_arrive_more_often_to_be_corrected(algo: str, wanted: int) -> None:
+    """As many as the machine brings home are enough; a policy of PPO is to arrive on 95 % of its drives."""
+    begun = Score(episodes=90, successes=82, progress=0.95, time_s=27.6)
+    points = [{"steps": 0, "validation": begun.record()}]
+    assert wanted_arrivals(points, algo) == wanted
+    faster = replace(begun, progress=0.94, time_s=17.9)
+    assert faster.is_better_than(begun, wanted) == (algo == "residual")
 
 
 def test_a_car_is_stuck_that_gains_less_than_a_quarter_metre_in_its_patience() -> None:

@@ -117,7 +117,7 @@ class TrainingRun:
         self.aside: Path | None = None
         """Folder of the files of an earlier training, which were set aside; None: there were none."""
         self.curve = Curve(points)
-        self._enough = _enough(points)
+        self._enough = wanted_arrivals(points, request.algo)
         self.best: Score | None = _best(points, self._enough)
         self.steps = self.curve.steps
         self._before_s = self.curve.seconds
@@ -209,7 +209,7 @@ class TrainingRun:
             "validation_s": round(self._cost_s, 1),
         }
         self.curve.points.append(point)
-        self._enough = _enough(self.curve.points)
+        self._enough = wanted_arrivals(self.curve.points, self.request.algo)
         if score.is_better_than(self.best, self._enough):
             self.best = score
             self._save(network, score)
@@ -238,15 +238,16 @@ def _plain(value: Any) -> Any:
     return json.loads(json.dumps(value))
 
 
-def _enough(points: list[dict[str, Any]]) -> int | None:
+def wanted_arrivals(points: list[dict[str, Any]], algo: str) -> int | None:
     """So many drives have to arrive, as for the policy with which the training began; None: it began with none.
 
-    A training that begins with a policy drives a validation before its first decision.
+    A training that begins with a policy drives a validation before its first decision. A policy that arrives seldom is
+    to arrive more often before it becomes faster; a machine that is corrected is to become faster.
     """
     if not points or points[0]["steps"] > 0:
         return None
     start = Score(**points[0]["validation"])
-    return max(start.successes, math.ceil(ENOUGH * start.episodes))
+    return start.successes if algo == "residual" else max(start.successes, math.ceil(ENOUGH * start.episodes))
 
 
 def _best(points: list[dict[str, Any]], enough: int | None = None) -> Score | None:

@@ -19,8 +19,8 @@ PATIENCE_S = 5.0
 
 
 ENOUGH = 0.95
-"""A training that goes on from a policy wants this share of the drives to arrive, or that of the policy if it is more;
-where they do, a faster network is better. Source: choice."""
+"""A PPO that goes on from a policy wants this share of the drives to arrive, or that of the policy if it is more; where
+they do, a faster network is better. Source: choice."""
 
 
 @dataclass(frozen=True, kw_only=True)
