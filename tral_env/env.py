@@ -144,7 +144,7 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
     | `courses` | `None` | Every episode draws one of so many courses, 1 or more. Each is built when it is first driven and then kept (up to 40 kB); course k is the one that `reset(seed=k)` gives without this option. `None`: every episode builds a new course, which takes most of a reset. |
     | `anywhere` | `0.0` | Share of the episodes on generated courses that begin anywhere on the route instead of at its start, 0 to 1: a learner that crashes early sees more of the courses. |
     | `camera` | `'projected'` | `"projected"`: the corners of the markers are projected through the lens, without OpenGL. `"rendered"`: OpenCV's detector searches a rendered image. |
-    | `randomization` | `'default'` | How much cars differ from one another: `"none"`, `"default"`, `"hard"`, the path of a file of ranges (.json, .yaml, .yml), or a `Randomization` of other ranges. |
+    | `randomization` | `'default'` | How much cars differ from one another: `"none"`, `"default"`, `"hard"`, the path of a file of ranges (.json, .yaml, .yml), or a `Randomization` of other ranges. Several in a tuple: every episode draws one of them. |
     | `groups` | `()` | Optional groups of readings behind the core ones: names out of `"line"`, `"imu"`, `"battery"`. |
     | `car` | `None` | A `CarConfig`: the car's geometry. Only `full_lock_deg` may differ from the car of `assets/car.xml`. |
     | `lens` | `None` | The camera's lens: a `CameraConfig`, `"default"`, `"wide"`, or the path of a calibration file (.yaml, .yml, .xml, .ini). |
