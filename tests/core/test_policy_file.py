@@ -16,7 +16,8 @@ from test_learned import LEARNER, network
 from tral_env import policy_file, tensors
 from tral_env.errors import ConfigError, PolicyFileError
 from tral_env.interface import CORE_LAYOUT
-from tral_env.learned import LearnedPolicy
+from tral_env.learned import LearnedPolicy, Network
+from tral_env.learner import LearnerConfig, LearnerView
 
 
 @pytest.fixture
