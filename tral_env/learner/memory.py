@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tral_env.arrays import Flags, everyone, is_any, maximum, minimum, plain, where
+from tral_env.arrays import Flags, is_any, maximum, minimum, plain, where
 from tral_env.geometry import STANDING_MPS, TRACK_M, curvature
 from tral_env.interface import CONTROL_PERIOD_S, DICTIONARY_SIZE, GATE_MARKER_IDS, MAX_AGE_S, TURN_MARKER_IDS, Layout
 from tral_env.learner.config import LearnerConfig
@@ -101,7 +101,7 @@ class Memory:
             config: what tells how often a frame is kept.
             n: number of cars.
         """
-        self._n, self._everyone = n, everyone(n)
+        self._n = n
         column = layout.column
         self._motion = [column(name) for name in ("distance", "speed", "steering", "throttle")]
         self._detections = {
@@ -114,10 +114,7 @@ class Memory:
         self._pose: _Pose
         self._things: list[_Thing]
         self._read: list[Any] = []
-        """The readings of the last update, so that a new detection differs from the last one."""
-
-    def _columns(self, readings: Values) -> list[Any]:
-        return readings[0].tolist() if self._n == 1 else list(readings.T.astype(np.float64))
+        """The readings of the last update: a new detection differs from them."""
 
     def reset(self, rows: Flags, readings: Values) -> None:
         """Forget all that some cars (n,) have seen; the first time all cars. `readings` (n, d) are those of all."""
@@ -126,12 +123,7 @@ class Memory:
         zero = 0.0 * distance
         pose = _Pose(distance, steering, zero + 1.0, zero, zero, zero, zero, zero + 1.0, zero)
         things = [_Thing(*(zero + value for value in _NOTHING)) for _ in KINDS]
-        read = [zero + math.nan for _ in range(readings.shape[1])]
-        if not rows.all():
-            pose = _Pose(*_merged(rows, pose, self._pose))
-            things = [_Thing(*_merged(rows, new, old)) for new, old in zip(things, self._things, strict=True)]
-            read = _merged(rows, read, self._read)
-        self._pose, self._things, self._read = pose, things, read
+        self._keep(None if rows.all() else rows, pose, things, [zero + math.nan for _ in values])
 
     def update(self, readings: Values, rows: Flags | None = None) -> None:
         """Move by the way since the last update, and take over what is seen.
@@ -144,7 +136,15 @@ class Memory:
         distance, speed, steering, throttle = (read[column] for column in self._motion)
         pose = _moved(self._pose, distance, speed, steering, throttle, self._reach)
         things = [self._looked(*each, pose, read, speed) for each in zip(KINDS, self._things, strict=True)]
-        if rows is not None and self._n > 1:
+        self._keep(None if self._n == 1 else rows, pose, things, read)
+
+    def _columns(self, readings: Values) -> list[Any]:
+        """The readings by column, (n,) each; numbers of a car alone, with which Python computes much faster."""
+        return readings[0].tolist() if self._n == 1 else list(readings.T.astype(np.float64))
+
+    def _keep(self, rows: Flags | None, pose: _Pose, things: list[_Thing], read: list[Any]) -> None:
+        """Keep what is known now of some cars (n,), or of all."""
+        if rows is not None:
             pose = _Pose(*_merged(rows, pose, self._pose))
             things = [_Thing(*_merged(rows, new, old)) for new, old in zip(things, self._things, strict=True)]
             read = _merged(rows, read, self._read)
@@ -182,13 +182,11 @@ class Memory:
 
     def told(self) -> Values:
         """What is told now, (n, M), in [-1, 1]."""
-        told = []
-        for thing in self._things:
-            told += _seen_from(self._pose, thing)
         _, sign, post = self._things
-        seen, was_post = told[11], told[17]
-        told += [seen * (sign.id == turn) for turn in TURN_MARKER_IDS.values()]
-        told += [was_post * (post.id % 2 == side) for side in range(2)]
+        of_gate, of_sign, of_post = (_seen_from(self._pose, thing) for thing in self._things)
+        told = of_gate + of_sign + of_post
+        told += [of_sign[-1] * (sign.id == turn) for turn in TURN_MARKER_IDS.values()]
+        told += [of_post[-1] * (post.id % 2 == side) for side in range(len(_POST_SIDES))]
         if self._n == 1:
             return np.array([told], np.float32)
         return np.stack(told, axis=1).astype(np.float32)
