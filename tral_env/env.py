@@ -67,7 +67,8 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
     | `battery` | 1 | voltage of the drive battery under load, V |
 
     These groups are for learners and for your own code: a state machine sees the core readings only. The options
-    `observation="features"`, `history`, `spacing_s` and `growth` make an observation for a network, `Box(-1, 1, (H * F,))`.
+    `observation="features"`, `history`, `spacing_s` and `growth` make an observation for a network, `Box(-1, 1, (H * F,))`;
+    with `memory` the M features of the memory stand behind the H frames.
 
     ## Rewards
     The reward is the sum of these terms, which `info["reward_terms"]` tells by name. The weights are fields of
@@ -144,7 +145,7 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
     | `courses` | `None` | Every episode draws one of so many courses, 1 or more. Each is built when it is first driven and then kept (up to 40 kB); course k is the one that `reset(seed=k)` gives without this option. `None`: every episode builds a new course, which takes most of a reset. |
     | `anywhere` | `0.0` | Share of the episodes on generated courses that begin anywhere on the route instead of at its start, 0 to 1: a learner that crashes early sees more of the courses. |
     | `camera` | `'projected'` | `"projected"`: the corners of the markers are projected through the lens, without OpenGL. `"rendered"`: OpenCV's detector searches a rendered image. |
-    | `randomization` | `'default'` | How much cars differ from one another: `"none"`, `"default"`, `"hard"`, the path of a file of ranges (.json, .yaml, .yml), or a `Randomization` of other ranges. |
+    | `randomization` | `'default'` | How much cars differ from one another: `"none"`, `"default"`, `"hard"`, the path of a file of ranges (.json, .yaml, .yml), or a `Randomization` of other ranges. Several in a tuple: every episode draws one of them. |
     | `groups` | `()` | Optional groups of readings behind the core ones: names out of `"line"`, `"imu"`, `"battery"`. |
     | `car` | `None` | A `CarConfig`: the car's geometry. Only `full_lock_deg` may differ from the car of `assets/car.xml`. |
     | `lens` | `None` | The camera's lens: a `CameraConfig`, `"default"`, `"wide"`, or the path of a calibration file (.yaml, .yml, .xml, .ini). |
@@ -158,6 +159,7 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
     | `action` | `'throttle'` | What the second action is: `"throttle"`, or `"speed"`, which is regulated on the hall sensor as the machines' speed is. |
     | `drive_range` | `None` | What -1 and 1 of the second action stand for: throttles, or speeds in m/s. `None`: -1 and 1, or 0 and 1.2 m/s. |
     | `detections` | `True` | Whether features tell gates and turn signs. A network is smaller without them. |
+    | `memory` | `False` | Whether these come from a memory that reckons with the way of the car: gate, turn sign and single post, where each is now, for 10 s and once in an observation. `False`: each frame tells gate and sign where they were when seen. |
 
     `None` for `car`, `lens`, `task` and `image_faults` is the configuration's own default. These and `randomization`
     also take a mapping of values, so `spec.to_json()` works with all of them. "hard" also makes the courses harder, see

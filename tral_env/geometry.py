@@ -85,9 +85,14 @@ def steering_play(speed: float) -> float:
     return STEERING_PLAY / float(scrub_fall(speed))
 
 
-def curvature(steering: float) -> float:
-    """Curvature [1/m], + = left, of the rear axle's path at a steering command: tan(lock s) / wheelbase."""
-    return math.tan(FULL_LOCK * steering) / WHEELBASE_M
+def curvature(steering: Any, *, tan: Callable[[Any], Any] = math.tan) -> Any:
+    """Curvature [1/m], + = left, of the rear axle's path at a steering command: tan(lock s) / wheelbase.
+
+    Args:
+        steering: a number, or an array of any shape.
+        tan: `math.tan` for a number, `numpy.tan` for an array.
+    """
+    return tan(FULL_LOCK * steering) / WHEELBASE_M
 
 
 def steering_for(path_curvature: float) -> float:

@@ -28,6 +28,8 @@ from tral_env.randomization import Randomization, level
 
 Class = TypeVar("Class", bound=type)
 
+Level = str | Path | Randomization
+
 CAMERAS = ("projected", "rendered")
 
 
@@ -48,6 +50,12 @@ def _course_of_mapping(members: Mapping[str, Any]) -> Course:
 def _or_mapping(read: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """Take a value as it is; but read a mapping."""
     return lambda value: read(value) if isinstance(value, Mapping) else value
+
+
+def _one_or_several(read: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Take a value as it is, and a list as a tuple; but read a mapping."""
+    one = _or_mapping(read)
+    return lambda value: tuple(map(one, value)) if isinstance(value, list | tuple) else one(value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,9 +82,9 @@ class CorridorConfig(LearnerConfig):
     camera: str = "projected"
     """`"projected"`: the corners of the markers are projected through the lens, without OpenGL. `"rendered"`: OpenCV's
     detector searches a rendered image."""
-    randomization: str | Path | Randomization = field(default="default", metadata={"read": _or_mapping(level)})
+    randomization: Level | tuple[Level, ...] = field(default="default", metadata={"read": _one_or_several(level)})
     """How much cars differ from one another: `"none"`, `"default"`, `"hard"`, the path of a file of ranges (.json,
-    .yaml, .yml), or a `Randomization` of other ranges."""
+    .yaml, .yml), or a `Randomization` of other ranges. Several in a tuple: every episode draws one of them."""
     groups: tuple[str, ...] = field(default=(), metadata={"read": group_names})
     """Optional groups of readings behind the core ones: names out of `"line"`, `"imu"`, `"battery"`."""
     car: CarConfig = field(default_factory=CarConfig, metadata={"read": partial(as_config, CarConfig)})
@@ -112,7 +120,8 @@ class CorridorConfig(LearnerConfig):
                 f"image_faults = {self.image_faults!r} with camera='projected', which takes no image: expected "
                 "camera='rendered', or TralCorridorPixels-v0, whose observation has an image"
             )
-        level(self.randomization)
+        if not self.levels:
+            raise ConfigError("randomization = (): expected one or more levels")
         Layout.of(self.groups)
         self._check_learner()
         for place in fields(CarConfig):
@@ -137,6 +146,16 @@ class CorridorConfig(LearnerConfig):
     def scenarios(self) -> tuple[str, ...]:
         """The families, one or several."""
         return self.scenario if isinstance(self.scenario, tuple) else (self.scenario,)
+
+    @property
+    def levels(self) -> tuple[Randomization, ...]:
+        """The levels of randomization, one or several.
+
+        Raises:
+            ConfigError: one is unknown, or its file is not allowed.
+        """
+        given = self.randomization if isinstance(self.randomization, tuple) else (self.randomization,)
+        return tuple(map(level, given))
 
     @property
     def learner(self) -> LearnerConfig:
@@ -245,6 +264,8 @@ def as_plain(value: Any) -> Any:
         return value.value
     if isinstance(value, np.generic):
         return value.item()
+    if isinstance(value, tuple):
+        return tuple(map(as_plain, value))
     if isinstance(value, dict):
         return {name: as_plain(item) for name, item in value.items()}
     return value

@@ -40,6 +40,12 @@ def _schema() -> list[list[Any]]:
     return [[each.name, each.unit, each.low, each.high, each.missing] for each in CORE_FIELDS]
 
 
+def _told(learner: LearnerConfig) -> list[str]:
+    """What a network sees: the columns of a frame, and those of the memory behind the frames."""
+    view = LearnerView(learner, 1)
+    return [*view.frame_names, *view.memory_names]
+
+
 def _hash(value: Any) -> str:
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 
@@ -68,7 +74,7 @@ def save(network: Network, folder: str | Path) -> Path:
     content = {
         "format": FORMAT,
         "version": VERSION,
-        "observation": {"schema": _hash(_schema()), "fields": _schema(), "frame": list(view.frame_names)},
+        "observation": {"schema": _hash(_schema()), "fields": _schema(), "frame": _told(network.learner)},
         "learner": network.learner.record(),
         "network": {
             "sizes": [view.size, *(len(bias) for _, bias in network.layers)],
@@ -277,7 +283,7 @@ def _check_schema(content: Mapping[str, Any], path: Path) -> None:
 
 
 def _check_frame(content: Mapping[str, Any], learner: LearnerConfig, path: Path) -> None:
-    ours, theirs = list(LearnerView(learner, 1).frame_names), content["observation"].get("frame")
+    ours, theirs = _told(learner), content["observation"].get("frame")
     if not isinstance(theirs, list):
         raise PolicyFileError(f"{path}: observation: expected frame, a list of names")
     if theirs != ours:

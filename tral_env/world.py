@@ -21,7 +21,7 @@ from tral_env.course.scene import Pool
 from tral_env.errors import ConfigError, nearest
 from tral_env.interface import STEERING, Layout
 from tral_env.options import CorridorConfig, as_course, check_counts
-from tral_env.randomization import Randomization, level
+from tral_env.randomization import Randomization
 from tral_env.simulation.culling import LOCAL_BOXES, max_boxes_in_reach
 from tral_env.simulation.sim import Simulation
 from tral_env.simulation.views import VIEWS, Still, Stills, Views, still
@@ -50,8 +50,8 @@ class ResetRequest:
 
     rows: Index
     """(k,) which cars."""
-    cars: Sequence[Randomization]
-    """What is drawn for each of them, k."""
+    cars: Sequence[tuple[Randomization, ...]]
+    """Levels of which one is drawn for each of them, and a car out of that, k."""
     course: tuple[Course, Plan] | None
     """The course that they drive; None: each a generated one."""
     near: int = 0
@@ -110,6 +110,11 @@ class Step:
         )
 
 
+def _one_of(levels: Sequence[Randomization], rng: np.random.Generator) -> Randomization:
+    """One of some levels; nothing is drawn where there is only one."""
+    return levels[0] if len(levels) == 1 else levels[int(rng.integers(len(levels)))]
+
+
 def car_stream(rng: np.random.Generator) -> np.random.Generator:
     """Give the generator of an episode's car and noise, which do not depend on whether its course is drawn or given.
 
@@ -149,7 +154,7 @@ class World:
         """
         self.n, self.config, self._nthread = n, config, nthread
         self.layout = Layout.of(config.groups)
-        self._randomization = level(config.randomization)
+        self._levels = config.levels
         fixed = config.fixed_course()
         self._fixed = None if fixed is None else (fixed, build_plan(fixed))
         self._near = 0 if self._fixed is None else max_boxes_in_reach(self._fixed[1])
@@ -159,8 +164,9 @@ class World:
         self.track = task.empty_track(n)
         self._started = False
         self._views = Views()
-        self.kept: dict[int, tuple[Course, Plan]] = {}
-        """Courses that were built so far, of those that `CorridorConfig.courses` keeps."""
+        self.kept: dict[tuple[int, bool], tuple[Course, Plan]] = {}
+        """Courses that were built so far, of those that `CorridorConfig.courses` keeps, by number and by whether the
+        level makes courses harder."""
         self.courses: list[Course | None] = [None] * n
         self.plans: list[Plan | None] = [None] * n
         self._everyone = everyone(n)
@@ -230,10 +236,11 @@ class World:
         streams = list(rngs)
         for row in rows:
             streams[row] = car_stream(rngs[row])
-        drawn = [
-            Drawn(*(request.course or self._generate(rngs[row])), car.draw(streams[row]))
-            for row, car in zip(rows, request.cars, strict=True)
-        ]
+        drawn = []
+        for row, levels in zip(rows, request.cars, strict=True):
+            level = _one_of(levels, streams[row])
+            course = request.course or self._generate(rngs[row], level.hard_courses)
+            drawn.append(Drawn(*course, level.draw(streams[row])))
         self.begin(rows, drawn, streams, request.near)
         return self._parameters()
 
@@ -270,10 +277,10 @@ class World:
     def _parameters(self) -> dict[str, Array]:
         return {name: values.copy() for name, values in self.sim.car_parameters.drawn.items()}
 
-    def _cars(self, rows: Index, given: Mapping[str, Any] | None) -> list[Randomization]:
-        """Randomization of the rows, where some parameters are given: for all cars, or one value each."""
+    def _cars(self, rows: Index, given: Mapping[str, Any] | None) -> list[tuple[Randomization, ...]]:
+        """Levels of the rows, where some parameters are given: for all cars, or one value each."""
         if given is None:
-            return [self._randomization] * len(rows)
+            return [self._levels] * len(rows)
         wrong = f"options['car'] = {given!r}: expected name -> number or {self.n} numbers"
         if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
             raise ConfigError(wrong)
@@ -286,29 +293,28 @@ class World:
             values = {name: np.broadcast_to(np.asarray(value, float), self.n) for name, value in given.items()}
         except ValueError:
             raise ConfigError(wrong) from None
-        return [
-            self._randomization.fixed(**{name: float(value[row]) for name, value in values.items()}) for row in rows
-        ]
+        own = [{name: float(value[row]) for name, value in values.items()} for row in rows]
+        return [tuple(level.fixed(**each) for level in self._levels) for each in own]
 
-    def _generate(self, rng: np.random.Generator) -> tuple[Course, Plan]:
+    def _generate(self, rng: np.random.Generator, hard: bool) -> tuple[Course, Plan]:
         """A course to drive, from its start or from anywhere on."""
-        (course, plan), anywhere = self._whole(rng), self.config.anywhere
+        (course, plan), anywhere = self._whole(rng, hard), self.config.anywhere
         return course, begun_anywhere(plan, rng) if anywhere and rng.random() < anywhere else plan
 
-    def _whole(self, rng: np.random.Generator) -> tuple[Course, Plan]:
+    def _whole(self, rng: np.random.Generator, hard: bool) -> tuple[Course, Plan]:
         """A new course, or one of those that are kept."""
         if (count := self.config.courses) is None:
-            return self._build(rng)
-        k = int(rng.integers(count))
-        if k not in self.kept:
-            self.kept[k] = self._build(np.random.default_rng(k))
-        return self.kept[k]
+            return self._build(rng, hard)
+        key = int(rng.integers(count)), hard
+        if key not in self.kept:
+            self.kept[key] = self._build(np.random.default_rng(key[0]), hard)
+        return self.kept[key]
 
-    def _build(self, rng: np.random.Generator) -> tuple[Course, Plan]:
+    def _build(self, rng: np.random.Generator, hard: bool) -> tuple[Course, Plan]:
         """A new course of the family, or of one of several."""
         names = self.config.scenarios
         scenario = names[0] if len(names) == 1 else names[int(rng.integers(len(names)))]
-        return generate_plan(scenario, rng, hard=self._randomization.hard_courses)
+        return generate_plan(scenario, rng, hard=hard)
 
     def _needed(self, plans: Sequence[Plan], rows: Index, near: int) -> Pool | None:
         """The pool of the simulation that the rows need for their plans; None: the one at hand will do.

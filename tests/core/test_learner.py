@@ -79,9 +79,9 @@ class TestFeatures:
             if tick % 4 == 0:
                 assert view.observation()[0, way] == pytest.approx(0.5, abs=1e-5)
 
-    @given(st.integers(0, 2**32 - 1))
-    def test_no_feature_leaves_its_bounds(self, seed: int) -> None:
-        view = LearnerView(LearnerConfig(observation="features", history=3), 8)
+    @given(st.integers(0, 2**32 - 1), st.booleans())
+    def test_no_feature_leaves_its_bounds(self, seed: int, memory: bool) -> None:
+        view = LearnerView(LearnerConfig(observation="features", history=3, memory=memory), 8)
         low, high = CORE_LAYOUT.space().low, CORE_LAYOUT.space().high
         rng = np.random.default_rng(seed)
         rows = rng.uniform(low, high, (5, 8, len(low))).astype(np.float32)
@@ -230,6 +230,7 @@ class TestRefusals:
             ({"drive_range": (-0.1, 1.0), "action": "speed"}, "from 0 to 5"),
             ({"drive_range": 0.4}, "expected two numbers that rise"),
             ({"detections": 1}, "detections = 1: expected True or False"),
+            ({"memory": None}, "memory = None: expected True or False"),
         ],
     )
     def test_a_value_that_cannot_be_is_told_with_what_is_allowed(self, values: dict, message: str) -> None:

@@ -16,7 +16,8 @@ from test_learned import LEARNER, network
 from tral_env import policy_file, tensors
 from tral_env.errors import ConfigError, PolicyFileError
 from tral_env.interface import CORE_LAYOUT
-from tral_env.learned import LearnedPolicy
+from tral_env.learned import LearnedPolicy, Network
+from tral_env.learner import LearnerConfig, LearnerView
 
 
 @pytest.fixture
@@ -59,6 +60,23 @@ def test_it_says_what_it_sees_and_what_its_answers_mean(folder: Path) -> None:
     assert content(folder, "learner")["action"] == "speed"
     assert content(folder, "learner")["drive_range"] == [0.2, 1.0]
     assert content(folder, "network")["sizes"] == [112, 16, 2]
+
+
+def test_it_names_what_is_remembered_behind_the_columns_of_a_frame(tmp_path: Path) -> None:
+    learner = LearnerConfig(observation="features", history=2, memory=True)
+    view = LearnerView(learner, 1)
+    layers = [(np.zeros((2, view.size), np.float32), np.zeros(2, np.float32))]
+    policy_file.save(Network(learner=learner, layers=layers), tmp_path)
+    assert content(tmp_path, "observation")["frame"] == [*view.frame_names, *view.memory_names]
+    assert policy_file.load_network(tmp_path).learner == learner
+
+
+def test_a_file_from_before_there_was_a_memory_has_none(folder: Path) -> None:
+    path = folder / "policy.json"
+    written = json.loads(path.read_text())
+    del written["learner"]["memory"]
+    path.write_text(json.dumps(written))
+    assert policy_file.load_network(folder).learner.memory is False
 
 
 def test_a_read_policy_drives_as_the_written_one(folder: Path) -> None:

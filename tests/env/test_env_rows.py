@@ -160,6 +160,27 @@ def test_an_array_of_seeds_counts_as_a_list() -> None:
     assert np.array_equal(env.reset(seed=np.arange(5, 7))[0], counted)
 
 
+def test_each_episode_draws_one_of_several_levels_for_its_car_and_its_course() -> None:
+    levels = LEVELS["none"].fixed(friction=0.6), replace(LEVELS["hard"], friction=(0.5, 0.5))
+    several = TralCorridorVectorEnv(20, scenario="gates", randomization=levels)
+    by_level = {}
+    for level in levels:
+        env = TralCorridorVectorEnv(20, scenario="gates", randomization=level)
+        env.reset(seed=3)
+        by_level[level.friction[0]] = env.world.courses
+    frictions = several.reset(seed=3)[1]["car"]["friction"].tolist()
+    assert {*frictions} == {0.5, 0.6}
+    assert several.world.courses == [by_level[friction][row] for row, friction in enumerate(frictions)]
+    alone = corridor(scenario="gates", randomization=levels)
+    assert [alone.reset(seed=3 + row)[1]["car"]["friction"] for row in range(20)] == frictions
+
+
+def test_kept_courses_are_those_of_the_level_that_was_drawn() -> None:
+    env = TralCorridorVectorEnv(20, scenario="gates", courses=2, randomization=("default", "hard"))
+    env.reset(seed=0)
+    assert {*env.world.kept} == {(0, False), (0, True), (1, False), (1, True)}
+
+
 def test_the_ranges_of_the_level_hard_bring_its_courses_too() -> None:
     by_name = corridor(scenario="gates", randomization="hard")
     by_range = corridor(scenario="gates", randomization=LEVELS["hard"])

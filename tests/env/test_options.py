@@ -117,7 +117,12 @@ OTHERS: dict[str, tuple[object, ...]] = {
     "courses": (5, np.int64(5)),
     "anywhere": (0.5,),
     "camera": ("rendered",),
-    "randomization": (replace(LEVELS["hard"], friction=(0.4, 0.6)), LEVELS["none"]),
+    "randomization": (
+        replace(LEVELS["hard"], friction=(0.4, 0.6)),
+        LEVELS["none"],
+        ("default", LEVELS["hard"]),
+        ["none", "hard"],
+    ),
     "groups": (("imu",), ["line", "imu"]),
     "car": (CarConfig(full_lock_deg=20.0),),
     "lens": (WIDE_LENS, "wide"),
@@ -131,6 +136,7 @@ OTHERS: dict[str, tuple[object, ...]] = {
     "action": ("speed",),
     "drive_range": ((0.1, 0.4), [0.0, 0.5]),
     "detections": (False,),
+    "memory": (True,),
 }
 
 

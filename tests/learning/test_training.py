@@ -245,6 +245,9 @@ def test_without_a_checkpoint_there_is_nothing_to_go_on_with(tmp_path: Path) -> 
         ({"steps": 5, "scenarios": ("corner",)}, "did you mean 'corners'"),
         ({"steps": 5, "algo": "pppo"}, "did you mean 'ppo'"),
         ({"steps": 5, "validation": 500}, "--validation 500: expected 1 to 200"),
+        ({"steps": 5, "validation": 1, "randomization": "default,hard"}, "--validation 1: expected 2 to 400"),
+        ({"steps": 5, "randomization": "default,hrd"}, "did you mean 'hard'"),
+        ({"steps": 5, "randomization": "default,"}, "unknown randomization ''"),
     ],
 )
 def test_a_request_that_cannot_be_is_refused(arguments: dict, message: str) -> None:
@@ -338,7 +341,7 @@ def test_a_validation_finds_what_a_machine_does_and_ends_for_cars_that_stand() -
         def act(self, observation: np.ndarray) -> np.ndarray:
             return np.zeros((self.n, 2), np.float32)
 
-    validation = Validation(("straight",), (500, 501), "none")
+    validation = Validation(("straight",), (500, 501), ("none",))
     drives = validation.score(load_policy("wall"))
     assert (drives.episodes, drives.successes, drives.progress) == (2, 2, 1.0)
     stands = validation.score(Standing())
@@ -346,6 +349,24 @@ def test_a_validation_finds_what_a_machine_does_and_ends_for_cars_that_stand() -
     assert drives.is_better_than(stands)
     assert validation.score(load_policy("wall")) == drives
     validation.close()
+
+
+def test_a_validation_drives_each_family_on_each_level() -> None:
+    validation = Validation(("straight", "corners"), (500,), ("none", "hard"))
+    assert validation.score(load_policy("office")).episodes == 4
+    validation.close()
+    request = TrainRequest(algo="teacher", scenarios=("straight", "corners"), steps=1, randomization="default,hard")
+    assert request.levels == ("default", "hard")
+    assert len(request.validation_seeds) == 13  # four drives each: 52 of the 50 that are asked for
+
+
+def test_cars_of_several_levels_train_a_policy_that_remembers(small: Any, tmp_path: Path) -> None:
+    options = ("--scenario", "gates", "--randomization", "none,hard", "--validation", 2, "--settings", small("teacher"))
+    done = tral(*options, "--out", tmp_path / "run", "--steps", 60)
+    assert done.exit_code == 0, done.output
+    network = load_network(tmp_path / "run")
+    assert network.learner.memory
+    assert network.provenance["request"]["randomization"] == "none,hard"
 
 
 def test_where_as_many_arrive_the_way_decides_and_then_the_time() -> None:

@@ -54,6 +54,10 @@ class LearnerConfig:
     """What -1 and 1 of the second action stand for: throttles, or speeds in m/s. `None`: -1 and 1, or 0 and 1.2 m/s."""
     detections: bool = True
     """Whether features tell gates and turn signs. A network is smaller without them."""
+    memory: bool = False
+    """Whether these come from a memory that reckons with the way of the car: gate, turn sign and single post, where
+    each is now, for 10 s and once in an observation. `False`: each frame tells gate and sign where they were when
+    seen."""
 
     def __post_init__(self) -> None:
         for name, allowed in (("observation", OBSERVATIONS), ("action", ACTIONS)):
@@ -81,8 +85,9 @@ class LearnerConfig:
                 "history, a smaller growth, or a spacing of whole decisions"
             )
         self._check_drive_range()
-        if not isinstance(self.detections, bool):
-            raise ConfigError(f"detections = {self.detections!r}: expected True or False")
+        for name in ("detections", "memory"):
+            if not isinstance(getattr(self, name), bool):
+                raise ConfigError(f"{name} = {getattr(self, name)!r}: expected True or False")
 
     def _check_spacing(self) -> None:
         if self.spacing_s is None:

@@ -16,9 +16,9 @@ _RANGE_AGE_S = 0.2
 """A range of this age or more has the age 1; the slowest sonar answers every 0.11 s."""
 _SPEED_MPS = 2.0
 """This speed is 1."""
-_AHEAD_M = 5.0
+AHEAD_M = 5.0
 """A gate or sign so far ahead is at 1."""
-_ASIDE_M = 2.0
+ASIDE_M = 2.0
 """A gate or sign so far to the left is at 1."""
 MEMORY_S = 5.0
 """A gate or sign counts as seen for so long; the car may meanwhile have turned away from it."""
@@ -48,8 +48,8 @@ class Features:
 
     def __init__(self, layout: Layout, config: LearnerConfig) -> None:
         column = layout.column
-        self.names = feature_names(config.detections)
-        self._detections = config.detections
+        self._detections = config.detections and not config.memory
+        self.names = feature_names(self._detections)
         scaled: list[tuple[str, float, float]] = [
             *((f"ultrasonic_{side}", -1.0, 1 / _RANGE_M) for side in RANGES),
             *((f"ultrasonic_{side}_age", 0.0, 1 / _RANGE_AGE_S) for side in RANGES),
@@ -59,8 +59,8 @@ class Features:
             ("throttle", 0.0, 1.0),
             ("distance", 0.0, 1.0),  # the way, which `frames` fills
         ]
-        if config.detections:
-            for what, factor in (("x", 1 / _AHEAD_M), ("y", 1 / _ASIDE_M), ("age", 1 / MEMORY_S)):
+        if self._detections:
+            for what, factor in (("x", 1 / AHEAD_M), ("y", 1 / ASIDE_M), ("age", 1 / MEMORY_S)):
                 scaled += [(f"{kind}_{what}", 0.0, factor) for kind in DETECTIONS]
         self._columns = np.array([column(name) for name, _, _ in scaled])
         self._offset = np.array([offset for _, offset, _ in scaled], np.float32)

@@ -9,6 +9,7 @@ from tral_env.arrays import Flags
 from tral_env.interface import CORE_LAYOUT, Layout
 from tral_env.learner.config import LearnerConfig
 from tral_env.learner.features import Features, Values
+from tral_env.learner.memory import Memory
 
 
 class LearnerView:
@@ -32,6 +33,10 @@ class LearnerView:
     | `gate_sin`, `gate_cos`, ... | sine and cosine of its heading |
     | `gate_seen`, `sign_seen` | 1: seen in the last 5 s; else the features above but the age are 0 |
     | `sign_left`, `sign_right`, `sign_straight` | 1: the sign tells this turn |
+
+    With `memory` the features of gate and sign stand once, behind the frames. They are of now, by dead reckoning, and
+    last 10 s; an age of 1 is 10 s. `post_x` and the like tell a single marker of a gate, and `post_left` or
+    `post_right` is 1, the side of the gate on which it stands. See `tral_env.learner.memory.Memory`.
     """
 
     def __init__(self, config: LearnerConfig, n: int, layout: Layout = CORE_LAYOUT) -> None:
@@ -46,6 +51,10 @@ class LearnerView:
         self._features = Features(layout, config) if config.observation == "features" else None
         self.frame_names = layout.names if self._features is None else self._features.names
         """(F,) names of the columns of a frame."""
+        remembers = self._features is not None and config.detections and config.memory
+        self._memory = Memory(layout, config, n) if remembers else None
+        self.memory_names = Memory.names if remembers else ()
+        """(M,) names of what stands behind the frames."""
         self._distance = layout.column("distance")
         self._interval = config.interval_ticks
         self._stride = config.spacing_ticks // self._interval
@@ -60,8 +69,8 @@ class LearnerView:
 
     @property
     def size(self) -> int:
-        """Length of an observation: frames times columns."""
-        return self.config.history * len(self.frame_names)
+        """Length of an observation: frames times columns, and the memory."""
+        return self.config.history * len(self.frame_names) + len(self.memory_names)
 
     @property
     def common_due(self) -> bool | None:
@@ -90,6 +99,10 @@ class LearnerView:
         first = np.empty((len(distance), len(self.frame_names)), np.float32)
         self._fill(np.asarray(readings[rows], np.float32), np.zeros_like(distance), first)
         self._frames[rows] = first[:, None]
+        if self._memory is not None:
+            now = np.asarray(readings, np.float32)
+            self._memory.reset(rows, now)
+            self._memory.update(now, rows)
 
     def update(self, readings: NDArray[np.floating], rows: Flags | None = None, ended: Flags | None = None) -> None:
         """Take over what was read after a tick.
@@ -124,6 +137,8 @@ class LearnerView:
         self._way[:, -1] = distance
         self._frames[:, :-1] = self._frames[:, 1:]
         self._fill(now, way, self._frames[:, -1])
+        if self._memory is not None:
+            self._memory.update(now)
 
     def _keep(self, rows: Flags, readings: NDArray[np.floating]) -> None:
         """Keep a frame of some cars, and forget the oldest."""
@@ -134,6 +149,8 @@ class LearnerView:
         newest = np.empty((len(now), 1, len(self.frame_names)), np.float32)
         self._fill(now, way, newest[:, 0])
         self._frames[rows] = np.concatenate([self._frames[rows, 1:], newest], axis=1)
+        if self._memory is not None:
+            self._memory.update(np.asarray(readings, np.float32), rows)
 
     def _fill(self, readings: Values, way: Values, out: Values) -> None:
         if self._features is None:
@@ -142,5 +159,6 @@ class LearnerView:
             self._features.frames(readings, way, out)
 
     def observation(self) -> Values:
-        """What the learners see now, (n, H * F)."""
-        return self._frames.take(self._shown, axis=1).reshape(self.n, -1)
+        """What the learners see now, (n, H * F + M)."""
+        frames = self._frames.take(self._shown, axis=1).reshape(self.n, -1)
+        return frames if self._memory is None else np.concatenate([frames, self._memory.told()], axis=1)

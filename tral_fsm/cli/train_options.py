@@ -26,7 +26,11 @@ class TrainOptions:
     steps: Annotated[int | None, typer.Option(help="Decisions of all cars together, instead of a time.")] = None
     seed: Annotated[int, typer.Option(min=0, help="Seed of the network and of its courses.")] = 0
     randomization: Annotated[
-        str, typer.Option(help="How much cars and sensors differ: none, default, hard, or a file of ranges.")
+        str,
+        typer.Option(
+            help="How much cars and sensors differ: none, default, hard, or a file of ranges; several, separated by "
+            "commas."
+        ),
     ] = "default"
     machine: Annotated[
         str | None,

@@ -16,6 +16,7 @@ from tral_env.checks import is_number, one_of
 from tral_env.errors import ConfigError, nearest
 from tral_env.learned import MAX_LAYERS
 from tral_env.learner import LearnerConfig
+from tral_env.randomization import level
 from tral_fsm.evaluation.choices import check_families
 from tral_fsm.evaluation.suites import SPLITS
 from tral_fsm.policies.families import machine_for
@@ -48,6 +49,7 @@ class TrainRequest:
     seed: int = 0
     """Seed of the network and of the draws."""
     randomization: str = "default"
+    """Levels, separated by commas: every episode draws one, and a validation drives all."""
     machine: str | None = None
     """Teacher, or machine that is corrected; None: the packaged machine of the family."""
     validation: int = 50
@@ -73,16 +75,26 @@ class TrainRequest:
                 raise ConfigError(f"--{name} {value!r}: expected a whole number, {lowest} or more")
         if self.start is not None and self.algo != "ppo":
             raise ConfigError(f"--from {self.start} with --algo {self.algo}: ppo alone goes on from a policy")
-        if not len(self.scenarios) <= self.validation <= len(VALIDATION_SEEDS) * len(self.scenarios):
-            raise ConfigError(
-                f"--validation {self.validation}: expected {len(self.scenarios)} to "
-                f"{len(VALIDATION_SEEDS) * len(self.scenarios)}"
-            )
+        for each in self.levels:
+            level(each)
+        groups = len(self.scenarios) * len(self.levels)
+        if not groups <= self.validation <= len(VALIDATION_SEEDS) * groups:
+            raise ConfigError(f"--validation {self.validation}: expected {groups} to {len(VALIDATION_SEEDS) * groups}")
 
     @property
     def scenario(self) -> str | tuple[str, ...]:
         """The families as the environments take them."""
         return self.scenarios[0] if len(self.scenarios) == 1 else self.scenarios
+
+    @property
+    def levels(self) -> tuple[str, ...]:
+        """The levels of randomization, one or several."""
+        return tuple(self.randomization.split(","))
+
+    @property
+    def validation_seeds(self) -> range:
+        """Seeds of the courses that a validation drives, of each family and on each level."""
+        return VALIDATION_SEEDS[: -(-self.validation // (len(self.scenarios) * len(self.levels)))]
 
     def first_seed(self, begun: int = 0) -> int:
         """Seed of the first course; row i begins with this seed + i.

@@ -157,7 +157,7 @@ def _cars(run: TrainingRun) -> VecEnv:
         processes=min(request.nthread, settings.cars),
         nthread=1,
         scenario=request.scenario,
-        randomization=request.randomization,
+        randomization=request.levels,
         task=dict(settings.task),
         anywhere=settings.anywhere,
         **settings.learner.record(),

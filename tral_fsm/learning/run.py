@@ -22,7 +22,7 @@ from tral_fsm.evaluation.folder import held, set_aside
 from tral_fsm.evaluation.host import host
 from tral_fsm.evaluation.seeds import stretches
 from tral_fsm.formats import library, tral_json
-from tral_fsm.learning.choices import TRAINING_SEEDS, VALIDATION_SEEDS, TrainRequest
+from tral_fsm.learning.choices import TRAINING_SEEDS, TrainRequest
 from tral_fsm.learning.networks import torch
 from tral_fsm.learning.start import digest_of_start
 from tral_fsm.learning.validation import ENOUGH, Score, Validation
@@ -123,8 +123,8 @@ class TrainingRun:
         self._before_s = self.curve.seconds
         self._began = time.monotonic()
         self._validated_s, self._cost_s = self.seconds, self.curve.validation_s
-        self._seeds = VALIDATION_SEEDS[: -(-request.validation // len(request.scenarios))]
-        self.validation = Validation(request.scenarios, self._seeds, request.randomization, request.nthread)
+        self._seeds = request.validation_seeds
+        self.validation = Validation(request.scenarios, self._seeds, request.levels, request.nthread)
 
     def __enter__(self) -> TrainingRun:
         try:

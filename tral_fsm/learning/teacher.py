@@ -308,7 +308,7 @@ def train(run: TrainingRun) -> None:
         autoreset_mode="Disabled",
         nthread=request.nthread,
         scenario=request.scenario,
-        randomization=request.randomization,
+        randomization=request.levels,
     )
     lessons = Lessons(env, load_machine_policy(request.machine_name), settings, request.first_seed(done))
     try:

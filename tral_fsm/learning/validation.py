@@ -67,27 +67,29 @@ class Score:
 class Validation:
     """Drives a policy over the same courses each time; the cars stand ready between two validations."""
 
-    def __init__(self, scenarios: Sequence[str], seeds: Sequence[int], randomization: str, nthread: int = 1) -> None:
+    def __init__(self, scenarios: Sequence[str], seeds: Sequence[int], levels: Sequence[str], nthread: int = 1) -> None:
         """Prepare the drives; the families share the seeds' number.
 
         Args:
             scenarios: families of the courses.
-            seeds: one drive each, of each family.
-            randomization: how much cars and sensors differ.
+            seeds: one drive each, of each family and on each level.
+            levels: how much cars and sensors differ.
             nthread: threads that step the cars.
         """
         self._requests = [EpisodeRequest(0, name, seed) for name in scenarios for seed in seeds]
-        self._runner = BatchRunner(
-            scenarios,
-            randomization=randomization,
-            rows=min(len(self._requests), MAX_ROWS),
-            nthread=nthread,
-            stuck_s=PATIENCE_S,
-        )
+        rows = min(len(self._requests), MAX_ROWS)
+        self._runners = [
+            BatchRunner(scenarios, randomization=level, rows=rows, nthread=nthread, stuck_s=PATIENCE_S)
+            for level in levels
+        ]
 
     def score(self, policy: Policy) -> Score:
         """Drive all courses."""
-        results = self._runner.drive_with(lambda world: BatchedPolicy(policy, world.n), self._requests)
+        results = [
+            result
+            for runner in self._runners
+            for result in runner.drive_with(lambda world: BatchedPolicy(policy, world.n), self._requests)
+        ]
         times_s = [result.time_s for result in results if result.success]
         return Score(
             episodes=len(results),
@@ -98,4 +100,5 @@ class Validation:
 
     def close(self) -> None:
         """Free the cars."""
-        self._runner.close()
+        for runner in self._runners:
+            runner.close()
