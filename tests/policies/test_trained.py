@@ -16,8 +16,8 @@ from tral_fsm.policies.families import EVERYWHERE, MACHINES, machine_for
 NAMES = trained.names()
 
 
-def test_there_is_a_student_and_one_of_ppo() -> None:
-    assert NAMES == ("ppo", "student")
+def test_there_are_a_student_one_of_ppo_and_a_residual() -> None:
+    assert NAMES == ("ppo", "residual", "student")
     assert not set(NAMES) & set(library.names())
 
 

@@ -56,9 +56,9 @@ class LearnerConfig:
     detections: bool = True
     """Whether features tell gates and turn signs. A network is smaller without them."""
     memory: bool = False
-    """Whether these come from a memory that reckons with the way of the car: gate, turn sign and single post, where
-    each is now, for 10 s and once in an observation. `False`: each frame tells gate and sign where they were when
-    seen."""
+    """Whether these come from a memory that reckons with the way of the car: gate, turn sign and the post of each side,
+    where each is now, for 10 s and once in an observation. `False`: each frame tells gate and sign where they were
+    when seen."""
 
     def __post_init__(self) -> None:
         for name, allowed in (("observation", OBSERVATIONS), ("action", ACTIONS)):
