@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -103,11 +104,12 @@ class Memory:
         """
         self._n = n
         column = layout.column
-        self._motion = [column(name) for name in ("distance", "speed", "steering", "throttle")]
-        self._detections = {
-            name: [column(f"{name}_{what}") for what in ("id", "x", "y", "heading", "age")]
-            for name in {kind.read_from for kind in KINDS}
-        }
+        self._motion = itemgetter(*(column(name) for name in ("distance", "speed", "steering", "throttle")))
+        self._detections = [
+            itemgetter(*(column(f"{kind.read_from}_{what}") for what in ("id", "x", "y", "heading", "age")))
+            for kind in KINDS
+        ]
+        """Of each kind: picks the detection that may show it out of the columns of the readings."""
         self._interval_s = config.interval_ticks * CONTROL_PERIOD_S
         self._reach = 1.0 - math.exp(-self._interval_s / _SERVO_LAG_S)
         """Share of their lag that the wheels make up for between two frames."""
@@ -119,7 +121,7 @@ class Memory:
     def reset(self, rows: Flags, readings: Values) -> None:
         """Forget all that some cars (n,) have seen; the first time all cars. `readings` (n, d) are those of all."""
         values = self._columns(readings)
-        distance, _, steering, _ = (values[column] for column in self._motion)
+        distance, _, steering, _ = self._motion(values)
         zero = 0.0 * distance
         pose = _Pose(distance, steering, zero + 1.0, zero, zero, zero, zero, zero + 1.0, zero)
         things = [_Thing(*(zero + value for value in _NOTHING)) for _ in KINDS]
@@ -133,9 +135,12 @@ class Memory:
             rows: (n,) the cars that moved; None: all.
         """
         read = self._columns(readings)
-        distance, speed, steering, throttle = (read[column] for column in self._motion)
+        distance, speed, steering, throttle = self._motion(read)
         pose = _moved(self._pose, distance, speed, steering, throttle, self._reach)
-        things = [self._looked(*each, pose, read, speed) for each in zip(KINDS, self._things, strict=True)]
+        things = [
+            self._looked(kind, thing, pose, speed, detection(read), detection(self._read))
+            for kind, thing, detection in zip(KINDS, self._things, self._detections, strict=True)
+        ]
         self._keep(None if self._n == 1 else rows, pose, things, read)
 
     def _columns(self, readings: Values) -> list[Any]:
@@ -145,16 +150,17 @@ class Memory:
     def _keep(self, rows: Flags | None, pose: _Pose, things: list[_Thing], read: list[Any]) -> None:
         """Keep what is known now of some cars (n,), or of all."""
         if rows is not None:
-            pose = _Pose(*_merged(rows, pose, self._pose))
-            things = [_Thing(*_merged(rows, new, old)) for new, old in zip(things, self._things, strict=True)]
-            read = _merged(rows, read, self._read)
+            pose = _Pose(*_either(rows, pose, self._pose))
+            things = [_Thing(*_either(rows, new, old)) for new, old in zip(things, self._things, strict=True)]
+            read = list(_either(rows, read, self._read))
         self._pose, self._things, self._read = pose, things, read
 
-    def _looked(self, kind: _Kind, thing: _Thing, pose: _Pose, read: list[Any], speed: Any) -> _Thing:
-        """A thing after a look at the detections."""
-        columns = self._detections[kind.read_from]
-        ids, x, y, heading, age = (read[column] for column in columns)
-        is_new = (x != self._read[columns[1]]) | (y != self._read[columns[2]])
+    def _looked(
+        self, kind: _Kind, thing: _Thing, pose: _Pose, speed: Any, detection: Sequence[Any], before: Sequence[Any]
+    ) -> _Thing:
+        """A thing after a look at a detection (id, x, y, heading, age); `before` is that of the last update."""
+        ids, x, y, heading, age = detection
+        is_new = (x != before[1]) | (y != before[2])
         is_new = is_new & (ids >= kind.first) & (ids <= kind.last) & (age < MAX_AGE_S)
         older = minimum(thing.age + self._interval_s, MAX_AGE_S)
         if not is_any(is_new):
@@ -168,17 +174,9 @@ class Memory:
         off_x, off_y, tolerance = at_x - thing.latest_x, at_y - thing.latest_y, _AGREE_M + _AGREE * (abs(x) + abs(y))
         agrees = is_new & (ids == thing.latest_id) & (off_x * off_x + off_y * off_y < tolerance * tolerance)
         axis = yaw + heading
-        return _Thing(
-            where(is_new, ids, thing.latest_id),
-            where(is_new, at_x, thing.latest_x),
-            where(is_new, at_y, thing.latest_y),
-            where(agrees, ids, thing.id),
-            where(agrees, at_x, thing.x),
-            where(agrees, at_y, thing.y),
-            where(agrees, plain(np.cos(axis)), thing.cos),
-            where(agrees, plain(np.sin(axis)), thing.sin),
-            where(agrees, age, older),
-        )
+        told = ids, at_x, at_y, plain(np.cos(axis)), plain(np.sin(axis)), age
+        latest = _either(is_new, told[:3], thing[:3])
+        return _Thing(*latest, *_either(agrees, told, (*thing[3:-1], older)))
 
     def told(self) -> Values:
         """What is told now, (n, M), in [-1, 1]."""
@@ -192,9 +190,11 @@ class Memory:
         return np.stack(told, axis=1).astype(np.float32)
 
 
-def _merged(rows: Flags, new: Sequence[Any], old: Sequence[Any]) -> list[Any]:
-    """New values (n,) in some rows, and old ones in the others."""
-    return [np.where(rows, one, other) for one, other in zip(new, old, strict=True)]
+def _either(condition: Any, yes: Sequence[Any], no: Sequence[Any]) -> Sequence[Any]:
+    """Values (n,) of `yes` where a condition (n,) holds, and of `no` elsewhere; of a car alone all are numbers."""
+    if type(condition) is bool:
+        return yes if condition else no
+    return [np.where(condition, one, other) for one, other in zip(yes, no, strict=True)]
 
 
 def _moved(pose: _Pose, distance: Any, speed: Any, steering: Any, throttle: Any, reach: float) -> _Pose:
@@ -235,14 +235,10 @@ def _seen_from(pose: _Pose, thing: _Thing) -> list[Any]:
     seen = where(thing.age < MAX_AGE_S, 1.0, 0.0)
     x, y, cos, sin = thing.x - pose.x, thing.y - pose.y, pose.cos, pose.sin
     return [
-        seen * _clipped((x * cos + y * sin) * (1 / AHEAD_M)),
-        seen * _clipped((y * cos - x * sin) * (1 / ASIDE_M)),
+        seen * maximum(minimum((x * cos + y * sin) * (1 / AHEAD_M), 1.0), -1.0),
+        seen * maximum(minimum((y * cos - x * sin) * (1 / ASIDE_M), 1.0), -1.0),
         thing.age * (1 / MAX_AGE_S),
         seen * (thing.sin * cos - thing.cos * sin),
         seen * (thing.cos * cos + thing.sin * sin),
         seen,
     ]
-
-
-def _clipped(value: Any) -> Any:
-    return maximum(minimum(value, 1.0), -1.0)
