@@ -137,6 +137,14 @@ def test_an_episode_begins_with_nothing() -> None:
     assert car.told("gate")["seen"] == 0.0
 
 
+def test_a_reset_of_no_car_changes_nothing() -> None:
+    car = Car().see_twice(GATE)
+    before = car.view.observation()
+    car.view.reset(np.array([False]), CORE_LAYOUT.pack({}, 1))
+    assert np.array_equal(car.view.observation(), before)
+    assert place(car.read(distance=1.0).told("gate")) == near(2.0, 0.5)
+
+
 def test_a_row_remembers_what_a_car_alone_does_bit_for_bit() -> None:
     n, rng = 3, np.random.default_rng(0)
     env = TralCorridorVectorEnv(n, autoreset_mode="Disabled", scenario=("gates", "crossing"), randomization="hard")

@@ -99,7 +99,7 @@ class LearnerView:
         first = np.empty((len(distance), len(self.frame_names)), np.float32)
         self._fill(np.asarray(readings[rows], np.float32), np.zeros_like(distance), first)
         self._frames[rows] = first[:, None]
-        if self._memory is not None:
+        if self._memory is not None and rows.any():
             now = np.asarray(readings, np.float32)
             self._memory.reset(rows, now)
             self._memory.update(now, rows)
