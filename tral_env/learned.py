@@ -119,7 +119,7 @@ class Network:
         object.__setattr__(self, "_transposed", transposed)  # frozen; a product with these takes a quarter less time
 
     def actions(self, observation: Values) -> Values:
-        """Actions (k, 2) in [-1, 1] for observations (k, H * F)."""
+        """Actions (k, 2) in [-1, 1] for observations (k, inputs), see `LearnerView`."""
         x = observation
         if self.normalization is not None:
             x = (x - self.normalization[0]) / self.normalization[1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,8 @@ from tral_env.interface import CONTROL_PERIOD_S, DICTIONARY_SIZE, GATE_MARKER_ID
 from tral_env.learner.config import LearnerConfig
 from tral_env.learner.features import AHEAD_M, ASIDE_M, Values
 
+_POST_SIDES = ("left", "right")
+"""Sides of a gate; the id of a left post is even."""
 _AGREE_M, _AGREE = 0.3, 0.1
 """Two detections of one id are of one thing where dead reckoning puts them nearer together than this and this share of
 the distance. Source: choice."""
@@ -27,20 +30,16 @@ class _Kind(NamedTuple):
     name: str
     read_from: str
     """The detection that may show it, "gate" or "marker"."""
-    ids: range
+    first: int
+    """Its ids begin here."""
+    last: int
 
 
-_TURNS = TURN_MARKER_IDS.values()
 KINDS = (
-    _Kind("gate", "gate", range(DICTIONARY_SIZE)),
-    _Kind("sign", "marker", range(min(_TURNS), max(_TURNS) + 1)),
-    _Kind("left_post", "marker", GATE_MARKER_IDS[0::2]),
-    _Kind("right_post", "marker", GATE_MARKER_IDS[1::2]),
+    _Kind("gate", "gate", 0, DICTIONARY_SIZE - 1),
+    _Kind("sign", "marker", min(TURN_MARKER_IDS.values()), max(TURN_MARKER_IDS.values())),
+    _Kind("post", "marker", GATE_MARKER_IDS.start, GATE_MARKER_IDS.stop - 1),
 )
-
-
-_SIGN = 1
-"""Its place in `KINDS`."""
 
 
 class _Pose(NamedTuple):
@@ -82,11 +81,11 @@ _NOTHING = _Thing(-1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, MAX_AGE_S)
 def memory_names() -> tuple[str, ...]:
     """Names of what is told, in order."""
     names = [f"{kind.name}_{what}" for kind in KINDS for what in ("x", "y", "age", "sin", "cos", "seen")]
-    return (*names, *(f"sign_{turn}" for turn in TURN_MARKER_IDS))
+    return (*names, *(f"sign_{turn}" for turn in TURN_MARKER_IDS), *(f"post_{side}" for side in _POST_SIDES))
 
 
 class Memory:
-    """The last gate, turn sign and post of each side of n cars, told in the frame of each car as it stands now.
+    """The last gate, turn sign and single post of n cars, told in the frame of each car as it stands now.
 
     A detection is believed where the one before it had the same id and was near the same place: a marker that is seen
     where there is none moves nothing. Steering that is out of trim lets places drift until they are seen again.
@@ -105,11 +104,12 @@ class Memory:
         """
         self._n = n
         column = layout.column
-        self._motion = [column(name) for name in ("distance", "speed", "steering", "throttle")]
-        self._detections = {
-            name: [column(f"{name}_{what}") for what in ("id", "x", "y", "heading", "age")]
-            for name in {kind.read_from for kind in KINDS}
-        }
+        self._motion = itemgetter(*(column(name) for name in ("distance", "speed", "steering", "throttle")))
+        self._detections = [
+            itemgetter(*(column(f"{kind.read_from}_{what}") for what in ("id", "x", "y", "heading", "age")))
+            for kind in KINDS
+        ]
+        """Of each kind: picks the detection that may show it out of the columns of the readings."""
         self._interval_s = config.interval_ticks * CONTROL_PERIOD_S
         self._reach = 1.0 - math.exp(-self._interval_s / _SERVO_LAG_S)
         """Share of their lag that the wheels make up for between two frames."""
@@ -121,7 +121,7 @@ class Memory:
     def reset(self, rows: Flags, readings: Values) -> None:
         """Forget all that some cars (n,) have seen; the first time all cars. `readings` (n, d) are those of all."""
         values = self._columns(readings)
-        distance, _, steering, _ = (values[column] for column in self._motion)
+        distance, _, steering, _ = self._motion(values)
         zero = 0.0 * distance
         pose = _Pose(distance, steering, zero + 1.0, zero, zero, zero, zero, zero + 1.0, zero)
         things = [_Thing(*(zero + value for value in _NOTHING)) for _ in KINDS]
@@ -135,9 +135,12 @@ class Memory:
             rows: (n,) the cars that moved; None: all.
         """
         read = self._columns(readings)
-        distance, speed, steering, throttle = (read[column] for column in self._motion)
+        distance, speed, steering, throttle = self._motion(read)
         pose = _moved(self._pose, distance, speed, steering, throttle, self._reach)
-        things = [self._looked(*each, pose, read, speed) for each in zip(KINDS, self._things, strict=True)]
+        things = [
+            self._looked(kind, thing, pose, speed, detection(read), detection(self._read))
+            for kind, thing, detection in zip(KINDS, self._things, self._detections, strict=True)
+        ]
         self._keep(None if self._n == 1 else rows, pose, things, read)
 
     def _columns(self, readings: Values) -> list[Any]:
@@ -147,18 +150,18 @@ class Memory:
     def _keep(self, rows: Flags | None, pose: _Pose, things: list[_Thing], read: list[Any]) -> None:
         """Keep what is known now of some cars (n,), or of all."""
         if rows is not None:
-            pose = _Pose(*_merged(rows, pose, self._pose))
-            things = [_Thing(*_merged(rows, new, old)) for new, old in zip(things, self._things, strict=True)]
-            read = _merged(rows, read, self._read)
+            pose = _Pose(*_either(rows, pose, self._pose))
+            things = [_Thing(*_either(rows, new, old)) for new, old in zip(things, self._things, strict=True)]
+            read = list(_either(rows, read, self._read))
         self._pose, self._things, self._read = pose, things, read
 
-    def _looked(self, kind: _Kind, thing: _Thing, pose: _Pose, read: list[Any], speed: Any) -> _Thing:
-        """A thing after a look at the detections."""
-        columns = self._detections[kind.read_from]
-        ids, x, y, heading, age = (read[column] for column in columns)
-        is_new = (x != self._read[columns[1]]) | (y != self._read[columns[2]])
-        is_new = is_new & (ids >= kind.ids.start) & (ids < kind.ids.stop) & (age < MAX_AGE_S)
-        is_new = is_new & ((ids - kind.ids.start) % kind.ids.step == 0)
+    def _looked(
+        self, kind: _Kind, thing: _Thing, pose: _Pose, speed: Any, detection: Sequence[Any], before: Sequence[Any]
+    ) -> _Thing:
+        """A thing after a look at a detection (id, x, y, heading, age); `before` is that of the last update."""
+        ids, x, y, heading, age = detection
+        is_new = (x != before[1]) | (y != before[2])
+        is_new = is_new & (ids >= kind.first) & (ids <= kind.last) & (age < MAX_AGE_S)
         older = minimum(thing.age + self._interval_s, MAX_AGE_S)
         if not is_any(is_new):
             return _Thing(*thing[:-1], older)
@@ -171,31 +174,27 @@ class Memory:
         off_x, off_y, tolerance = at_x - thing.latest_x, at_y - thing.latest_y, _AGREE_M + _AGREE * (abs(x) + abs(y))
         agrees = is_new & (ids == thing.latest_id) & (off_x * off_x + off_y * off_y < tolerance * tolerance)
         axis = yaw + heading
-        return _Thing(
-            where(is_new, ids, thing.latest_id),
-            where(is_new, at_x, thing.latest_x),
-            where(is_new, at_y, thing.latest_y),
-            where(agrees, ids, thing.id),
-            where(agrees, at_x, thing.x),
-            where(agrees, at_y, thing.y),
-            where(agrees, plain(np.cos(axis)), thing.cos),
-            where(agrees, plain(np.sin(axis)), thing.sin),
-            where(agrees, age, older),
-        )
+        told = ids, at_x, at_y, plain(np.cos(axis)), plain(np.sin(axis)), age
+        latest = _either(is_new, told[:3], thing[:3])
+        return _Thing(*latest, *_either(agrees, told, (*thing[3:-1], older)))
 
     def told(self) -> Values:
         """What is told now, (n, M), in [-1, 1]."""
-        seen = [_seen_from(self._pose, thing) for thing in self._things]
-        told = [value for values in seen for value in values]
-        told += [seen[_SIGN][-1] * (self._things[_SIGN].id == turn) for turn in _TURNS]
+        _, sign, post = self._things
+        of_gate, of_sign, of_post = (_seen_from(self._pose, thing) for thing in self._things)
+        told = of_gate + of_sign + of_post
+        told += [of_sign[-1] * (sign.id == turn) for turn in TURN_MARKER_IDS.values()]
+        told += [of_post[-1] * (post.id % 2 == side) for side in range(len(_POST_SIDES))]
         if self._n == 1:
             return np.array([told], np.float32)
         return np.stack(told, axis=1).astype(np.float32)
 
 
-def _merged(rows: Flags, new: Sequence[Any], old: Sequence[Any]) -> list[Any]:
-    """New values (n,) in some rows, and old ones in the others."""
-    return [np.where(rows, one, other) for one, other in zip(new, old, strict=True)]
+def _either(condition: Any, yes: Sequence[Any], no: Sequence[Any]) -> Sequence[Any]:
+    """Values (n,) of `yes` where a condition (n,) holds, and of `no` elsewhere; of a car alone all are numbers."""
+    if type(condition) is bool:
+        return yes if condition else no
+    return [np.where(condition, one, other) for one, other in zip(yes, no, strict=True)]
 
 
 def _moved(pose: _Pose, distance: Any, speed: Any, steering: Any, throttle: Any, reach: float) -> _Pose:
@@ -236,14 +235,10 @@ def _seen_from(pose: _Pose, thing: _Thing) -> list[Any]:
     seen = where(thing.age < MAX_AGE_S, 1.0, 0.0)
     x, y, cos, sin = thing.x - pose.x, thing.y - pose.y, pose.cos, pose.sin
     return [
-        seen * _clipped((x * cos + y * sin) * (1 / AHEAD_M)),
-        seen * _clipped((y * cos - x * sin) * (1 / ASIDE_M)),
+        seen * maximum(minimum((x * cos + y * sin) * (1 / AHEAD_M), 1.0), -1.0),
+        seen * maximum(minimum((y * cos - x * sin) * (1 / ASIDE_M), 1.0), -1.0),
         thing.age * (1 / MAX_AGE_S),
         seen * (thing.sin * cos - thing.cos * sin),
         seen * (thing.cos * cos + thing.sin * sin),
         seen,
     ]
-
-
-def _clipped(value: Any) -> Any:
-    return maximum(minimum(value, 1.0), -1.0)
