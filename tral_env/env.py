@@ -157,9 +157,9 @@ class TralCorridorEnv(JsonSpec, gym.Env[Any, Any], EzPickle):
     | `spacing_s` | `None` | Time between two frames, a whole number of ticks, s. `None`: that between two decisions. |
     | `growth` | `1.0` | Each distance between two frames is so many times the next one nearer to now, 1 to 2: a few frames reach far back. `1.0`: all are equal. |
     | `action` | `'throttle'` | What the second action is: `"throttle"`, or `"speed"`, which is regulated on the hall sensor as the machines' speed is. |
-    | `drive_range` | `None` | What -1 and 1 of the second action stand for: throttles, or speeds in m/s. `None`: -1 and 1, or 0 and 1.2 m/s. |
+    | `drive_range` | `None` | What -1 and 1 of the second action stand for: throttles, or speeds in m/s. `None`: -1 and 1, or 0 and 1.2 m/s. A speed below -0.25 m/s is a throttle in reverse, one above it and below 0 is 0. |
     | `detections` | `True` | Whether features tell gates and turn signs. A network is smaller without them. |
-    | `memory` | `False` | Whether these come from a memory that reckons with the way of the car: gate, turn sign and single post, where each is now, for 10 s and once in an observation. `False`: each frame tells gate and sign where they were when seen. |
+    | `memory` | `False` | Whether these come from a memory that reckons with the way of the car: gate, turn sign and the post of each side, where each is now, for 10 s and once in an observation. `False`: each frame tells gate and sign where they were when seen. |
 
     `None` for `car`, `lens`, `task` and `image_faults` is the configuration's own default. These and `randomization`
     also take a mapping of values, so `spec.to_json()` works with all of them. "hard" also makes the courses harder, see

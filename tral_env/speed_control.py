@@ -75,6 +75,15 @@ class SpeedRegulator:
         throttle, self._integral = speed_control(wanted, speed, self._integral)
         return self._released(throttle, speed)
 
+    def drive(self, wanted: float, speed: float) -> float:
+        """Throttle for a speed; one below 0 is not regulated, since the hall sensor knows no direction.
+
+        Args:
+            wanted: m/s, + = forward.
+            speed: from the hall sensor, m/s.
+        """
+        return self.reverse(wanted / SPEED_PER_THROTTLE, speed) if wanted < 0.0 else self.regulate(wanted, speed)
+
     def reverse(self, throttle: float, speed: float) -> float:
         """A throttle below 0, without regulation; what was summed up is forgotten."""
         self._integral = 0.0

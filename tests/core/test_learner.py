@@ -183,6 +183,13 @@ class TestActions:
             assert command[1].tolist() == [0.1, np.float32(alone.regulate(0.5, speed))]
             assert command[0].tolist() == [0.0, 0.0]
 
+    def test_a_speed_below_0_is_a_throttle_in_reverse_but_for_a_small_one(self) -> None:
+        actuation = Actuation(LearnerConfig(action="speed", drive_range=(-1.0, 1.0)), 3)
+        wanted = actuation.wanted(np.array([[0.0, -0.66], [0.0, -0.2], [0.0, 0.0]]))
+        assert wanted[:, 1].tolist() == pytest.approx([-0.66, 0.0, 0.0])
+        command = actuation.command(wanted, np.zeros(3))
+        assert command[:, 1].tolist() == pytest.approx([-0.66 / 2.64, 0.0, 0.0])
+
     def test_a_reset_row_regulates_as_at_first(self) -> None:
         actuation = Actuation(LearnerConfig(action="speed"), 2)
         wanted = actuation.wanted(np.zeros((2, 2)))
@@ -227,7 +234,7 @@ class TestRefusals:
             ({"observation": "feature"}, "unknown observation 'feature': did you mean 'features'"),
             ({"action": "sped"}, "unknown action 'sped': did you mean 'speed'"),
             ({"drive_range": (0.4, 0.1)}, r"drive_range = \(0.4, 0.1\) with action='throttle': .* from -1 to 1"),
-            ({"drive_range": (-0.1, 1.0), "action": "speed"}, "from 0 to 5"),
+            ({"drive_range": (-1.1, 1.0), "action": "speed"}, "from -1 to 5"),
             ({"drive_range": 0.4}, "expected two numbers that rise"),
             ({"detections": 1}, "detections = 1: expected True or False"),
             ({"memory": None}, "memory = None: expected True or False"),

@@ -119,10 +119,19 @@ def test_it_lasts_ten_seconds() -> None:
 @pytest.mark.parametrize(("marker", "side"), [(6, "left"), (7, "right")])
 def test_a_single_post_of_a_gate_is_told_with_its_side(marker: int, side: str) -> None:
     car = Car().see_twice(POST | {"marker_id": marker})
-    told = car.told("post")
-    assert place(told) == near(3.0, 1.0)
-    assert (told["left"], told["right"]) == (float(side == "left"), float(side == "right"))
-    assert car.told("sign")["seen"] == car.told("gate")["seen"] == 0.0
+    assert place(car.told(f"{side}_post")) == near(3.0, 1.0)
+    assert {name for name in ("gate", "sign", "left_post", "right_post") if car.told(name)["seen"]} == {f"{side}_post"}
+
+
+def test_two_posts_in_turn_are_both_remembered() -> None:
+    """Of two posts at the same distance now one is the nearest, now the other."""
+    left, right = POST | {"marker_id": 6.0}, POST | {"marker_id": 7.0, "marker_y": -0.5}
+    car = Car()
+    for nudge in (0.0, AGAIN):
+        for post in (left, right):
+            car.read(**post | {"marker_x": post["marker_x"] + nudge})
+    assert place(car.told("left_post"))[1] == pytest.approx(1.0, abs=1e-3)
+    assert place(car.told("right_post"))[1] == pytest.approx(-0.5, abs=1e-3)
 
 
 def test_a_post_that_is_seen_later_leaves_the_sign_where_it_is() -> None:

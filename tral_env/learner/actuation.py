@@ -11,6 +11,10 @@ from tral_env.learner.config import LearnerConfig
 from tral_env.learner.features import Values
 from tral_env.speed_control import SpeedRegulator
 
+MIN_REVERSE_MPS = 0.25
+"""A speed below 0 that is nearer to it is 0: a network that wants to stand is not exact. Source: choice, less than the
+0.7 m/s that stand for the throttle with which machines reverse."""
+
 
 class Actuation:
     """Turns the actions of learners into the commands of n cars, tick by tick."""
@@ -35,6 +39,9 @@ class Actuation:
             return wanted
         wanted = np.minimum(np.maximum(wanted, -1.0), 1.0)
         wanted[:, THROTTLE] = _rounded(self._low + (wanted[:, THROTTLE] + 1.0) * self._half)
+        if self._is_speed and self._low < 0.0:
+            drive = wanted[:, THROTTLE]
+            drive[(drive < 0.0) & (drive > -MIN_REVERSE_MPS)] = 0.0
         return wanted
 
     def command(
@@ -55,11 +62,11 @@ class Actuation:
         command = wanted.copy()
         speeds, now = wanted[:, THROTTLE].tolist(), speed.tolist()
         if rows is None:
-            throttles = [each.regulate(*of) for each, *of in zip(self._regulators, speeds, now, strict=True)]
+            throttles = [each.drive(*of) for each, *of in zip(self._regulators, speeds, now, strict=True)]
             command[:, THROTTLE] = np.array(throttles, np.float32)
             return command
         for row in np.flatnonzero(rows).tolist():
-            command[row, THROTTLE] = self._regulators[row].regulate(speeds[row], now[row])
+            command[row, THROTTLE] = self._regulators[row].drive(speeds[row], now[row])
         command[:, THROTTLE] = _rounded(command[:, THROTTLE])
         return command
 

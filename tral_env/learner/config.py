@@ -51,13 +51,14 @@ class LearnerConfig:
     """What the second action is: `"throttle"`, or `"speed"`, which is regulated on the hall sensor as the machines'
     speed is."""
     drive_range: tuple[float, float] | None = field(default=None, metadata={"read": pair})
-    """What -1 and 1 of the second action stand for: throttles, or speeds in m/s. `None`: -1 and 1, or 0 and 1.2 m/s."""
+    """What -1 and 1 of the second action stand for: throttles, or speeds in m/s. `None`: -1 and 1, or 0 and 1.2 m/s. A
+    speed below -0.25 m/s is a throttle in reverse, one above it and below 0 is 0."""
     detections: bool = True
     """Whether features tell gates and turn signs. A network is smaller without them."""
     memory: bool = False
-    """Whether these come from a memory that reckons with the way of the car: gate, turn sign and single post, where
-    each is now, for 10 s and once in an observation. `False`: each frame tells gate and sign where they were when
-    seen."""
+    """Whether these come from a memory that reckons with the way of the car: gate, turn sign and the post of each side,
+    where each is now, for 10 s and once in an observation. `False`: each frame tells gate and sign where they were
+    when seen."""
 
     def __post_init__(self) -> None:
         for name, allowed in (("observation", OBSERVATIONS), ("action", ACTIONS)):
@@ -105,7 +106,7 @@ class LearnerConfig:
     def _check_drive_range(self) -> None:
         if self.drive_range is None:
             return
-        given, lowest, highest = self.drive_range, *((0.0, MAX_SPEED_MPS) if self.action == "speed" else (-1.0, 1.0))
+        given, lowest, highest = self.drive_range, *((-1.0, MAX_SPEED_MPS) if self.action == "speed" else (-1.0, 1.0))
         is_pair = isinstance(given, tuple) and len(given) == 2 and all(map(is_number, given))
         if not is_pair or not lowest <= given[0] < given[1] <= highest:
             raise ConfigError(

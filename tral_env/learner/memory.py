@@ -15,8 +15,6 @@ from tral_env.interface import CONTROL_PERIOD_S, DICTIONARY_SIZE, GATE_MARKER_ID
 from tral_env.learner.config import LearnerConfig
 from tral_env.learner.features import AHEAD_M, ASIDE_M, Values
 
-_POST_SIDES = ("left", "right")
-"""Sides of a gate; the id of a left post is even."""
 _AGREE_M, _AGREE = 0.3, 0.1
 """Two detections of one id are of one thing where dead reckoning puts them nearer together than this and this share of
 the distance. Source: choice."""
@@ -30,16 +28,18 @@ class _Kind(NamedTuple):
     name: str
     read_from: str
     """The detection that may show it, "gate" or "marker"."""
-    first: int
-    """Its ids begin here."""
-    last: int
+    ids: range
 
 
+_TURNS = TURN_MARKER_IDS.values()
 KINDS = (
-    _Kind("gate", "gate", 0, DICTIONARY_SIZE - 1),
-    _Kind("sign", "marker", min(TURN_MARKER_IDS.values()), max(TURN_MARKER_IDS.values())),
-    _Kind("post", "marker", GATE_MARKER_IDS.start, GATE_MARKER_IDS.stop - 1),
+    _Kind("gate", "gate", range(DICTIONARY_SIZE)),
+    _Kind("sign", "marker", range(min(_TURNS), max(_TURNS) + 1)),
+    _Kind("left_post", "marker", GATE_MARKER_IDS[0::2]),
+    _Kind("right_post", "marker", GATE_MARKER_IDS[1::2]),
 )
+_SIGN = 1
+"""Its place in `KINDS`."""
 
 
 class _Pose(NamedTuple):
@@ -81,11 +81,11 @@ _NOTHING = _Thing(-1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, MAX_AGE_S)
 def memory_names() -> tuple[str, ...]:
     """Names of what is told, in order."""
     names = [f"{kind.name}_{what}" for kind in KINDS for what in ("x", "y", "age", "sin", "cos", "seen")]
-    return (*names, *(f"sign_{turn}" for turn in TURN_MARKER_IDS), *(f"post_{side}" for side in _POST_SIDES))
+    return (*names, *(f"sign_{turn}" for turn in TURN_MARKER_IDS))
 
 
 class Memory:
-    """The last gate, turn sign and single post of n cars, told in the frame of each car as it stands now.
+    """The last gate, turn sign and post of each side of n cars, told in the frame of each car as it stands now.
 
     A detection is believed where the one before it had the same id and was near the same place: a marker that is seen
     where there is none moves nothing. Steering that is out of trim lets places drift until they are seen again.
@@ -161,7 +161,8 @@ class Memory:
         """A thing after a look at a detection (id, x, y, heading, age); `before` is that of the last update."""
         ids, x, y, heading, age = detection
         is_new = (x != before[1]) | (y != before[2])
-        is_new = is_new & (ids >= kind.first) & (ids <= kind.last) & (age < MAX_AGE_S)
+        is_new = is_new & (ids >= kind.ids.start) & (ids < kind.ids.stop) & (age < MAX_AGE_S)
+        is_new = is_new & ((ids - kind.ids.start) % kind.ids.step == 0)
         older = minimum(thing.age + self._interval_s, MAX_AGE_S)
         if not is_any(is_new):
             return _Thing(*thing[:-1], older)
@@ -180,11 +181,9 @@ class Memory:
 
     def told(self) -> Values:
         """What is told now, (n, M), in [-1, 1]."""
-        _, sign, post = self._things
-        of_gate, of_sign, of_post = (_seen_from(self._pose, thing) for thing in self._things)
-        told = of_gate + of_sign + of_post
-        told += [of_sign[-1] * (sign.id == turn) for turn in TURN_MARKER_IDS.values()]
-        told += [of_post[-1] * (post.id % 2 == side) for side in range(len(_POST_SIDES))]
+        seen = [_seen_from(self._pose, thing) for thing in self._things]
+        told = [value for values in seen for value in values]
+        told += [seen[_SIGN][-1] * (self._things[_SIGN].id == turn) for turn in _TURNS]
         if self._n == 1:
             return np.array([told], np.float32)
         return np.stack(told, axis=1).astype(np.float32)

@@ -35,8 +35,8 @@ class LearnerView:
     | `sign_left`, `sign_right`, `sign_straight` | 1: the sign tells this turn |
 
     With `memory` the features of gate and sign stand once, behind the frames. They are of now, by dead reckoning, and
-    last 10 s; an age of 1 is 10 s. `post_x` and the like tell a single marker of a gate, and `post_left` or
-    `post_right` is 1, the side of the gate on which it stands. See `tral_env.learner.memory.Memory`.
+    last 10 s; an age of 1 is 10 s. `left_post_x`, `right_post_x` and the like tell the marker on either side
+    of a gate. See `tral_env.learner.memory.Memory`.
     """
 
     def __init__(self, config: LearnerConfig, n: int, layout: Layout = CORE_LAYOUT) -> None:

@@ -161,6 +161,4 @@ class CommandGate:
                 self.disarm("a speed is commanded, and no hall sensor tells the car's: send ackermann_cmd_open_loop")
                 return None
             return steering_of(drive), 0.0
-        if drive.speed < 0.0:
-            return steering_of(drive), self._regulator.reverse(drive.speed / SPEED_PER_THROTTLE, speed)
-        return steering_of(drive), self._regulator.regulate(drive.speed, speed)
+        return steering_of(drive), self._regulator.drive(drive.speed, speed)

@@ -269,7 +269,8 @@ class Lessons:
         drive = told[:, THROTTLE].astype(np.float64)
         if self._learner.action == "speed":
             target = self._machine.speed_target
-            open_loop = np.maximum((drive - THROTTLE_DEAD) * SPEED_PER_THROTTLE, 0.0)
+            ahead = np.maximum((drive - THROTTLE_DEAD) * SPEED_PER_THROTTLE, 0.0)
+            open_loop = np.where(drive < 0.0, drive * SPEED_PER_THROTTLE, ahead)
             drive = np.where(np.isnan(target), open_loop, target)
         return inverse(self._learner, told[:, STEERING], drive)
 
