@@ -14,7 +14,7 @@ from tral_fsm.evaluation.batch import MAX_ROWS, BatchRunner
 from tral_fsm.evaluation.episode import EpisodeRequest
 from tral_fsm.evaluation.row_policies import BatchedPolicy
 
-PATIENCE_S = 5.0
+PATIENCE_S = 12.0
 """A car that is stuck for so long has failed (`evaluation.stuck`); one that stands would take a minute to time out."""
 
 
