@@ -51,7 +51,8 @@ class TralCorridorProcesses(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
     """`TralCorridor-v0`, n at once, in processes: ``gym.make_vec("TralCorridor-v0", num_envs=256, processes=2)``.
 
     Rows, options and answers are those of `TralCorridorVectorEnv`, bit for bit; `nthread` is that of each process, 1 by
-    default. Where the mask of an entry of `info` is false, the entry means nothing.
+    default. Where the mask of an entry of `info` is false, the entry means nothing. A reset that is refused for the
+    rows of one process alone has begun episodes in those of the others: reset all rows, with a seed, after it.
     """
 
     def __init__(self, num_envs: int, processes: int, *, nthread: int = 1, **options: Any) -> None:
@@ -204,7 +205,7 @@ class _Share:
     def __init__(self, first: int, stop: int) -> None:
         self.first, self.stop = first, stop
         # The process finds what this program finds, for instance a policy beside the script.
-        found = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+        found = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, filter(None, sys.path)))}
         worker = [sys.executable, "-m", "tral_env.vector_worker"]
         try:
             self._process = subprocess.Popen(worker, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=found)

@@ -233,7 +233,9 @@ class TestLost:
 
     def test_a_process_that_does_not_start_is_told(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(sys, "executable", "/there/is/no/python")
-        with pytest.raises(LostWorkerError, match="the process of the rows 0 to 1 did not start: .*/there/is/no/python"):
+        with pytest.raises(
+            LostWorkerError, match=r"the process of the rows 0 to 1 did not start: .*/there/is/no/python"
+        ):
             TralCorridorProcesses(4, 2, scenario="straight")
 
     @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
