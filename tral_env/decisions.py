@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tral_env import task
 from tral_env.arrays import Array, Flags, Index
 from tral_env.interface import Policy
-from tral_env.learner import Actuation, LearnerView, speed_factors, steered
+from tral_env.learner import Actuation, LearnerView, check_correction, speed_factors, steered
 from tral_env.world import ResetRequest, Step, World
 
 
@@ -54,7 +54,11 @@ class Decisions:
             policy: it sees the plain readings.
             steering: largest correction of the steering, which is added.
             speed: largest correction of the speed, as a share of it.
+
+        Raises:
+            ConfigError: a largest correction is no number above 0, at most 1.
         """
+        check_correction(steering, speed)
         policy.reset(self.world.n)
         self._base, self._bounds = policy, (steering, speed)
 

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Flags
-from tral_env.checks import check_rows, is_number, one_of
+from tral_env.checks import check_rows, one_of
 from tral_env.errors import ConfigError
 from tral_env.interface import CORE_FIELDS, CORE_LAYOUT
-from tral_env.learner import Actuation, LearnerConfig, LearnerView
+from tral_env.learner import Actuation, LearnerConfig, LearnerView, check_correction
 
 Values = NDArray[np.float32]
 
@@ -53,10 +53,7 @@ class Correction:
     """Largest correction of the speed, as a share of it: with 0.5 a car drives at 0.5 to 1.5 times the speed."""
 
     def __post_init__(self) -> None:
-        for name in ("steering", "speed"):
-            bound = getattr(self, name)
-            if not is_number(bound) or not 0 < bound <= 1:
-                raise ConfigError(f"correction of the {name} = {bound!r}: expected a number above 0, at most 1")
+        check_correction(self.steering, self.speed)
         if not isinstance(self.machine, str):
             raise ConfigError("machine of the correction: expected the text of its file")
 

@@ -94,6 +94,9 @@ class TralCorridorVectorEnv(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
             policy: it sees the plain readings of every tick, and has `reset_rows` and `scale_speeds`, as machines have.
             steering: largest correction of the steering: action 1 adds so much.
             speed: largest correction of the speed, as a share of it: with 0.5, action 1 makes it 1.5 times as fast.
+
+        Raises:
+            ConfigError: a largest correction is no number above 0, at most 1.
         """
         self._decisions.correct(policy, steering, speed)
 

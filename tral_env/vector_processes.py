@@ -6,6 +6,7 @@ all of it at once. A share answers over pipes; what the shares answer is laid to
 
 from __future__ import annotations
 
+import os
 import pickle
 import subprocess
 import sys
@@ -24,7 +25,7 @@ from tral_env.errors import ConfigError, LostWorkerError
 from tral_env.interface import FloatArray, as_command
 from tral_env.options import JsonSpec, check_counts
 from tral_env.vector_env import TralCorridorVectorEnv, seeds_of_rows
-from tral_env.vector_worker import receive, send
+from tral_env.vector_worker import packed, receive, send
 
 _END_S = 5.0
 """A process that was told to end is killed after this time."""
@@ -50,7 +51,8 @@ class TralCorridorProcesses(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
     """`TralCorridor-v0`, n at once, in processes: ``gym.make_vec("TralCorridor-v0", num_envs=256, processes=2)``.
 
     Rows, options and answers are those of `TralCorridorVectorEnv`, bit for bit; `nthread` is that of each process, 1 by
-    default. Where the mask of an entry of `info` is false, the entry means nothing.
+    default. Where the mask of an entry of `info` is false, the entry means nothing. A reset that is refused for the
+    rows of one process alone has begun episodes in those of the others: reset all rows, with a seed, after it.
     """
 
     def __init__(self, num_envs: int, processes: int, *, nthread: int = 1, **options: Any) -> None:
@@ -119,11 +121,13 @@ class TralCorridorProcesses(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
     def close_extras(self, **kwargs: Any) -> None:
         """End the processes."""
         for share in self._shares:
-            share.close()
+            share.hang_up()
+        for share in self._shares:
+            share.end()
 
     @property
     def _rows_of_shares(self) -> list[tuple[int, int]]:
-        return [(share.first, share.end) for share in self._shares]
+        return [(share.first, share.stop) for share in self._shares]
 
     def _options(self, options: dict[str, Any] | None, first: int, end: int) -> dict[str, Any] | None:
         """The options of a reset for the rows of a share."""
@@ -157,13 +161,18 @@ class TralCorridorProcesses(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
         """Let each share do something, all at once; an exception of a share is raised when all are done.
 
         Raises:
+            ConfigError: an argument cannot be pickled; no share was asked.
             LostWorkerError: a process is gone, or the environment is closed.
         """
         if self.closed:
             raise LostWorkerError("the environment is closed: make it anew")
         try:
-            for share, each in zip(self._shares, arguments, strict=True):
-                share.ask(name, each)
+            requests = [packed((name, each)) for each in arguments]
+        except (AttributeError, TypeError, pickle.PicklingError) as error:
+            raise ConfigError(f"{name}: {error}: with processes=1 it need not be pickled") from error
+        try:
+            for share, request in zip(self._shares, requests, strict=True):
+                share.ask(request)
             answers = [share.answer() for share in self._shares]
         except BaseException:  # also Ctrl-C: an answer may have been read in part
             self.close()
@@ -171,7 +180,7 @@ class TralCorridorProcesses(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
         for share, (is_well, answer) in zip(self._shares, answers, strict=True):
             if not is_well:
                 answer.add_note(
-                    f"in the process of the rows {share.first} to {share.end - 1}, which counts them from 0"
+                    f"in the process of the rows {share.first} to {share.stop - 1}, which counts them from 0"
                 )
                 raise answer
         return [answer for _, answer in answers]
@@ -191,23 +200,27 @@ def _laid_together(parts: Sequence[Any], sizes: Sequence[int]) -> Any:
 
 
 class _Share:
-    """The rows from `first` to before `end`, in a process."""
+    """The rows from `first` to before `stop`, in a process."""
 
-    def __init__(self, first: int, end: int) -> None:
-        self.first, self.end = first, end
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "tral_env.vector_worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-        )
+    def __init__(self, first: int, stop: int) -> None:
+        self.first, self.stop = first, stop
+        # The process finds what this program finds, for instance a policy beside the script.
+        found = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, filter(None, sys.path)))}
+        worker = [sys.executable, "-m", "tral_env.vector_worker"]
+        try:
+            self._process = subprocess.Popen(worker, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=found)
+        except OSError as error:
+            raise LostWorkerError(f"the process of the rows {first} to {stop - 1} did not start: {error}") from error
 
-    def ask(self, name: str, arguments: tuple[Any, ...]) -> None:
-        """Begin something.
+    def ask(self, request: bytes) -> None:
+        """Begin something: a name and arguments, packed.
 
         Raises:
             LostWorkerError: the process is gone.
         """
         assert self._process.stdin is not None
         try:
-            send(self._process.stdin, (name, arguments))
+            send(self._process.stdin, request)
         except OSError as error:
             raise self._lost() from error
 
@@ -224,19 +237,21 @@ class _Share:
             raise self._lost() from error
         return answer
 
-    def close(self) -> None:
-        """End the process."""
-        process = self._process
-        assert process.stdin is not None
-        assert process.stdout is not None
-        with suppress(OSError):
-            process.stdin.close()
+    def hang_up(self) -> None:
+        """Let the process end: nothing more comes, and an answer that it writes is not waited for."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        for stream in (self._process.stdout, self._process.stdin):
+            with suppress(OSError):
+                stream.close()
+
+    def end(self) -> None:
+        """Wait until the process has ended; it is killed if it does not."""
         try:
-            process.wait(_END_S)
+            self._process.wait(_END_S)
         except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        process.stdout.close()
+            self._process.kill()
+            self._process.wait()
 
     def _lost(self) -> LostWorkerError:
         try:
@@ -244,6 +259,6 @@ class _Share:
         except subprocess.TimeoutExpired:
             code = None
         return LostWorkerError(
-            f"the process of the rows {self.first} to {self.end - 1} is gone (exit code {code}), most often because "
+            f"the process of the rows {self.first} to {self.stop - 1} is gone (exit code {code}), most often because "
             "memory was short: make the environment anew, with fewer processes or cars"
         )

@@ -10,6 +10,7 @@ import os
 import pickle
 import signal
 import sys
+from contextlib import suppress
 from typing import IO, Any
 
 from tral_env.errors import TralError
@@ -17,13 +18,17 @@ from tral_env.errors import TralError
 _LENGTH_BYTES = 8
 
 
-def send(stream: IO[bytes], message: object) -> None:
-    """Write a message.
+def packed(message: object) -> bytes:
+    """The pickle of a message."""
+    return pickle.dumps(message, pickle.HIGHEST_PROTOCOL)
+
+
+def send(stream: IO[bytes], content: bytes) -> None:
+    """Write a message, which is `packed`.
 
     Raises:
         OSError: nobody reads it.
     """
-    content = pickle.dumps(message, pickle.HIGHEST_PROTOCOL)
     stream.write(len(content).to_bytes(_LENGTH_BYTES, "little"))
     stream.write(content)
     stream.flush()
@@ -70,7 +75,10 @@ def serve(requests: IO[bytes], answers: IO[bytes]) -> None:
             told: tuple[bool, object] = True, answer
         except Exception as error:
             told = False, _portable(error)
-        send(answers, told)
+        try:
+            send(answers, packed(told))
+        except OSError:  # nobody waits for it: the environment was closed in the middle of a step
+            break
     if env is not None:
         env.close()
 
@@ -96,6 +104,6 @@ def _portable(error: Exception) -> Exception:
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that asks
-    with os.fdopen(os.dup(sys.stdout.fileno()), "wb") as told:
+    with suppress(OSError), os.fdopen(os.dup(sys.stdout.fileno()), "wb") as told:
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what anything prints must not stand among the answers
         serve(sys.stdin.buffer, told)

@@ -1,6 +1,7 @@
 """Rows in several processes: as in one, bit for bit; and what happens where a process or the program is lost."""
 
 import contextlib
+import importlib
 import os
 import signal
 import subprocess
@@ -15,10 +16,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from tral_env import vector_processes
 from tral_env.errors import ConfigError, LostWorkerError
 from tral_env.vector_env import TralCorridorVectorEnv
 from tral_env.vector_processes import TralCorridorProcesses, vector_env
 from tral_fsm import load_policy
+from tral_fsm.formats import library
 
 LEARNING: dict[str, Any] = {"decision_hz": 20, "observation": "features", "history": 4, "action": "speed"}
 
@@ -116,6 +119,17 @@ class Unknown:
     __module__ = "a_module_that_is_not_there"
 
 
+def test_a_policy_beside_the_script_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "beside_the_script.py").write_text(
+        "from tral_fsm.runtime.policy import MachinePolicy\nclass Own(MachinePolicy): pass\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    policy = importlib.import_module("beside_the_script").Own(library.load("corners"))
+    with contextlib.closing(TralCorridorProcesses(2, 2, scenario="straight")) as env:
+        env.correct(policy, 0.2, 0.5)
+        assert env.reset(seed=0)[0].shape == (2, 20)
+
+
 class TestRefused:
     def test_a_policy_that_the_processes_cannot_read(self, monkeypatch: pytest.MonkeyPatch) -> None:
         here = types.ModuleType("a_module_that_is_not_there")
@@ -124,6 +138,12 @@ class TestRefused:
         with contextlib.closing(TralCorridorProcesses(2, 2, scenario="straight")) as env:
             with pytest.raises(ModuleNotFoundError, match="a_module_that_is_not_there"):
                 env.correct(Unknown(), 0.2, 0.5)  # type: ignore[arg-type]
+            assert env.reset(seed=0)[0].shape == (2, 20)
+
+    def test_a_policy_that_cannot_be_pickled(self) -> None:
+        with contextlib.closing(TralCorridorProcesses(2, 2, scenario="straight")) as env:
+            with pytest.raises(ConfigError, match=r"correct: .*<lambda>.*: with processes=1 it need not be pickled"):
+                env.correct(lambda: None, 0.2, 0.5)  # type: ignore[arg-type]
             assert env.reset(seed=0)[0].shape == (2, 20)
 
     @pytest.mark.parametrize(
@@ -190,6 +210,33 @@ class TestLost:
             env.step(np.zeros((4, 2)))
         env.close()
         env.close()
+
+    def test_ctrl_c_while_large_answers_are_written_ends_the_processes_at_once(
+        self, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        """An answer that nobody reads is larger than a pipe: the process must not wait for its reader for ever."""
+        env = TralCorridorProcesses(64, 1, scenario="straight", **(LEARNING | {"history": 12}))
+        observation, _ = env.reset(seed=0)
+        assert observation.nbytes > 2**16
+
+        def interrupt(stream: object) -> bytes:
+            raise KeyboardInterrupt
+
+        workers = worker_pids(os.getpid())[-1:]
+        monkeypatch.setattr(vector_processes, "receive", interrupt)
+        monkeypatch.setattr(vector_processes, "_END_S", 500.0)  # none is killed within the time of a test
+        with pytest.raises(KeyboardInterrupt):
+            env.step(np.zeros((64, 2)))
+        assert not any(map(alive, workers))
+        assert env.closed
+        assert "Error" not in capfd.readouterr().err
+
+    def test_a_process_that_does_not_start_is_told(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(sys, "executable", "/there/is/no/python")
+        with pytest.raises(
+            LostWorkerError, match=r"the process of the rows 0 to 1 did not start: .*/there/is/no/python"
+        ):
+            TralCorridorProcesses(4, 2, scenario="straight")
 
     @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
     def test_the_processes_end_with_the_program(self, number: int, tmp_path: Path) -> None:

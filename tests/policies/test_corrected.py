@@ -107,6 +107,10 @@ def test_a_reset_takes_the_factors_back() -> None:
 def test_bounds_that_are_none_are_refused(part: str, value: object) -> None:
     with pytest.raises(ConfigError, match=f"correction of the {part} = .*: expected a number above 0, at most 1"):
         Correction(**{"machine": DOORS, "steering": 0.2, "speed": 0.5, part: value})  # type: ignore[arg-type]
+    env = TralCorridorVectorEnv(1, scenario="straight")
+    with pytest.raises(ConfigError, match=f"correction of the {part} = .*: expected a number above 0, at most 1"):
+        env.correct(load_policy("doors"), **{"steering": 0.2, "speed": 0.5, part: value})  # type: ignore[arg-type]
+    env.close()
 
 
 def test_a_file_that_corrects_the_throttle_is_refused(tmp_path: Path) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +48,36 @@ def test_a_folder_that_is_not_there_is_an_error_of_the_file(tmp_path: Path) -> N
     video = VideoWriter(tmp_path / "none" / "a.mp4", fps=10, quality=24)
     with pytest.raises(OSError, match="No such file"), video:
         video.add(picture(0))
+
+
+@pytest.fixture
+def full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(video: VideoWriter, frame: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(VideoWriter, "_encode", full)
+
+
+@pytest.mark.usefixtures("full_disk")
+def test_a_full_disk_is_told_once_and_leaves_no_thread(tmp_path: Path) -> None:
+    video = VideoWriter(tmp_path / "a.mp4", fps=10, quality=24)
+    video.add(picture(0))
+    video.add(picture(0))
+    with pytest.raises(OSError, match="No space left"):
+        video.close()
+    video.close()
+    assert not [each for each in threading.enumerate() if each.name.startswith("encoder")]
+
+
+@pytest.mark.usefixtures("full_disk")
+def test_a_full_disk_is_told_after_four_pictures(tmp_path: Path) -> None:
+    video = VideoWriter(tmp_path / "a.mp4", fps=10, quality=24)
+    for _ in range(4):
+        video.add(picture(0))
+    with pytest.raises(OSError, match="No space left"):
+        video.add(picture(0))
+    with pytest.raises(OSError, match="No space left"):
+        video.close()
 
 
 def test_the_encoder_is_told_and_its_absence_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,7 +4,7 @@ Training, environments, policy files and the real car share this code, so that a
 it learned. Every array has the cars along its first axis; n is the number of cars.
 """
 
-from tral_env.learner.actuation import Actuation, inverse, speed_factors, steered
+from tral_env.learner.actuation import Actuation, check_correction, inverse, speed_factors, steered
 from tral_env.learner.config import LearnerConfig, pair
 from tral_env.learner.features import feature_names
 from tral_env.learner.view import LearnerView
@@ -13,6 +13,7 @@ __all__ = [
     "Actuation",
     "LearnerConfig",
     "LearnerView",
+    "check_correction",
     "feature_names",
     "inverse",
     "pair",

@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Flags
+from tral_env.checks import is_number
+from tral_env.errors import ConfigError
 from tral_env.interface import STEERING, THROTTLE
 from tral_env.learner.config import LearnerConfig
 from tral_env.learner.features import Values
@@ -84,6 +86,17 @@ def inverse(config: LearnerConfig, steering: NDArray[np.floating], drive: NDArra
     actions[:, THROTTLE] = (drive - low) * (2 / (high - low)) - 1.0
     np.minimum(np.maximum(actions, -1.0, out=actions), 1.0, out=actions)
     return actions
+
+
+def check_correction(steering: object, speed: object) -> None:
+    """Check how much a correction may change: the steering by an addend, the speed as a share of it.
+
+    Raises:
+        ConfigError: one is no number above 0, at most 1.
+    """
+    for name, bound in (("steering", steering), ("speed", speed)):
+        if not is_number(bound) or not 0 < bound <= 1:
+            raise ConfigError(f"correction of the {name} = {bound!r}: expected a number above 0, at most 1")
 
 
 def speed_factors(correction: NDArray[np.floating], bound: float) -> NDArray[np.float64]:

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from tral_env.errors import RenderError
 
 CODEC = "libx264"
+_AHEAD = 4
+"""Pictures may wait for the encoder, so many; then the caller waits. Source: choice, 5 MB of 848 x 480 px."""
 _NO_ENCODER = (
     "no encoder for videos ({}): pip install --force-reinstall av, or do without: tral drive --no-video, "
     "tral compare --videos 0"
@@ -38,10 +40,6 @@ def _av() -> Any:
     except ImportError as error:
         raise RenderError(_NO_ENCODER.format(error)) from error
     return av
-
-
-_AHEAD = 4
-"""Pictures may wait for the encoder, so many; then the caller waits. Source: choice, 5 MB of 848 x 480 px."""
 
 
 class VideoWriter:
@@ -121,6 +119,7 @@ class VideoWriter:
                 self._file.mux(self._stream.encode())
         finally:
             self._thread.shutdown(cancel_futures=True)
+            self._pending.clear()
             file, self._file = self._file, None
             if file is not None:
                 file.close()
