@@ -30,7 +30,7 @@ from tral_fsm.learning.choices import ALGORITHMS, settings_text
 
 Command = list[str]
 
-READY = "specialists,office,student,ppo,ramp,pursuit,constant,random"
+READY = "specialists,office,residual,student,ppo,ramp,pursuit,constant,random"
 """Contenders that need no preparing."""
 SPEEDS = "follow.speed=0.6:1.6,pass *.speed=0.3:0.9,turn *.speed=0.35:0.9"
 """What the search changes of `office`."""
