@@ -151,11 +151,13 @@ def train(run: TrainingRun) -> None:
 
 def _cars(run: TrainingRun) -> VecEnv:
     request, settings = run.request, run.settings
+    # A machine that drives is Python: with it two processes are faster than two threads, without it they are not.
+    shares = min(request.nthread, settings.cars) if isinstance(settings, ResidualSettings) else 1
     venv = make_vec_env(
         settings.cars,
         seed=request.first_seed(),
-        processes=min(request.nthread, settings.cars),
-        nthread=1,
+        processes=shares,
+        nthread=request.nthread if shares == 1 else 1,
         scenario=request.scenario,
         randomization=request.levels,
         task=dict(settings.task),
