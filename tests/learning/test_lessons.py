@@ -49,10 +49,11 @@ def test_a_network_that_stands_gets_the_same_answer_at_each_decision(env: TralCo
 
 def test_the_machine_drives_a_car_off_where_a_network_let_it_stand(env: TralCorridorVectorEnv) -> None:
     lessons, samples = Lessons(env, load_policy("wall"), SETTINGS, 0), Samples(1000, INPUTS)
+    low, high = SETTINGS.learner.drives_from_to
     for taught_share in (0.0, 1.0):
         lessons.begin_round(taught_share)
         for _ in range(160):
-            lessons.tick(answering(SETTINGS, -1.0), samples)
+            lessons.tick(answering(SETTINGS, (low + high) / (low - high)), samples)  # 0 m/s
     assert (env.world.info()["speed_mps"] > 0.3).all()
 
 
