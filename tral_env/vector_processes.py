@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import os
 import pickle
+import signal
 import subprocess
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -108,7 +110,7 @@ class TralCorridorProcesses(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
 
     def render_rows(self, rows: Iterable[int]) -> tuple[NDArray[np.uint8], ...]:
         """See `TralCorridorVectorEnv.render_rows`."""
-        wanted = list(rows)
+        wanted = [range(self.num_envs)[row] for row in rows]
         own = [[row for row in wanted if a <= row < b] for a, b in self._rows_of_shares]
         asked = [([row - share.first for row in rows],) for share, rows in zip(self._shares, own, strict=True)]
         pictures = {
@@ -204,9 +206,10 @@ class _Share:
 
     def __init__(self, first: int, stop: int) -> None:
         self.first, self.stop = first, stop
-        # The process finds what this program finds, for instance a policy beside the script.
-        found = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, filter(None, sys.path)))}
-        worker = [sys.executable, "-m", "tral_env.vector_worker"]
+        # The process finds what this program finds, for instance a policy beside the script, and nothing else: without
+        # -P, a random.py in the current folder would stand before that of Python.
+        found = os.environ | {"PYTHONPATH": os.pathsep.join(str(path or Path.cwd()) for path in sys.path)}
+        worker = [sys.executable, "-P", "-m", "tral_env.vector_worker"]
         try:
             self._process = subprocess.Popen(worker, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=found)
         except OSError as error:
@@ -258,7 +261,10 @@ class _Share:
             code: int | None = self._process.wait(_END_S)
         except subprocess.TimeoutExpired:
             code = None
+        if code == -signal.SIGKILL:
+            why = "most often because memory was short: make the environment anew, with fewer processes or cars"
+        else:
+            why = "and its last lines on the terminal tell why: make the environment anew"
         return LostWorkerError(
-            f"the process of the rows {self.first} to {self.stop - 1} is gone (exit code {code}), most often because "
-            "memory was short: make the environment anew, with fewer processes or cars"
+            f"the process of the rows {self.first} to {self.stop - 1} is gone (exit code {code}), {why}"
         )

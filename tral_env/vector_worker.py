@@ -13,7 +13,7 @@ import sys
 from contextlib import suppress
 from typing import IO, Any
 
-from tral_env.errors import TralError
+from tral_env.errors import ConfigError, TralError
 
 _LENGTH_BYTES = 8
 
@@ -60,7 +60,7 @@ def serve(requests: IO[bytes], answers: IO[bytes]) -> None:
         except EOFError:
             break
         try:
-            name, arguments = pickle.loads(request)
+            name, arguments = _unpacked(request)
             if name == "make":
                 from tral_env.vector_env import TralCorridorVectorEnv
 
@@ -81,6 +81,15 @@ def serve(requests: IO[bytes], answers: IO[bytes]) -> None:
             break
     if env is not None:
         env.close()
+
+
+def _unpacked(request: bytes) -> Any:
+    try:
+        return pickle.loads(request)
+    except AttributeError as error:
+        raise ConfigError(
+            f"a process cannot make what it was given: {error}: move the class from the script to a module beside it"
+        ) from error
 
 
 def _about(env: Any) -> dict[str, Any]:

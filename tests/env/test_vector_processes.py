@@ -91,6 +91,13 @@ def test_a_machine_is_corrected_as_in_one_process() -> None:
         drive(one, many, 30)
 
 
+def test_the_rendered_camera_sees_what_it_sees_in_one_process() -> None:
+    one, many = both(3, 2, scenario="gates", camera="rendered", autoreset_mode="SameStep")
+    with contextlib.closing(one), contextlib.closing(many):
+        assert np.array_equal(one.reset(seed=4)[0], many.reset(seed=4)[0])
+        drive(one, many, 40)
+
+
 def test_the_chosen_rows_are_rendered() -> None:
     options = {"scenario": "straight", "render_mode": "rgb_array", "width": 64, "height": 48, "randomization": "none"}
     one, many = both(3, 2, **options)
@@ -102,6 +109,10 @@ def test_the_chosen_rows_are_rendered() -> None:
         for mine, other in zip(pictures, one.render_rows([2, 0]), strict=True):
             assert np.abs(mine.astype(int) - other).mean() < 1.0
         assert len(many.render() or ()) == 3
+        assert len(many.render_rows([-1])) == 1
+        for env in (one, many):
+            with pytest.raises(IndexError):
+                env.render_rows([3])
 
 
 def test_gymnasium_makes_it() -> None:
@@ -130,7 +141,45 @@ def test_a_policy_beside_the_script_is_found(tmp_path: Path, monkeypatch: pytest
         assert env.reset(seed=0)[0].shape == (2, 20)
 
 
+def test_modules_of_the_current_folder_do_not_count(tmp_path: Path) -> None:
+    """As for a script that runs from another folder: only what stands beside the script is found."""
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here" / "random.py").write_text("raise RuntimeError('not this one')\n")
+    script = tmp_path / "program.py"
+    script.write_text(
+        "from tral_env.vector_processes import vector_env\n"
+        "env = vector_env(2, processes=2, scenario='straight')\n"
+        "print(env.reset(seed=0)[0].shape)\n"
+        "env.close()\n"
+    )
+    told = subprocess.run([sys.executable, script], cwd=tmp_path / "here", capture_output=True, text=True, check=False)
+    assert told.stdout == "(2, 20)\n", told.stderr
+
+
 class TestRefused:
+    def test_a_policy_whose_class_stands_in_the_script(self, tmp_path: Path) -> None:
+        script = tmp_path / "program.py"
+        script.write_text(
+            "from tral_env.errors import ConfigError\n"
+            "from tral_env.vector_processes import vector_env\n"
+            "class Own: pass\n"
+            "env = vector_env(2, processes=2, scenario='straight')\n"
+            "try:\n"
+            "    env.correct(Own(), 0.2, 0.5)\n"
+            "except ConfigError as error:\n"
+            "    print(error)\n"
+            "env.close()\n"
+        )
+        told = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
+        assert "'Own'" in told.stdout, told.stderr
+        assert "move the class from the script to a module beside it" in told.stdout
+
+    def test_the_rows_of_a_refusal_are_named(self) -> None:
+        with contextlib.closing(TralCorridorProcesses(4, 2, scenario="straight")) as env:
+            with pytest.raises(ConfigError, match="friction") as refused:
+                env.reset(seed=0, options={"car": {"friction": np.array([0.5, 0.5, 0.5, -1.0])}})
+            assert "rows 2 to 3" in refused.value.__notes__[0]
+
     def test_a_policy_that_the_processes_cannot_read(self, monkeypatch: pytest.MonkeyPatch) -> None:
         here = types.ModuleType("a_module_that_is_not_there")
         here.Unknown = Unknown  # type: ignore[attr-defined]
@@ -230,6 +279,12 @@ class TestLost:
         assert not any(map(alive, workers))
         assert env.closed
         assert "Error" not in capfd.readouterr().err
+
+    def test_a_process_that_fails_says_where_to_look(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        (tmp_path / "numpy.py").write_text("raise RuntimeError('broken')\n")
+        monkeypatch.syspath_prepend(tmp_path)
+        with pytest.raises(LostWorkerError, match=r"exit code 1\), and its last lines on the terminal tell why"):
+            TralCorridorProcesses(2, 2, scenario="straight")
 
     def test_a_process_that_does_not_start_is_told(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(sys, "executable", "/there/is/no/python")
