@@ -155,9 +155,8 @@ class TralCorridorProcesses(JsonSpec, VectorEnv[FloatArray, FloatArray, NDArray[
 
     def _joined(self, infos: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         """The infos of all shares as one; rows of a share without an entry have zeros, and False in its mask."""
-        names = dict.fromkeys(name for info in infos for name in info)
-        sizes = [end - first for first, end in self._rows_of_shares]
-        return {name: _laid_together([info.get(name) for info in infos], sizes) for name in names}
+        joined: dict[str, Any] = _laid_together(infos, [end - first for first, end in self._rows_of_shares])
+        return joined
 
     def _ask(self, name: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
         """Let each share do something, all at once; an exception of a share is raised when all are done.

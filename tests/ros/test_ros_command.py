@@ -105,16 +105,22 @@ def test_an_unknown_parameter_is_refused_with_the_nearest_one(
     assert said in " ".join(result.stderr.split())
 
 
-def test_all_nodes_in_one_process_read_the_file_of_the_launch_and_the_command_line_counts_more(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: list[Asked] = []
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[Asked]:
+    """What the node `fsm` is asked for; it does not begin."""
+    found: list[Asked] = []
 
     def noted(each: Asked) -> None:
-        asked.append(each)
+        found.append(each)
         raise ConfigError("enough")
 
     monkeypatch.setattr("tral_fsm.programs.ros.nodes.fsm_node", noted)
+    return found
+
+
+def test_all_nodes_in_one_process_read_the_file_of_the_launch_and_the_command_line_counts_more(
+    tmp_path: Path, asked: list[Asked]
+) -> None:
     path = file(tmp_path, PACKAGED.read_text().replace("seed: 7", "seed: 8").replace("policy: office", "policy: wall"))
     tral("up", "--params-file", str(path), "--scenario", "gates")
     assert (asked[0].seed, asked[0].policy, asked[0].scenario) == (8, "wall", "gates")
@@ -229,16 +235,7 @@ def test_a_name_with_a_namespace_is_for_the_node_of_that_namespace_alone(
     assert read_parameters(path, NODES, ["car"], namespace)["seed"] == seed
 
 
-def test_the_namespace_of_the_command_line_says_whose_parameters_count(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: list[Asked] = []
-
-    def noted(each: Asked) -> None:
-        asked.append(each)
-        raise ConfigError("enough")
-
-    monkeypatch.setattr("tral_fsm.programs.ros.nodes.fsm_node", noted)
+def test_the_namespace_of_the_command_line_says_whose_parameters_count(tmp_path: Path, asked: list[Asked]) -> None:
     path = file(
         tmp_path,
         "/car1/fsm: {ros__parameters: {policy: wall}}\n/car2/fsm: {ros__parameters: {policy: gate}}\n",
