@@ -19,12 +19,11 @@ from tral_env.arrays import (
     Flags,
     Index,
     Rows,
-    as_rows,
     is_any,
     maximum,
     minimum,
-    number,
     pick,
+    sqrt,
     where,
 )
 from tral_env.config import CarConfig, EscConfig, ServoConfig
@@ -77,7 +76,7 @@ class ActuationParameters:
         )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(kw_only=True, eq=False)
 class ActuatorInputs:
     """What the model's actuators get for one control tick; each (n,)."""
 
@@ -141,9 +140,8 @@ def scrub_torque(speed: Array, standstill: Array | float, speed_scale: float) ->
     Returns:
         N m, (n,).
     """
-    # In arrays always: Python's and NumPy's powers of a number are rounded otherwise.
-    result: Array = standstill / scrub_fall(as_rows(speed), speed_scale, sqrt=np.sqrt)
-    return result if isinstance(speed, np.ndarray) else number(result)
+    result: Array = standstill / scrub_fall(speed, speed_scale, sqrt=sqrt)
+    return result
 
 
 def motor_duty(throttle: Array, dead_zone: float) -> Array:

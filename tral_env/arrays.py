@@ -8,6 +8,7 @@ by `math`.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -101,6 +102,26 @@ def maximum(a: Any, b: Any) -> Any:
     if type(a) is type(b) is float:
         return a if a > b else b
     return np.maximum(a, b)
+
+
+def sqrt(values: Any) -> Any:
+    """`numpy.sqrt`, also of a number: both round to the nearest float."""
+    return math.sqrt(values) if type(values) is float else np.sqrt(values)
+
+
+def floor(values: Any) -> Any:
+    """`numpy.floor`, also of a finite number."""
+    return values // 1.0 if type(values) is float else np.floor(values)
+
+
+def rint(values: Any) -> Any:
+    """`numpy.rint`, also of a finite number: both round a half to the even neighbour."""
+    return math.copysign(round(values), values) if type(values) is float else np.rint(values)
+
+
+def largest(values: Any) -> Any:
+    """`numpy.max`, also of the number of a car alone."""
+    return values.max() if type(values) is np.ndarray else values
 
 
 def is_any(condition: Any) -> bool:

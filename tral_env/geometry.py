@@ -77,7 +77,8 @@ def scrub_fall(speed: Any, scale: float = SCRUB_SPEED, *, sqrt: Callable[[Any], 
         scale: v0, m/s.
         sqrt: `math.sqrt` for a number, `numpy.sqrt` for an array.
     """
-    return sqrt(1.0 + (speed / scale) ** 2)
+    ratio = speed / scale
+    return sqrt(1.0 + ratio * ratio)
 
 
 def steering_play(speed: float) -> float:

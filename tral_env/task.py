@@ -274,8 +274,8 @@ def cross_gates(
         (n,) passed the next gate: crossed its plane forwards between the posts;
         (n,) missed a gate: crossed a plane outside the posts, or backwards; bools of a car alone.
     """
-    beside = np.abs(spread(s) - track.gate_s[rows]) < GATE_ROUTE_REACH_M
-    if not np.count_nonzero(beside):
+    has_gates = track.gate_s.shape[1] > 0
+    if not has_gates or not np.count_nonzero(beside := np.abs(spread(s) - track.gate_s[rows]) < GATE_ROUTE_REACH_M):
         return (False, False) if rows is ALONE else (np.zeros(len(s), bool), np.zeros(len(s), bool))
     x0, y0 = _gate_frame(track, before, rows)
     x1, y1 = _gate_frame(track, after, rows)
@@ -311,13 +311,9 @@ def wall_clearance(track: Track, pose: Array, car: CarConfig, rows: Rows = ALL) 
         (n,) left, (n,) right, m; NaN where the car is on no such stretch, or turned by more than about 45 degrees.
         Numbers of a car alone.
     """
-    place = columns(pose, rows)
     if rows is ALONE:
-        for straight, unit in zip(track.straights[rows].tolist(), track.straight_unit[rows].tolist(), strict=True):
-            is_on, left, right = _clearances(place, straight, unit, car)
-            if is_on:
-                return left, right
-        return math.nan, math.nan
+        return _wall_clearance_alone(track, pose, car)
+    place = columns(pose, rows)
     n, count, _ = track.straights.shape
     if count == 0:
         return np.full(n, np.nan), np.full(n, np.nan)
@@ -328,6 +324,20 @@ def wall_clearance(track: Track, pose: Array, car: CarConfig, rows: Rows = ALL) 
     first = np.arange(n), on.argmax(axis=1)
     here = on[first]
     return np.where(here, left[first], np.nan), np.where(here, right[first], np.nan)
+
+
+def _wall_clearance_alone(track: Track, pose: Array, car: CarConfig) -> tuple[float, float]:
+    """As `wall_clearance`, for a car alone, stretch by stretch."""
+    x, y, yaw = pose[ALONE].tolist()
+    for straight, unit in zip(track.straights[ALONE].tolist(), track.straight_unit[ALONE].tolist(), strict=True):
+        (x0, y0, _, length, _), (cos, sin) = straight, unit
+        along, _ = rotate_back(cos, sin, x - x0, y - y0)
+        # The middle of a car that drives along the stretch is ahead of the rear axle, so it is beside it only here.
+        if -car.middle_x <= along <= length:
+            is_on, left, right = _clearances((x, y, yaw), straight, unit, car)
+            if is_on:
+                return left, right
+    return math.nan, math.nan
 
 
 def _clearances(pose: Any, straight: Any, unit: Any, car: CarConfig) -> tuple[Values, Values, Values]:
@@ -349,7 +359,7 @@ def time_limit(length: Array, config: TaskConfig) -> Array:
     return limit
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(kw_only=True, eq=False)
 class Outcome:
     """What n cars did in a tick, each (n,), or the numbers of a car alone."""
 

@@ -81,7 +81,7 @@ class Drawn(NamedTuple):
     """Parameters of the car, name -> value; see `Randomization`."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Step:
     """What n cars got in a tick, as arrays of (n, ...); `World.tick` has numbers for a car alone."""
 

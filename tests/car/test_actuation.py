@@ -120,6 +120,11 @@ def test_scrub_is_full_at_standstill_and_falls_as_the_car_rolls() -> None:
     np.testing.assert_allclose(torque, [0.1, 0.1 / math.sqrt(2), 0.1 / math.sqrt(2), 0.1 / math.sqrt(101)])
 
 
+@given(st.floats(-6.0, 6.0))
+def test_the_scrub_of_a_car_alone_is_that_of_a_row_to_the_last_bit(speed: float) -> None:
+    assert scrub_torque(speed, 0.1, 0.06) == scrub_torque(array(1.0, speed), 0.1, 0.06)[1]
+
+
 def test_a_weaker_servo_feels_more_scrub() -> None:
     actuation = one_car(servo_strength_scale=0.8)
     drive = actuation.apply(ALL, np.zeros((1, 2)), np.zeros(1))

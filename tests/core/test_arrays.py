@@ -12,12 +12,16 @@ from tral_env.arrays import (
     as_rows,
     columns,
     everyone,
+    floor,
     is_any,
+    largest,
     maximum,
     minimum,
     negation,
     pick,
+    rint,
     spread,
+    sqrt,
     where,
 )
 
@@ -30,6 +34,19 @@ def test_two_numbers_have_the_extremes_of_two_arrays(a: float, b: float) -> None
         alone, among = ours(a, b), numpys(np.array([1.0, a, 2.0]), np.array([3.0, b, 1.0]))
         assert np.array(alone).tobytes() == among[1].tobytes()
         assert ours(np.array([a]), np.array([b])).tobytes() == among[1:2].tobytes()
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False) | st.sampled_from([-0.0, 0.5, -0.5, 2.5]))
+def test_a_number_is_rounded_as_arrays_are(value: float) -> None:
+    among = np.array([1.5, value, -7.25])
+    for ours, numpys in ((floor, np.floor), (rint, np.rint), (sqrt, np.sqrt)):
+        given = abs(value) if ours is sqrt else value
+        alone = ours(given)
+        assert type(alone) is float
+        assert np.array(alone).tobytes() == numpys(np.abs(among) if ours is sqrt else among)[1].tobytes()
+        assert ours(np.array([given])).tobytes() == np.array([alone]).tobytes()
+    assert largest(value) == value
+    assert largest(np.array([1, 3, 2])) == 3
 
 
 def test_a_bool_chooses_one_of_two_and_flags_choose_by_row() -> None:

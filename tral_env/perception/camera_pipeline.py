@@ -16,6 +16,7 @@ SUBJECTS = ("gate", "marker")
 QUANTITIES = ("id", "x", "y", "heading")
 """An image tells this of each subject, m and rad."""
 _NAMES = tuple(f"{subject}_{quantity}" for subject in SUBJECTS for quantity in QUANTITIES)
+_AGES = tuple(f"{subject}_age" for subject in SUBJECTS)
 _NOBODY = np.zeros(0, np.int64)
 _EPSILON_S = 1e-9
 """Times that differ by less are equal."""
@@ -131,6 +132,6 @@ class CameraPipeline:
         rows = self._everyone
         now, known = pick(time_s, rows), columns(self._known.reshape(len(self._known), -1), rows)
         out = dict(zip(_NAMES, known, strict=True))
-        for subject, exposed in zip(SUBJECTS, columns(self._known_exposed, rows), strict=True):
-            out[f"{subject}_age"] = minimum(now - exposed, MAX_AGE_S)
+        for name, exposed in zip(_AGES, columns(self._known_exposed, rows), strict=True):
+            out[name] = minimum(now - exposed, MAX_AGE_S)
         return out

@@ -70,8 +70,9 @@ class FalseSightings:
             seen: what the images show, arrays of (k,), changed in place; a false marker replaces a true one that is
                 farther away.
         """
-        self._images_left[rows] -= 1.0
-        for i in np.flatnonzero(self._images_left[rows] <= 0.0):
+        left = self._images_left[rows] - 1.0
+        self._images_left[rows] = left
+        for i in np.flatnonzero(left <= 0.0):
             row = int(rows[i])
             number, x, y, heading = self._marker(self._rngs[row])
             nearest = math.hypot(float(seen.marker_x[i]), float(seen.marker_y[i]))

@@ -13,7 +13,22 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.arrays import Array, Index, as_rows, columns, everyone, is_any, maximum, minimum, pick, plain, where
+from tral_env.arrays import (
+    Array,
+    Index,
+    Values,
+    as_rows,
+    columns,
+    everyone,
+    floor,
+    is_any,
+    largest,
+    maximum,
+    minimum,
+    pick,
+    rint,
+    where,
+)
 from tral_env.config import HallConfig
 
 UPDATE_DRAWS = 2
@@ -59,7 +74,7 @@ class EdgeSpeed:
         counted, when = pick(counted, rows), pick(when, rows)
         if not is_any(counted):
             return
-        stamp = plain(np.rint(when / self._config.stamp_s)) * self._config.stamp_s
+        stamp = rint(when / self._config.stamp_s) * self._config.stamp_s
         before, oldest, middle, last = (pick(values, rows) for values in (self._stamp, *self._spacing))
         spacing = stamp - before
         timed = counted & (spacing >= self._config.metres_per_tick / self._config.max_speed)
@@ -75,12 +90,11 @@ class EdgeSpeed:
         for values, value in zip(self._spacing, (a, b, c), strict=True):
             values[rows] = value
 
-    def speed(self, time_s: Array | float) -> Array:
-        """Speed (n,), m/s, without sign, at a time (n,) or scalar, s."""
+    def speed(self, time_s: Array | float) -> Values:
+        """Speed (n,), m/s, without sign, at a time (n,) or scalar, s; the number of a car alone."""
         waited, config = pick(time_s, self._everyone) - pick(self._stamp, self._everyone), self._config
         speed = config.metres_per_tick / maximum(pick(self._median, self._everyone), waited)
-        told: Array = as_rows(where(waited > config.timeout_s, 0.0, speed))
-        return told
+        return where(waited > config.timeout_s, 0.0, speed)
 
     @property
     def ticks(self) -> Index:
@@ -88,9 +102,9 @@ class EdgeSpeed:
         return self._ticks.copy()
 
     @property
-    def distance(self) -> Array:
-        """Distance counted since reset, forward and backward alike, (n,) m."""
-        return self._ticks.astype(np.float64) * self._config.metres_per_tick
+    def distance(self) -> Values:
+        """Distance counted since reset, forward and backward alike, (n,) m; the number of a car alone."""
+        return pick(self._ticks, self._everyone) * self._config.metres_per_tick
 
 
 WINDOW_S = 0.15
@@ -180,10 +194,10 @@ class Hall:
             pick(values, rows) for values in (travel, time_s, miss_rate, double_rate)
         )
         place = start + travel / self._config.metres_per_tick
-        now = plain(np.floor(place))
+        now = floor(place)
         count = abs(now - passed)
         if is_any(count > 0):
-            for k in range(int(np.max(count))):
+            for k in range(int(largest(count))):
                 moved = where(count > k, place - start, 1.0)
                 magnet = where(moved > 0, passed + 1 + k, passed - k)
                 when = time_s - period_s + (magnet - start) / moved * period_s
@@ -193,7 +207,7 @@ class Hall:
                 self._edges.edge(seen, when)
                 self._edges.edge(seen & (doubled < double_rate), when + self._config.bounce_s)
         self._place[rows], self._passed[rows] = place, now
-        self._speed = self._edges.speed(time_s)
+        self._speed[rows] = self._edges.speed(time_s)
 
     @property
     def ticks(self) -> Index:
@@ -203,9 +217,14 @@ class Hall:
     @property
     def distance(self) -> Array:
         """Distance counted since reset, forward and backward alike, (n,) m."""
-        return self._edges.distance
+        told: Array = as_rows(self._edges.distance)
+        return told
 
     @property
     def speed(self) -> Array:
         """Speed at the end of the last period, without sign, (n,) m/s."""
-        return self._speed
+        return self._speed.copy()
+
+    def readings(self) -> dict[str, Values]:
+        """``distance`` and ``speed``, (n,) each, or the numbers of a car alone."""
+        return {"distance": self._edges.distance, "speed": pick(self._speed, self._everyone)}

@@ -13,6 +13,7 @@ from tral_env.interface import MAX_AGE_S, NO_ECHO_M
 
 SONARS = ("left", "front", "right")
 """The ultrasonics stand in this order along the second axis."""
+_NAMES = tuple((f"ultrasonic_{side}", f"ultrasonic_{side}_age") for side in SONARS)
 BORESIGHT = np.array([np.pi / 2, 0.0, -np.pi / 2])
 """Each ultrasonic looks in this direction, rad counter-clockwise from the car's x axis."""
 
@@ -54,7 +55,6 @@ class Ranging:
         """
         rows, out = self._everyone, {}
         now, ranges, fired = pick(time_s, rows), columns(self.range_m, rows), columns(self._fired, rows)
-        for side, range_m, fired_s in zip(SONARS, ranges, fired, strict=True):
-            out[f"ultrasonic_{side}"] = range_m
-            out[f"ultrasonic_{side}_age"] = minimum(now - fired_s, MAX_AGE_S)
+        for (name, age), range_m, fired_s in zip(_NAMES, ranges, fired, strict=True):
+            out[name], out[age] = range_m, minimum(now - fired_s, MAX_AGE_S)
         return out

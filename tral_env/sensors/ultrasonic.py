@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from tral_env.arrays import Array, Flags, Values, is_any, minimum, plain, spread, where
+from tral_env.arrays import Array, Flags, Values, is_any, minimum, plain, rint, spread, where
 from tral_env.config import UltrasonicConfig
 from tral_env.interface import NO_ECHO_M
 
@@ -30,33 +30,26 @@ class _Fan:
 
     angle: Array
     """(R,) direction of each ray, rad, from right to left."""
-    x: Array
-    """(R,) cosine of it."""
-    y: Array
-    """(R,) sine of it."""
+    unit: Array
+    """(R, 2) cosine and sine of it."""
     cos_half_spacing: float
     """Cosine of half the angle between two rays."""
     edge_share: Array
     """(R - 1,) share of `edge_range` to which an edge between two rays is heard."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class FanHit:
-    """What the rays of a fan hit, in the sensor frame; each (..., R)."""
+    """What the rays of a fan hit, in the sensor frame."""
 
     reach: Array
-    """Distance along the ray, m; `_NOTHING_M` where nothing was hit."""
-    x: Array
-    """Place of the hit along the boresight, m."""
-    y: Array
-    """Place of the hit to the left, m."""
-    nx: Array
-    """Unit normal of the surface, along the boresight."""
-    ny: Array
-    """Unit normal of the surface, to the left."""
-
+    """(..., R) distance along the ray, m; `_NOTHING_M` where nothing was hit."""
+    point: Array
+    """(..., R, 2) place of the hit along the boresight and to the left, m."""
+    normal: Array
+    """(..., R, 2) unit normal of the surface there."""
     height: Array
-    """Perpendicular distance of the sensor from the plane of the surface, m: ``h = -n . p``."""
+    """(..., R) perpendicular distance of the sensor from the plane of the surface, m: ``h = -n . p``."""
 
 
 @lru_cache(maxsize=32)
@@ -72,7 +65,15 @@ def _fan(rays: int, beam_deg: float) -> _Fan:
     half_spacing = math.radians(beam_deg / (rays - 1) / 2)
     off_axis = (angle[1:] + angle[:-1]) / math.radians(beam_deg)
     # The margin lets a foot exactly midway between two rays belong to either.
-    return _Fan(angle, np.cos(angle), np.sin(angle), math.cos(half_spacing * 1.001), 0.5**off_axis**2)
+    unit = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return _Fan(angle, unit, math.cos(half_spacing * 1.001), 0.5**off_axis**2)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    """Scalar products (...) of vectors (..., 2), rounded alike for any number of them."""
+    product = a * b
+    total: Array = product[..., 0] + product[..., 1]
+    return total
 
 
 def ray_angles(config: UltrasonicConfig) -> Array:
@@ -108,13 +109,12 @@ def echo(distance: Array, normal: Array, config: UltrasonicConfig, softness: Val
     """
     fan = _fan(config.rays, config.beam_deg)
     reach = np.where(distance < 0, _NOTHING_M, distance)
-    x, y, nx, ny = reach * fan.x, reach * fan.y, normal[..., 0], normal[..., 1]
-    hit = FanHit(reach, x, y, nx, ny, -(nx * x + ny * y))
-    height = hit.height
-    mirror = (height >= reach * fan.cos_half_spacing) & (-hit.nx >= _cos_limit(config, softness))
+    point = reach[..., None] * fan.unit
+    height = -_dot(normal, point)
+    hit = FanHit(reach, point, normal, height)
+    mirror = (height >= reach * fan.cos_half_spacing) & (-normal[..., 0] >= _cos_limit(config, softness))
     wall = plain(np.minimum.reduce(np.where(mirror, height, np.inf), axis=-1))
-    corner = plain(np.minimum.reduce(_corners_and_edges(hit, config), axis=-1))
-    first = minimum(wall, corner)
+    first = minimum(wall, _corner_or_edge(hit, config))
     return where(first <= config.max_range, first, math.inf)
 
 
@@ -128,8 +128,8 @@ def _cos_limit(config: UltrasonicConfig, softness: Values | None) -> Values:
     return spread(low + (high - low) * softness)
 
 
-def _corners_and_edges(hit: FanHit, config: UltrasonicConfig) -> Array:
-    """Ranges of the inner corners and edges between neighbouring rays, (..., R - 1) m; inf where the surface runs on.
+def _corner_or_edge(hit: FanHit, config: UltrasonicConfig) -> Values:
+    """Range of the nearest inner corner or edge between neighbouring rays, (...) m; inf where all surfaces run on.
 
     Two neighbouring rays hit the points p and q on surfaces with the normals a and b. Point q lies ``a . (q - p)`` in
     front of the surface at p, and p lies ``b . (p - q)`` in front of the surface at q. Where one of them is behind the
@@ -138,21 +138,23 @@ def _corners_and_edges(hit: FanHit, config: UltrasonicConfig) -> Array:
     ``sqrt((u^2 + v^2 - 2 u v c) / (1 - c^2))``.
     """
     first, second = hit.reach[..., :-1], hit.reach[..., 1:]
-    ax, ay, bx, by = hit.nx[..., :-1], hit.ny[..., :-1], hit.nx[..., 1:], hit.ny[..., 1:]
-    dx, dy = hit.x[..., 1:] - hit.x[..., :-1], hit.y[..., 1:] - hit.y[..., :-1]
-    front = np.minimum(ax * dx + ay * dy, -(bx * dx + by * dy))
-    near = np.minimum(second, first)
+    a, b = hit.normal[..., :-1, :], hit.normal[..., 1:, :]
+    way = hit.point[..., 1:, :] - hit.point[..., :-1, :]
     step = config.jitter_m / 4  # a quarter of a wavelength: less is no step to the wave
-    edge_limit = config.edge_range * _fan(config.rays, config.beam_deg).edge_share
-    found = np.where((front < -step) & (near <= edge_limit), near, np.inf)
-    cosine = ax * bx + ay * by
-    # A ray that ends in the corner itself lies on both surfaces, in front of neither.
+    edge = np.minimum(_dot(a, way), -_dot(b, way)) < -step
+    cosine = _dot(a, b)
     across = np.abs(cosine) <= config.corner_tolerance
-    inner = across & (front >= -step) & (np.maximum(second, first) < _NOTHING_M)
+    if not np.count_nonzero(edge | across):
+        return math.inf  # as most fans of a car alone do, these look at one wall
+    near = np.minimum(second, first)
+    edge_limit = config.edge_range * _fan(config.rays, config.beam_deg).edge_share
+    found = np.where(edge & (near <= edge_limit), near, np.inf)
+    # A ray that ends in the corner itself lies on both surfaces, in front of neither.
+    inner = across & ~edge & (np.maximum(second, first) < _NOTHING_M)
     if np.count_nonzero(inner):
         u, v, c = hit.height[..., :-1][inner], hit.height[..., 1:][inner], cosine[inner]
         found[inner] = np.sqrt((u * u + v * v - 2 * u * v * c) / (1 - c * c))
-    return found
+    return plain(np.minimum.reduce(found, axis=-1))
 
 
 def measure(
@@ -187,7 +189,7 @@ def measure(
         wrong = where(kind < 0.5, math.inf, where(kind < 0.8, short, 2 * first))
         range_m = where(outlier, wrong, range_m)
     heard, unit = readable(range_m, config), resolution(config)
-    return where(heard, plain(np.rint(where(heard, range_m, 0.0) / unit)) * unit, NO_ECHO_M)
+    return where(heard, rint(where(heard, range_m, 0.0) / unit) * unit, NO_ECHO_M)
 
 
 def limits(config: UltrasonicConfig) -> tuple[float, float]:

@@ -43,5 +43,5 @@ class HallWheel:
         self.hall.update(travel, self._physics.time_s, CONTROL_PERIOD_S, uniform, *rates)
 
     def readings(self) -> dict[str, Array]:
-        """``distance`` and ``speed``, (n,) each."""
-        return {"distance": self.hall.distance, "speed": self.hall.speed}
+        """``distance`` and ``speed``, see `Hall.readings`."""
+        return self.hall.readings()

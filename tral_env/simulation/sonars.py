@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from tral_env.arrays import ALONE, Array, Index, columns, everyone, is_any, pick
+from tral_env.arrays import ALONE, Array, Index, Values, everyone, plain
 from tral_env.config import UltrasonicConfig
 from tral_env.noise import NoiseTape
 from tral_env.se2 import rotate
@@ -53,38 +55,47 @@ class Sonars:
 
     def update(self) -> None:
         """Take over the rays that were cast since the last call."""
-        physics, last = self._physics, columns(self._last_fired, self._everyone)
-        cast = (pick(clock, self._everyone) > before for clock, before in zip(self._clocks, last, strict=True))
-        if not any(map(is_any, cast)):
-            return
         if self._everyone is ALONE:
-            self._fire_alone()
+            self._update_alone()
+            return
+        physics, last = self._physics, self._last_fired
+        if not any((clock > last[:, k]).any() for k, clock in enumerate(self._clocks)):
             return
         fired_at = physics.history[:, physics.handles.sonar_clocks]
-        rows, sonars = np.nonzero(fired_at > self._last_fired)
+        rows, sonars = np.nonzero(fired_at > last)
         time_s = fired_at[rows, sonars]
-        self._last_fired[rows, sonars] = time_s
+        last[rows, sonars] = time_s
         self.ranging.fire(rows, sonars, self._measure(rows, sonars, physics.time_s[rows] - time_s), time_s)
 
-    def _fire_alone(self) -> None:
+    def _update_alone(self) -> None:
         """`update` of a car alone, sonar by sonar."""
-        physics, config = self._physics, self._config
-        now, yaw_rate, yaw = physics.time_s.item(0), self._yaw_rate.item(0), self._truth.pose.item(0, 2)
+        last = self._last_fired[ALONE].tolist()
+        clocks = [clock.item(ALONE) for clock in self._clocks]
+        fired = [(k, now) for k, (now, before) in enumerate(zip(clocks, last, strict=True)) if now > before]
+        if not fired:
+            return
+        drawn, config = self._parameters.drawn, self._config
         uniform = self._noise.uniform(ALONE, _DRAWS * len(SONARS)).reshape(len(SONARS), _DRAWS).tolist()
-        fired, echoes = [], np.full((len(SONARS), 1), np.inf)
-        for k, clock in enumerate(self._clocks):
-            if (time_s := clock.item(0)) > self._last_fired.item(0, k):
-                self._last_fired[0, k] = time_s
-                fired.append((k, time_s))
-                angle = yaw - yaw_rate * (now - time_s) + BORESIGHT.item(k)
-                fan = physics.sensordata[0, physics.handles.fans[k]].reshape(-1, 4)
-                echoes[k, 0] = ultrasonic.echo(fan[:, 0], _turned(fan, angle), config, uniform[k][0])
-        if (together := self._parameters.drawn["sonar_together"] > 0.5).any():
-            echoes = ultrasonic.crosstalk(echoes, np.array(uniform)[:, 1:2], together, config)
-        outlier_rate = self._parameters.drawn["sonar_outlier_rate"].item(0)
+        echoes = [math.inf] * len(SONARS)
         for k, time_s in fired:
-            range_m = ultrasonic.measure(echoes.item(k, 0), uniform[k][2:], config, outlier_rate)
+            self._last_fired[ALONE, k] = time_s
+            echoes[k] = self._echo_alone(k, time_s, uniform[k][0])
+        if (together := drawn["sonar_together"] > 0.5).any():
+            heard = np.array(echoes)[:, None], np.array(uniform)[:, 1:2]
+            echoes = ultrasonic.crosstalk(*heard, together, config)[:, ALONE].tolist()
+        outlier_rate = drawn["sonar_outlier_rate"].item(ALONE)
+        for k, time_s in fired:
+            range_m = ultrasonic.measure(echoes[k], uniform[k][2:], config, outlier_rate)
             self.ranging.fire(ALONE, k, range_m, time_s)
+
+    def _echo_alone(self, sonar: int, time_s: float, softness: float) -> float:
+        """First echo of a sonar of a car alone, m, which fired at a time, s."""
+        physics = self._physics
+        since_s = physics.time_s.item(ALONE) - time_s
+        angle = self._truth.pose.item(ALONE, 2) - self._yaw_rate.item(ALONE) * since_s + BORESIGHT.item(sonar)
+        fan = physics.sensordata[ALONE].take(physics.handles.fans[sonar]).reshape(-1, 4)
+        first: float = ultrasonic.echo(fan[:, 0], _turned(fan, angle), self._config, softness)
+        return first
 
     def _measure(self, rows: Index, sonars: Index, since_s: Array) -> Array:
         """Ranges (k,) of the named sonars, m, from rays that were cast `since_s` ago. Rows ascend, and may repeat."""
@@ -116,8 +127,9 @@ class Sonars:
         return self.ranging.readings(self._physics.time_s)
 
 
-def _turned(fan: Array, angle: Array) -> Array:
+def _turned(fan: Array, angle: Values) -> Array:
     """The normals in the columns 1 and 2 of rays (..., R, 4), (..., R, 2) as a sonar sees them that looks so, rad."""
     normal = np.empty((*fan.shape[:-1], 2))
-    normal[..., 0], normal[..., 1] = rotate(np.cos(-angle), np.sin(-angle), fan[..., 1], fan[..., 2])
+    cos, sin = plain(np.cos(-angle)), plain(np.sin(-angle))
+    normal[..., 0], normal[..., 1] = rotate(cos, sin, fan[..., 1], fan[..., 2])
     return normal

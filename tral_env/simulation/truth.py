@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tral_env.arrays import Index, columns, everyone, maximum, plain, where
+from tral_env.arrays import ALONE, Index, columns, everyone, maximum, plain, where
 from tral_env.simulation.physics import Physics
 
 
@@ -53,7 +53,7 @@ class GroundTruth:
         The point of contact p moves with v + w x (p - o): v and w are the velocity and the yaw rate at the rear axle o.
         """
         rows = self._everyone
-        vx, vy, w = columns(self._velocity.copy(), rows)
+        vx, vy, w = columns(self._velocity, rows) if rows is ALONE else self._velocity.T.copy()
         self.observe()
         found, x, y, _, nx, ny, _ = columns(self._contact, rows)
         x0, y0, _ = columns(self.pose, rows)
