@@ -160,6 +160,22 @@ def test_rows_do_not_touch_each_other() -> None:
     assert together.tobytes() == np.array(alone).tobytes()
 
 
+@given(
+    walls=st.lists(st.tuples(st.floats(0.05, 4.9), st.floats(-75.0, 75.0), st.floats(0.02, 3.0)), max_size=4),
+    posts=st.lists(st.tuples(st.floats(0.2, 3.0), st.floats(-0.8, 0.8), st.floats(0.01, 0.3)), max_size=3),
+    softness=st.floats(0.0, 1.0),
+)
+def test_a_ranger_alone_hears_what_it_hears_among_others(
+    walls: list[tuple[float, float, float]], posts: list[tuple[float, float, float]], softness: float
+) -> None:
+    world = [wall(*each) for each in walls] + [side for post in posts for side in box(*post)]
+    distance, normal = cast(world, CONFIG)
+    rays = [(reach, nx, ny) for reach, (nx, ny) in zip(distance[0].tolist(), normal[0].tolist(), strict=True)]
+    alone = ultrasonic.echo_alone(rays, CONFIG, softness)
+    among = ultrasonic.echo(np.tile(distance, (3, 1)), np.tile(normal, (3, 1, 1)), CONFIG, np.full(3, softness))
+    assert np.full(3, alone).tobytes() == among.tobytes()
+
+
 def test_sensors_can_be_stacked_on_a_leading_axis() -> None:
     distance, normal = cast([wall(1.5, 12.0)], CONFIG)
     stacked = ultrasonic.echo(np.stack([distance] * 3), np.stack([normal] * 3), CONFIG)

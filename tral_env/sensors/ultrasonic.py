@@ -8,12 +8,14 @@ row's result does not depend on the other rows by a single bit.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from tral_env.arrays import Array, Flags, Values, is_any, minimum, plain, rint, spread, where
+from tral_env.arrays import Array, Flags, Values, is_any, maximum, minimum, negation, rint, spread, sqrt, where
 from tral_env.config import UltrasonicConfig
 from tral_env.interface import NO_ECHO_M
 
@@ -31,29 +33,36 @@ class _Fan:
     angle: Array
     """(R,) direction of each ray, rad, from right to left."""
     unit: Array
-    """(R, 2) cosine and sine of it."""
+    """(2, R) cosine and sine of it."""
     cos_half_spacing: float
     """Cosine of half the angle between two rays."""
-    edge_share: Array
-    """(R - 1,) share of `edge_range` to which an edge between two rays is heard."""
+    edge_limit: Array
+    """(R - 1,) an edge between two rays is heard no farther than this, m."""
+    units: list[tuple[float, float]]
+    """`unit` as R numbers."""
+    edge_limits: list[float]
+    """`edge_limit` as R - 1 numbers."""
 
 
-@dataclass(eq=False)
-class FanHit:
-    """What the rays of a fan hit, in the sensor frame."""
+class _Hit(NamedTuple):
+    """What rays hit, in the sensor frame: values of any shape, or the numbers of a ray alone."""
 
-    reach: Array
-    """(..., R) distance along the ray, m; `_NOTHING_M` where nothing was hit."""
-    point: Array
-    """(..., R, 2) place of the hit along the boresight and to the left, m."""
-    normal: Array
-    """(..., R, 2) unit normal of the surface there."""
-    height: Array
-    """(..., R) perpendicular distance of the sensor from the plane of the surface, m: ``h = -n . p``."""
+    reach: Values
+    """Distance along the ray, m; `_NOTHING_M` where nothing was hit."""
+    x: Values
+    """Place of the hit along the boresight, m."""
+    y: Values
+    """Place of the hit to the left, m."""
+    nx: Values
+    """Unit normal of the surface, along the boresight."""
+    ny: Values
+    """Unit normal of the surface, to the left."""
+    height: Values
+    """Perpendicular distance of the sensor from the plane of the surface, m: ``h = -n . p``."""
 
 
 @lru_cache(maxsize=32)
-def _fan(rays: int, beam_deg: float) -> _Fan:
+def _fan(rays: int, beam_deg: float, edge_range: float) -> _Fan:
     """Lay the rays of a beam evenly, and work out how far an edge between two of them is heard.
 
     The lobe is taken as Gaussian in the angle a off the boresight: with h half the beam it lets through the amplitude
@@ -64,24 +73,24 @@ def _fan(rays: int, beam_deg: float) -> _Fan:
     angle = np.radians(np.linspace(-beam_deg / 2, beam_deg / 2, rays))
     half_spacing = math.radians(beam_deg / (rays - 1) / 2)
     off_axis = (angle[1:] + angle[:-1]) / math.radians(beam_deg)
-    # The margin lets a foot exactly midway between two rays belong to either.
-    unit = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    return _Fan(angle, unit, math.cos(half_spacing * 1.001), 0.5**off_axis**2)
-
-
-def _dot(a: Array, b: Array) -> Array:
-    """Scalar products (...) of vectors (..., 2), rounded alike for any number of them."""
-    product = a * b
-    total: Array = product[..., 0] + product[..., 1]
-    return total
+    unit, edge_limit = np.stack([np.cos(angle), np.sin(angle)]), edge_range * 0.5**off_axis**2
+    return _Fan(
+        angle=angle,
+        unit=unit,
+        # The margin lets a foot exactly midway between two rays belong to either.
+        cos_half_spacing=math.cos(half_spacing * 1.001),
+        edge_limit=edge_limit,
+        units=[(x, y) for x, y in unit.T.tolist()],
+        edge_limits=edge_limit.tolist(),
+    )
 
 
 def ray_angles(config: UltrasonicConfig) -> Array:
     """Angles of the fan in the sensor frame, rad, (R,), from right to left."""
-    return _fan(config.rays, config.beam_deg).angle.copy()
+    return _fan(config.rays, config.beam_deg, config.edge_range).angle.copy()
 
 
-def echo(distance: Array, normal: Array, config: UltrasonicConfig, softness: Values | None = None) -> Values:
+def echo(distance: Array, normal: Array, config: UltrasonicConfig, softness: Array | None = None) -> Array:
     """Find the range of the first echo.
 
     A wave of 8.65 mm sees a smooth wall as a mirror. Three things send sound back to where it came from:
@@ -107,15 +116,45 @@ def echo(distance: Array, normal: Array, config: UltrasonicConfig, softness: Val
     Returns:
         (...) m; inf where no echo comes back within `max_range`.
     """
-    fan = _fan(config.rays, config.beam_deg)
-    reach = np.where(distance < 0, _NOTHING_M, distance)
-    point = reach[..., None] * fan.unit
-    height = -_dot(normal, point)
-    hit = FanHit(reach, point, normal, height)
-    mirror = (height >= reach * fan.cos_half_spacing) & (-normal[..., 0] >= _cos_limit(config, softness))
-    wall = plain(np.minimum.reduce(np.where(mirror, height, np.inf), axis=-1))
-    first = minimum(wall, _corner_or_edge(hit, config))
-    return where(first <= config.max_range, first, math.inf)
+    fan = _fan(config.rays, config.beam_deg, config.edge_range)
+    hit = _hit(distance, fan.unit, normal[..., 0], normal[..., 1])
+    wall = np.minimum.reduce(_wall(hit, fan.cos_half_spacing, _cos_limit(config, softness)), axis=-1)
+    right, left = _Hit(*(values[..., :-1] for values in hit)), _Hit(*(values[..., 1:] for values in hit))
+    between = np.minimum.reduce(_corner_or_edge(right, left, fan.edge_limit, config), axis=-1)
+    first = np.minimum(wall, between)
+    result: Array = np.where(first <= config.max_range, first, np.inf)
+    return result
+
+
+def echo_alone(rays: Iterable[tuple[float, float, float]], config: UltrasonicConfig, softness: float) -> float:
+    """As `echo`, for one ranger alone, ray by ray, and to the same last bit.
+
+    Args:
+        rays: R times the distance along a ray, m, and the normal of the surface that it hits, as `echo` has them.
+        config: the ranger.
+        softness: see `echo`.
+    """
+    fan, cos_limit = _fan(config.rays, config.beam_deg, config.edge_range), _cos_limit(config, softness)
+    hits = [_hit(reach, unit, nx, ny) for (reach, nx, ny), unit in zip(rays, fan.units, strict=True)]
+    first: float = min(_wall(hit, fan.cos_half_spacing, cos_limit) for hit in hits)
+    for right, left, edge_limit in zip(hits, hits[1:], fan.edge_limits, strict=False):
+        if not _is_one_wall(right, left, config):
+            first = min(first, _corner_or_edge(right, left, edge_limit, config))
+    return first if first <= config.max_range else math.inf
+
+
+def _hit(distance: Values, unit: Any, nx: Values, ny: Values) -> _Hit:
+    """What rays of a distance, m, hit; `unit` are the cosines and the sines of their directions."""
+    reach = where(distance < 0, _NOTHING_M, distance)
+    cos, sin = unit
+    x, y = reach * cos, reach * sin
+    return _Hit(reach, x, y, nx, ny, -(nx * x + ny * y))
+
+
+def _wall(hit: _Hit, cos_half_spacing: float, cos_limit: Values) -> Values:
+    """Ranges of the walls that rays hit, m; inf where the foot of the perpendicular is not there, or not heard."""
+    mirror = (hit.height >= hit.reach * cos_half_spacing) & (-hit.nx >= cos_limit)
+    return where(mirror, hit.height, math.inf)
 
 
 def _cos_limit(config: UltrasonicConfig, softness: Values | None) -> Values:
@@ -128,33 +167,33 @@ def _cos_limit(config: UltrasonicConfig, softness: Values | None) -> Values:
     return spread(low + (high - low) * softness)
 
 
-def _corner_or_edge(hit: FanHit, config: UltrasonicConfig) -> Values:
-    """Range of the nearest inner corner or edge between neighbouring rays, (...) m; inf where all surfaces run on.
+def _is_one_wall(p: _Hit, q: _Hit, config: UltrasonicConfig) -> bool:
+    """Whether two rays of a ranger alone surely hit one wall, with neither a corner nor an edge between them."""
+    same: bool = p.nx == q.nx and p.ny == q.ny and p.nx * q.nx + p.ny * q.ny > config.corner_tolerance
+    return same and bool(abs(p.height - q.height) < config.jitter_m / 8)
 
-    Two neighbouring rays hit the points p and q on surfaces with the normals a and b. Point q lies ``a . (q - p)`` in
-    front of the surface at p, and p lies ``b . (p - q)`` in front of the surface at q. Where one of them is behind the
-    other's surface there is an edge between them; where neither is, and the surfaces stand across each other, there is
-    an inner corner. Two planes at the heights u and v above the sensor, with the cosine c = a . b, meet at the distance
+
+def _corner_or_edge(p: _Hit, q: _Hit, edge_limit: Values, config: UltrasonicConfig) -> Values:
+    """Ranges of the inner corners and edges between neighbouring rays, m; inf where the surface runs on.
+
+    The rays hit the points p and q on surfaces with the normals a and b. Point q lies ``a . (q - p)`` in front of the
+    surface at p, and p lies ``b . (p - q)`` in front of the surface at q. Where one of them is behind the other's
+    surface there is an edge between them; where neither is, and the surfaces stand across each other, there is an
+    inner corner. Two planes at the heights u and v above the sensor, with the cosine c = a . b, meet at the distance
     ``sqrt((u^2 + v^2 - 2 u v c) / (1 - c^2))``.
     """
-    first, second = hit.reach[..., :-1], hit.reach[..., 1:]
-    a, b = hit.normal[..., :-1, :], hit.normal[..., 1:, :]
-    way = hit.point[..., 1:, :] - hit.point[..., :-1, :]
-    step = config.jitter_m / 4  # a quarter of a wavelength: less is no step to the wave
-    edge = np.minimum(_dot(a, way), -_dot(b, way)) < -step
-    cosine = _dot(a, b)
-    across = np.abs(cosine) <= config.corner_tolerance
-    if not np.count_nonzero(edge | across):
-        return math.inf  # as most fans of a car alone do, these look at one wall
-    near = np.minimum(second, first)
-    edge_limit = config.edge_range * _fan(config.rays, config.beam_deg).edge_share
-    found = np.where(edge & (near <= edge_limit), near, np.inf)
+    dx, dy = q.x - p.x, q.y - p.y
+    front = minimum(p.nx * dx + p.ny * dy, -(q.nx * dx + q.ny * dy))
+    edge = front < -config.jitter_m / 4  # a quarter of a wavelength: less is no step to the wave
+    near = minimum(q.reach, p.reach)
+    found = where(edge & (near <= edge_limit), near, math.inf)
+    cosine = p.nx * q.nx + p.ny * q.ny
     # A ray that ends in the corner itself lies on both surfaces, in front of neither.
-    inner = across & ~edge & (np.maximum(second, first) < _NOTHING_M)
-    if np.count_nonzero(inner):
-        u, v, c = hit.height[..., :-1][inner], hit.height[..., 1:][inner], cosine[inner]
-        found[inner] = np.sqrt((u * u + v * v - 2 * u * v * c) / (1 - c * c))
-    return plain(np.minimum.reduce(found, axis=-1))
+    inner = (abs(cosine) <= config.corner_tolerance) & negation(edge) & (maximum(q.reach, p.reach) < _NOTHING_M)
+    if not is_any(inner):
+        return found
+    u, v, c = p.height, q.height, where(inner, cosine, 0.0)
+    return where(inner, sqrt((u * u + v * v - 2 * u * v * c) / (1 - c * c)), found)
 
 
 def measure(

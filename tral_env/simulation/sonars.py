@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from tral_env.arrays import ALONE, Array, Index, Values, everyone, plain
+from tral_env.arrays import ALONE, Array, Index, everyone, plain
 from tral_env.config import UltrasonicConfig
 from tral_env.noise import NoiseTape
 from tral_env.se2 import rotate
@@ -93,9 +93,10 @@ class Sonars:
         physics = self._physics
         since_s = physics.time_s.item(ALONE) - time_s
         angle = self._truth.pose.item(ALONE, 2) - self._yaw_rate.item(ALONE) * since_s + BORESIGHT.item(sonar)
-        fan = physics.sensordata[ALONE].take(physics.handles.fans[sonar]).reshape(-1, 4)
-        first: float = ultrasonic.echo(fan[:, 0], _turned(fan, angle), self._config, softness)
-        return first
+        cos, sin = plain(np.cos(-angle)), plain(np.sin(-angle))
+        fan = physics.sensordata[ALONE].take(physics.handles.fans[sonar]).reshape(-1, 4).tolist()
+        rays = ((reach, *rotate(cos, sin, nx, ny)) for reach, nx, ny, _ in fan)
+        return ultrasonic.echo_alone(rays, self._config, softness)
 
     def _measure(self, rows: Index, sonars: Index, since_s: Array) -> Array:
         """Ranges (k,) of the named sonars, m, from rays that were cast `since_s` ago. Rows ascend, and may repeat."""
@@ -127,9 +128,8 @@ class Sonars:
         return self.ranging.readings(self._physics.time_s)
 
 
-def _turned(fan: Array, angle: Values) -> Array:
+def _turned(fan: Array, angle: Array) -> Array:
     """The normals in the columns 1 and 2 of rays (..., R, 4), (..., R, 2) as a sonar sees them that looks so, rad."""
     normal = np.empty((*fan.shape[:-1], 2))
-    cos, sin = plain(np.cos(-angle)), plain(np.sin(-angle))
-    normal[..., 0], normal[..., 1] = rotate(cos, sin, fan[..., 1], fan[..., 2])
+    normal[..., 0], normal[..., 1] = rotate(np.cos(-angle), np.sin(-angle), fan[..., 1], fan[..., 2])
     return normal
