@@ -4,12 +4,17 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 
+import mujoco
+import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
 from tral_env.course.geometry import build_plan
 from tral_env.errors import ConfigError, RenderError
+from tral_env.vector_env import TralCorridorVectorEnv
 from tral_fsm.bench import plan, speed
+from tral_fsm.bench.bare import bare_drive, recording
+from tral_fsm.bench.commands import gentle
 from tral_fsm.bench.costs import DOORS, camera_cost, corridor, size_cost
 from tral_fsm.bench.shares import share_cost
 from tral_fsm.bench.timing import Contestant
@@ -56,7 +61,13 @@ def measured() -> Result:
 def test_every_contestant_is_measured(measured: Result) -> None:
     result = json.loads(measured.stdout)
     names = [row["name"] for row in result["contestants"]]
-    assert names[:4] == ["bare mj_step loop", "single env", "sync, 2 environments", "async, 2 environments"]
+    assert names[:5] == [
+        "bare mj_step loop",
+        "bare mj_step loop through the same drive",
+        "single env",
+        "sync, 2 environments",
+        "async, 2 environments",
+    ]
     assert all(row["steps_per_s"] > 0 for row in result["contestants"])
     # How large it is cannot be known from a twentieth of a second on a busy machine.
     assert all(ratio > 0 for ratio in result["ratios"].values())
@@ -66,6 +77,7 @@ def test_every_contestant_is_measured(measured: Result) -> None:
     ]
     assert list(result["ratios"]) == [
         "single_over_bare_loop",
+        "single_over_bare_drive",
         "vector_over_bare_batch",
         "processes_over_bare_batch",
         "vector_over_sync",
@@ -87,6 +99,7 @@ def test_a_second_of_80_hz_is_80_steps() -> None:
 def test_a_ratio_is_the_median_of_its_rounds() -> None:
     walls = {
         ("bare loop", 1, 1): [2.0, 2.0, 3.0],
+        ("bare drive", 1, 1): [2.0, 1.0, 3.0],
         ("single", 1, 1): [1.0, 2.0, 30.0],
         ("sync", 2, 1): [1.0] * 3,
         ("async", 2, 1): [2.0] * 3,
@@ -102,6 +115,7 @@ def test_a_ratio_is_the_median_of_its_rounds() -> None:
     asked = plan.SpeedPlan(rows=(1, 2), threads=(1, 4), compared=2, scaling=(2, 1), rivals=2)
     assert speed.ratios(field, asked) == {
         "single_over_bare_loop": 1.0,
+        "single_over_bare_drive": 2.0,
         "vector_over_bare_batch": 0.5,
         "vector_over_sync": 8.0,
         "vector_over_async": 4.0,
@@ -196,6 +210,7 @@ def test_one_row_is_measured_with_the_first_number_of_threads_alone(monkeypatch:
     for name, kind in (("native", "native"), ("bare_batch", "bare batch"), ("single", "single")):
         monkeypatch.setattr(speed, name, stub(kind))
     monkeypatch.setattr(speed, "bare_loop", stub("bare loop"))
+    monkeypatch.setattr(speed, "bare_drive", stub("bare drive"))
     monkeypatch.setattr(
         speed,
         "rival",
@@ -205,3 +220,23 @@ def test_one_row_is_measured_with_the_first_number_of_threads_alone(monkeypatch:
     field, _ = speed.contestants(asked)
     assert [(each.rows, each.threads) for each in field if each.kind == "native"] == [(1, 2)]
     assert speed.ratios(field, asked)["vector_over_bare_batch"] == 1.0
+
+
+def test_the_bare_loop_drives_as_the_environment_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[mujoco.MjData] = []
+    step = mujoco.mj_step
+
+    def stepped(model: mujoco.MjModel, data: mujoco.MjData, nstep: int) -> None:
+        step(model, data, nstep)
+        seen[:] = [data]
+
+    ticks = recording("straight", 1)
+    env = TralCorridorVectorEnv(1, scenario="straight")
+    env.reset(seed=0)
+    rng, contestant = np.random.default_rng(0), bare_drive("straight")
+    monkeypatch.setattr(mujoco, "mj_step", stepped)
+    for _ in ticks[:40]:
+        env.step(gentle(1, rng))
+        contestant.step()
+    assert seen[0].qpos.tobytes() == env.world.sim.physics.qpos[0].tobytes()
+    env.close()

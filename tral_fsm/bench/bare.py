@@ -63,8 +63,32 @@ def bare_batch(scenario: str, rows: int, threads: int) -> Contestant:
     return Contestant(name=name, kind="bare batch", rows=rows, threads=threads, step=step, close=env.close)
 
 
+def bare_drive(scenario: str) -> Contestant:
+    """`mj_step` in a loop, through the drive of one car of the native environment."""
+    ticks = recording(scenario, 1)
+    env = TralCorridorVectorEnv(1, scenario=scenario)
+    env.reset(seed=0)
+    physics = env.world.sim.physics
+    model, start = physics.batch.get_model(0), physics.batch.state[0].copy()
+    data = mujoco.MjData(model)
+    env.close()
+    tick = 0
+
+    def step() -> int:
+        nonlocal tick
+        if tick % len(ticks) == 0:
+            mujoco.mj_setState(model, data, start, mujoco.mjtState.mjSTATE_INTEGRATION)
+        now = ticks[tick % len(ticks)]
+        data.ctrl[:], model.dof_frictionloss[:] = now["ctrl"][0], now["loss"][0]
+        mujoco.mj_step(model, data, physics.substeps)
+        tick += 1
+        return 1
+
+    return Contestant(name="bare mj_step loop through the same drive", kind="bare drive", step=step)
+
+
 def bare_loop(scenario: str) -> Contestant:
-    """`mj_step` of the same model in a loop."""
+    """`mj_step` of the same model in a loop, with no wall near the car and nothing to do but to roll."""
     model = build_model(Pool(min(Pool.for_scenario(scenario).boxes, LOCAL_BOXES)), looks=False)
     data = mujoco.MjData(model)
     substeps = round(CONTROL_PERIOD_S / model.opt.timestep)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import cycle
 from typing import Any
 
 import gymnasium as gym
@@ -15,6 +16,8 @@ from tral_fsm.bench.commands import gentle
 from tral_fsm.bench.timing import Contestant
 
 ENV_ID = f"{tral_env.__name__}:TralCorridor-v0"
+_COMMANDS = 2000
+"""Number of commands after which a single environment gets the first one again."""
 
 
 def native(scenario: str, rows: int, threads: int, processes: int = 1) -> Contestant:
@@ -39,7 +42,9 @@ def single(scenario: str) -> Contestant:
     """A single environment, reset when it ends."""
     env = gym.make(ENV_ID, scenario=scenario)
     rng = np.random.default_rng(0)
-    step = _until_it_ends(env, lambda: gentle(1, rng)[0])
+    # To draw them costs time, too, which is not the environment's.
+    commands = cycle([gentle(1, rng)[0] for _ in range(_COMMANDS)])
+    step = _until_it_ends(env, lambda: next(commands))
     return Contestant(name="single env", kind="single", step=step, close=env.close)
 
 

@@ -11,7 +11,7 @@ from dataclasses import asdict
 from typing import Any
 
 from tral_env.errors import RenderError
-from tral_fsm.bench.bare import bare_batch, bare_loop
+from tral_fsm.bench.bare import bare_batch, bare_drive, bare_loop
 from tral_fsm.bench.costs import camera_cost, reset_cost, size_cost
 from tral_fsm.bench.environments import landmark, native, rival, single
 from tral_fsm.bench.plan import SpeedPlan
@@ -28,6 +28,7 @@ def contestants(plan: SpeedPlan) -> tuple[list[Contestant], Skipped]:
     """All contestants, and the landmarks that lack a package."""
     field = [
         bare_loop(plan.scenario),
+        bare_drive(plan.scenario),
         single(plan.scenario),
         rival(plan.scenario, plan.rivals, "sync"),
         rival(plan.scenario, plan.rivals, "async"),
@@ -90,6 +91,7 @@ def ratios(field: Sequence[Contestant], plan: SpeedPlan) -> dict[str, float]:
     split = [each for each in field if each.kind == "processes"]
     pairs = {
         "single_over_bare_loop": (_one(field, "single"), _one(field, "bare loop")),
+        "single_over_bare_drive": (_one(field, "single"), _one(field, "bare drive")),
         "vector_over_bare_batch": (ours, bare),
         **({"processes_over_bare_batch": (split[0], bare)} if split else {}),
         "vector_over_sync": (ours, _one(field, "sync", plan.rivals)),
