@@ -7,6 +7,8 @@ from one_car import GATE_AHEAD, ROW, drive, one_car
 from tral_env.course.geometry import build_plan
 from tral_env.errors import SimulationError
 from tral_env.interface import CONTROL_PERIOD_S
+from tral_env.options import CorridorConfig
+from tral_env.world import World
 
 
 def test_a_car_begins_at_the_start_of_its_plan_at_time_0() -> None:
@@ -59,3 +61,22 @@ def test_a_state_that_is_not_finite_is_an_error_with_the_row() -> None:
     sim.physics.qpos[0, 0] = np.inf
     with pytest.raises(SimulationError, match=r"rows \[0\]"):
         sim.step(np.zeros((1, 2)), ROW)
+
+
+def test_a_row_keeps_its_own_sensors_also_those_that_are_not_due() -> None:
+    config, commands = CorridorConfig(scenario="corners"), ((0.1, 0.5), (-0.2, 0.3), (0.3, -0.2))
+    among = World(3, config)
+    among.reset(among.request(np.arange(3)), [np.random.default_rng(seed) for seed in range(3)])
+    rays: list[list[bytes]] = []
+    for row, command in enumerate(commands):
+        alone = World(1, config)
+        alone.reset(alone.request(ROW), [np.random.default_rng(row)])
+        history = []
+        for _ in range(40):
+            alone.step(np.array([command]))
+            history.append(alone.sim.physics.sensordata[0].tobytes())
+        rays.append(history)
+    for tick in range(40):
+        among.step(np.array(commands))
+        told = [among.sim.physics.sensordata[row].tobytes() for row in range(3)]
+        assert told == [history[tick] for history in rays]

@@ -43,7 +43,8 @@ class Physics:
         self.model = build_model(around, looks=False)
         self.handles = CarHandles(self.model, sonar)
         self._boxes = pool_geoms(self.model, around)
-        self.batch = Batch(self.model, n, nthread, True)
+        # A thread steps all its cars in the same memory, which so stays in the caches of the processor.
+        self.batch = Batch(self.model, n, nthread, persistent=False)
         self.substeps: int = round(CONTROL_PERIOD_S / self.model.opt.timestep)
         self.time_s = np.zeros(n)
         """(n,) time since reset."""
