@@ -1,9 +1,9 @@
 """Names of the arrays that pass between rooms, and how a law is written once for many cars and for one.
 
 A law takes arrays with a row for each car. For a car alone it takes plain numbers instead, with which Python computes
-ten times as fast as NumPy with arrays of one, and to the same last bit: a law that is called so uses `where`, `minimum`
-and `maximum` of this module beside + - * / and comparisons, and functions of NumPy for all that is rounded otherwise
-by `math`.
+ten times as fast as NumPy with arrays of one, and to the same last bit: a law that is called so uses `where`,
+`minimum`, `maximum`, `sqrt`, `floor` and `rint` of this module beside + - * / and comparisons, and functions of NumPy
+for all that is rounded otherwise by `math`. It squares x as x * x, because Python and NumPy round powers differently.
 """
 
 from __future__ import annotations

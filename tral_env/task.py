@@ -332,7 +332,7 @@ def _wall_clearance_alone(track: Track, pose: Array, car: CarConfig) -> tuple[fl
     for straight, unit in zip(track.straights[ALONE].tolist(), track.straight_unit[ALONE].tolist(), strict=True):
         (x0, y0, _, length, _), (cos, sin) = straight, unit
         along, _ = rotate_back(cos, sin, x - x0, y - y0)
-        # The middle of a car that drives along the stretch is ahead of the rear axle, so it is beside it only here.
+        # A car is on a stretch with its middle, which is between 0 and `middle_x` farther along than its rear axle.
         if -car.middle_x <= along <= length:
             is_on, left, right = _clearances((x, y, yaw), straight, unit, car)
             if is_on:

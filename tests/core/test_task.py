@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tral_env import task
+from tral_env.arrays import ALONE
 from tral_env.config import CarConfig, TaskConfig
 from tral_env.course.geometry import build_plan
 from tral_env.course.layout import Course, Segment
@@ -158,6 +161,19 @@ def test_clearance_is_perpendicular_also_when_the_car_is_turned() -> None:
 def test_there_is_no_clearance_off_the_plain_stretches() -> None:
     assert np.isnan(clearance(0.5, 0.0)).all()
     assert np.isnan(clearance(2.0, 0.0, np.pi)).all()
+
+
+@given(
+    x=st.floats(-1.0, 5.0) | st.sampled_from([0.871, 1.0, 3.871, 4.0]),
+    y=st.floats(-1.2, 1.2),
+    yaw=st.floats(-4.0, 4.0) | st.sampled_from([0.0, np.arccos(0.7), np.pi]),
+    wheelbase=st.sampled_from([0.02, 0.258, 3.0]),
+)
+def test_a_car_alone_has_the_clearance_of_a_row(x: float, y: float, yaw: float, wheelbase: float) -> None:
+    crossing = np.array([[1.0, 0.0, 0.0, 3.0, 2.0], [2.0, 1.0, -np.pi / 2, 2.0, 1.5]])
+    course, pose, car = track(plan(straights=crossing)), np.array([[x, y, yaw]]), CarConfig(wheelbase=wheelbase)
+    among = task.wall_clearance(course, pose, car)
+    assert np.array(task.wall_clearance(course, pose, car, ALONE)).tobytes() == np.concatenate(among).tobytes()
 
 
 def test_the_time_limit_is_that_of_a_slow_walk_and_ten_seconds() -> None:

@@ -63,6 +63,25 @@ def test_a_state_that_is_not_finite_is_an_error_with_the_row() -> None:
         sim.step(np.zeros((1, 2)), ROW)
 
 
+@pytest.mark.parametrize("nthread", [1, 2])
+def test_a_row_that_rests_or_begins_anew_beside_others_reads_what_it_reads_alone(nthread: int) -> None:
+    config, draw = CorridorConfig(scenario="doors", groups=("line", "imu", "battery")), np.random.default_rng(nthread)
+    among, alone = World(3, config, nthread=nthread), [World(1, config) for _ in range(3)]
+    rngs, own_rngs = ([np.random.default_rng(seed) for seed in range(3)] for _ in range(2))
+    begin = np.arange(3)
+    for _ in range(60):
+        among.reset(among.request(begin), rngs)
+        for row in begin:
+            alone[row].reset(alone[row].request(ROW), [own_rngs[row]])
+        moving, commands = np.flatnonzero(draw.random(3) < 0.7), draw.uniform((-1.0, -0.3), 1.0, (3, 2))
+        among.step(commands, moving)
+        for row, world in enumerate(alone):
+            world.step(commands[[row]], None if row in moving else ROW[:0])
+        read = [world.observation()[0].tobytes() for world in alone]
+        assert [row.tobytes() for row in among.observation()] == read
+        begin = np.flatnonzero(draw.random(3) < 0.1)
+
+
 def test_a_row_keeps_its_own_sensors_also_those_that_are_not_due() -> None:
     config, commands = CorridorConfig(scenario="corners"), ((0.1, 0.5), (-0.2, 0.3), (0.3, -0.2))
     among = World(3, config)

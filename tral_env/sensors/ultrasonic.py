@@ -127,7 +127,7 @@ def echo(distance: Array, normal: Array, config: UltrasonicConfig, softness: Arr
 
 
 def echo_alone(rays: Iterable[tuple[float, float, float]], config: UltrasonicConfig, softness: float) -> float:
-    """As `echo`, for one ranger alone, ray by ray, and to the same last bit.
+    """As `echo`, for one ranger alone, ray by ray, and to the same last bit; a range of 0 may have another sign.
 
     Args:
         rays: R times the distance along a ray, m, and the normal of the surface that it hits, as `echo` has them.
@@ -170,6 +170,7 @@ def _cos_limit(config: UltrasonicConfig, softness: Values | None) -> Values:
 def _is_one_wall(p: _Hit, q: _Hit, config: UltrasonicConfig) -> bool:
     """Whether two rays of a ranger alone surely hit one wall, with neither a corner nor an edge between them."""
     same: bool = p.nx == q.nx and p.ny == q.ny and p.nx * q.nx + p.ny * q.ny > config.corner_tolerance
+    # With one normal the heights differ by `front` of `_corner_or_edge`: half the step there leaves room for rounding.
     return same and bool(abs(p.height - q.height) < config.jitter_m / 8)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tral_env.arrays import Array, Index, Rows, everyone, pick
+from tral_env.arrays import Index, Rows, Values, everyone, pick
 from tral_env.config import CarConfig, HallConfig
 from tral_env.interface import CONTROL_PERIOD_S
 from tral_env.noise import NoiseTape
@@ -42,6 +42,6 @@ class HallWheel:
         rates = drawn["hall_miss_rate"], drawn["hall_double_rate"]
         self.hall.update(travel, self._physics.time_s, CONTROL_PERIOD_S, uniform, *rates)
 
-    def readings(self) -> dict[str, Array]:
+    def readings(self) -> dict[str, Values]:
         """``distance`` and ``speed``, see `Hall.readings`."""
         return self.hall.readings()

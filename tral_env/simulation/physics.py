@@ -43,7 +43,7 @@ class Physics:
         self.model = build_model(around, looks=False)
         self.handles = CarHandles(self.model, sonar)
         self._boxes = pool_geoms(self.model, around)
-        # A thread steps all its cars in the same memory, which so stays in the caches of the processor.
+        # A thread steps all its cars in one MjData, which stays in the processor's caches.
         self.batch = Batch(self.model, n, nthread, persistent=False)
         self.substeps: int = round(CONTROL_PERIOD_S / self.model.opt.timestep)
         self.time_s = np.zeros(n)
@@ -110,7 +110,10 @@ class Physics:
             raise SimulationError(f"unstable physics in rows {np.flatnonzero(unstable).tolist()}")
 
     def motion(self) -> Array:
-        """(n, 6) angular rate, rad/s, and proper acceleration, m/s^2, of the cars."""
+        """(n, 6) angular rate, rad/s, and proper acceleration, m/s^2, of the cars.
+
+        The acceleration of a car that was reset may be another car's until a step moves it: see `motion_at_rest`.
+        """
         motion: Array = self.sensordata[:, self.handles.imu]
         return motion
 

@@ -53,6 +53,7 @@ class GroundTruth:
         The point of contact p moves with v + w x (p - o): v and w are the velocity and the yaw rate at the rear axle o.
         """
         rows = self._everyone
+        # Copies, because `observe` writes the velocity anew.
         vx, vy, w = columns(self._velocity, rows) if rows is ALONE else self._velocity.T.copy()
         self.observe()
         found, x, y, _, nx, ny, _ = columns(self._contact, rows)
