@@ -24,6 +24,7 @@ from tral_env.arrays import (
     minimum,
     pick,
     sqrt,
+    square,
     where,
 )
 from tral_env.config import CarConfig, EscConfig, ServoConfig
@@ -140,7 +141,7 @@ def scrub_torque(speed: Array, standstill: Array | float, speed_scale: float) ->
     Returns:
         N m, (n,).
     """
-    result: Array = standstill / scrub_fall(speed, speed_scale, sqrt=sqrt)
+    result: Array = standstill / scrub_fall(speed, speed_scale, sqrt=sqrt, square=square)
     return result
 
 

@@ -109,6 +109,11 @@ def sqrt(values: Any) -> Any:
     return math.sqrt(values) if type(values) is float else np.sqrt(values)
 
 
+def square(values: Any) -> Any:
+    """`numpy.square`, also of a number, whose power Python rounds otherwise."""
+    return values * values
+
+
 def floor(values: Any) -> Any:
     """`numpy.floor`, also of a finite number."""
     return values // 1.0 if type(values) is float else np.floor(values)

@@ -64,7 +64,19 @@ STANDING_MPS = 0.05
 """Below this speed the car counts as standing, m/s. Source: choice, half of the hall sensor's slowest reading."""
 
 
-def scrub_fall(speed: Any, scale: float = SCRUB_SPEED, *, sqrt: Callable[[Any], Any] = math.sqrt) -> Any:
+def _second_power(value: float) -> float:
+    """`value ** 2`, whose last bit is not always that of `value * value`."""
+    power: float = value**2
+    return power
+
+
+def scrub_fall(
+    speed: Any,
+    scale: float = SCRUB_SPEED,
+    *,
+    sqrt: Callable[[Any], Any] = math.sqrt,
+    square: Callable[[Any], Any] = _second_power,
+) -> Any:
     """How many times smaller the scrub of the front tyres is than at standstill: ``sqrt(1 + (v / v0)^2)``.
 
     A tyre that turns about its kingpin at rate w slides in its patch of length a; rolling at v carries the twisted
@@ -76,9 +88,9 @@ def scrub_fall(speed: Any, scale: float = SCRUB_SPEED, *, sqrt: Callable[[Any], 
         speed: rolling speed v, m/s: a number, or an array of any shape.
         scale: v0, m/s.
         sqrt: `math.sqrt` for a number, `numpy.sqrt` for an array.
+        square: for a car alone that is to round as an array of cars does, `tral_env.arrays.square`.
     """
-    ratio = speed / scale
-    return sqrt(1.0 + ratio * ratio)
+    return sqrt(1.0 + square(speed / scale))
 
 
 def steering_play(speed: float) -> float:
