@@ -15,7 +15,7 @@ import numpy as np
 from tral_env.checks import is_number
 from tral_env.config import TaskConfig, as_config
 from tral_env.errors import ConfigError, MissingExtraError
-from tral_env.learned import Correction
+from tral_env.learned import Correction, Network
 from tral_env.learner import LearnerConfig
 from tral_fsm.formats import library, tral_json
 from tral_fsm.learning import start
@@ -84,9 +84,13 @@ class ResidualSettings(PPOSettings):
         if self.learner.action != "throttle" or self.learner.drive_range is not None:
             raise ConfigError("learner: corrections have action: throttle and no drive_range: they have own limits")
 
-    def of_machine(self, machine: str) -> Correction:
-        """The correction of a machine, TRAL JSON."""
-        return Correction(machine=machine, steering=self.correct_steering, speed=self.correct_speed)
+    def of_machine(self, machine: str, share: float = 1.0) -> Correction:
+        """The correction of a machine, TRAL JSON; of its limits with a share of that of the speed."""
+        return Correction(machine=machine, steering=self.correct_steering, speed=share * self.correct_speed)
+
+
+LIMITS = (1.0, 0.7, 0.5)
+"""Shares of the limit of a corrected speed with which the last network of a training is driven, until none is lost."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,11 +245,25 @@ class _Callback(BaseCallback):
         settings: ReinforcementSettings = self._run.settings
         about = {"algorithm": self._run.request.algo}
         network = network_of_model(self.model, settings.learner, provenance=about)
+        figures = {"success": self._success, "episodes": self._episodes, "loss": None}
         if isinstance(settings, ResidualSettings):
-            assert self._machine is not None
-            network = replace(network, correction=settings.of_machine(self._machine))
-        self._run.validate(network, {"success": self._success, "episodes": self._episodes, "loss": None})
+            self._validate_correction(network, settings, figures)
+        else:
+            self._run.validate(network, figures)
         self._run.keep(_state(self.model))
+
+    def _validate_correction(self, network: Network, settings: ResidualSettings, figures: dict[str, Any]) -> None:
+        """Drive a validation with a correction; the last one with smaller limits of the speed, too, if it loses drives.
+
+        A network that dares too much is a good one with a smaller limit more often than a careful one is fast.
+        """
+        assert self._machine is not None
+        for share in LIMITS if self._run.is_over else LIMITS[:1]:
+            correction = settings.of_machine(self._machine, share)
+            told = figures if share == 1.0 else {**figures, "correct_speed": correction.speed}
+            score = self._run.validate(replace(network, correction=correction), told)
+            if not self._run.loses_drives(score):
+                break
 
 
 def _state(model: Any) -> dict[str, Any]:

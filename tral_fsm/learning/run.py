@@ -216,6 +216,10 @@ class TrainingRun:
         write_json(self.folder / CURVE, self.curve.points)
         return score
 
+    def loses_drives(self, score: Score) -> bool:
+        """Whether fewer drives arrived than with the policy, or the machine, with which the training began."""
+        return self._enough is not None and score.successes < self._enough
+
     def _save(self, network: Network, score: Score) -> None:
         provenance = {
             **network.provenance,
