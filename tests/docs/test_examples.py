@@ -36,7 +36,7 @@ CHEAPER = {
     "tral compare --policies office,pursuit,constant,random --suite smoke --out runs/compare": "--courses 1",
     "tral train --algo teacher --scenario corners --minutes 4 --out runs/student": "--minutes 0.01 --validation 1",
     "tral compare --policies specialists,office,residual,student,ppo,ramp,pursuit,constant,random --suite standard "
-    "--courses 100 --out runs/published": "--policies constant --suite smoke --courses 1",
+    "--courses 200 --out runs/published": "--policies constant --suite smoke --courses 1",
     "python benchmarks/compare.py": "--policies constant --suite smoke --courses 1 --videos 0 --processes 1",
     "python benchmarks/marker_accuracy.py --out runs/marker_accuracy.json": "--views 16",
     "python benchmarks/gate_accuracy.py --out runs/gate_accuracy.json": "--views 12",
