@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import cycle
 
 import mujoco
 import numpy as np
@@ -43,20 +44,18 @@ def recording(scenario: str, rows: int) -> list[dict[str, NDArray[np.float64]]]:
 
 def bare_batch(scenario: str, rows: int, threads: int) -> Contestant:
     """`Batch.step` through the same drives as the native environment."""
-    ticks = recording(scenario, rows)
+    ticks = cycle(enumerate(recording(scenario, rows)))
     env = TralCorridorVectorEnv(rows, nthread=threads, scenario=scenario)
     env.reset(seed=0)
     sim, batch = env.world.sim, env.world.sim.physics.batch
     start, ctrl, loss = batch.state.copy(), batch.bind("ctrl"), batch.expand("dof_frictionloss")
-    tick = 0
 
     def step() -> int:
-        nonlocal tick
-        if tick % len(ticks) == 0:
+        number, now = next(ticks)
+        if number == 0:
             batch.state[:] = start
-        ctrl[:], loss[:] = ticks[tick % len(ticks)]["ctrl"], ticks[tick % len(ticks)]["loss"]
+        ctrl[:], loss[:] = now["ctrl"], now["loss"]
         bare_step(sim)
-        tick += 1
         return rows
 
     name = f"bare Batch.step, {rows} rows, {threads} threads"
@@ -65,23 +64,20 @@ def bare_batch(scenario: str, rows: int, threads: int) -> Contestant:
 
 def bare_drive(scenario: str) -> Contestant:
     """`mj_step` in a loop, through the drive of one car of the native environment."""
-    ticks = recording(scenario, 1)
+    ticks = cycle(enumerate(recording(scenario, 1)))
     env = TralCorridorVectorEnv(1, scenario=scenario)
     env.reset(seed=0)
     physics = env.world.sim.physics
     model, start = physics.batch.get_model(0), physics.batch.state[0].copy()
     data = mujoco.MjData(model)
     env.close()
-    tick = 0
 
     def step() -> int:
-        nonlocal tick
-        if tick % len(ticks) == 0:
+        number, now = next(ticks)
+        if number == 0:
             mujoco.mj_setState(model, data, start, mujoco.mjtState.mjSTATE_INTEGRATION)
-        now = ticks[tick % len(ticks)]
         data.ctrl[:], model.dof_frictionloss[:] = now["ctrl"][0], now["loss"][0]
         mujoco.mj_step(model, data, physics.substeps)
-        tick += 1
         return 1
 
     return Contestant(name="bare mj_step loop through the same drive", kind="bare drive", step=step)
