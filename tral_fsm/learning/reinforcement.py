@@ -255,7 +255,7 @@ class _Callback(BaseCallback):
     def _validate_correction(self, network: Network, settings: ResidualSettings, figures: dict[str, Any]) -> None:
         """Drive a validation with a correction; the last one with smaller limits of the speed, too, if it loses drives.
 
-        A network that dares too much is a good one with a smaller limit more often than a careful one is fast.
+        With a smaller limit, a daring network was faster than a careful one, see docs/learning_experiments.md.
         """
         assert self._machine is not None
         for share in LIMITS if self._run.is_over else LIMITS[:1]:
