@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
 
 from tral_env.arrays import Flags
 from tral_env.checks import check_rows, one_of
@@ -21,6 +22,9 @@ from tral_env.learner import Actuation, LearnerConfig, LearnerView, check_correc
 
 Values = NDArray[np.float32]
 
+_BLAS = ThreadpoolController().select(user_api="blas")
+"""What multiplies NumPy's matrices. Threads of its own would hardly make a network faster, and wait for the next one
+busily, on cores that simulate cars or train."""
 MIN_DEVIATION = 1e-6
 """An input that differs less is no input, and dividing by less makes numbers beyond float32."""
 MAX_LAYERS = 16
@@ -117,6 +121,12 @@ class Network:
 
     def actions(self, observation: Values) -> Values:
         """Actions (k, 2) in [-1, 1] for observations (k, inputs), see `LearnerView`."""
+        if len(observation) == 1:  # too small for threads
+            return self._actions(observation)
+        with _BLAS.limit(limits=1):
+            return self._actions(observation)
+
+    def _actions(self, observation: Values) -> Values:
         x = observation
         if self.normalization is not None:
             x = (x - self.normalization[0]) / self.normalization[1]

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from tral_env.env import TralCorridorEnv
 from tral_env.errors import ConfigError
@@ -70,6 +71,23 @@ def test_it_decides_as_torch_does(activation: str, output: str) -> None:
         expected = rival(torch.from_numpy(seen).double()).numpy()
     assert net.actions(seen) == pytest.approx(expected, abs=1e-6)
     assert np.concatenate([net.actions(row[None]) for row in seen]) == pytest.approx(expected, abs=1e-6)
+
+
+def test_many_rows_are_computed_in_one_thread_and_the_number_of_threads_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[list[int]] = []
+
+    def noted(x: np.ndarray) -> np.ndarray:
+        seen.append(blas_threads())
+        return x
+
+    def blas_threads() -> list[int]:
+        return [each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"]
+
+    monkeypatch.setattr("tral_env.learned.ACTIVATIONS", {"relu": noted})
+    with threadpool_limits(2, "blas"):
+        network().actions(np.zeros((8, LearnerView(LEARNER, 1).size), np.float32))
+        assert blas_threads() == [2] * len(seen[0])
+    assert seen == [[1] * len(seen[0])]
 
 
 @pytest.mark.parametrize("action", ["speed", "throttle"])
