@@ -13,7 +13,9 @@ from tral_env.learner import LearnerView
 from tral_env.vector_env import TralCorridorVectorEnv
 from tral_fsm import load_policy
 from tral_fsm.learning.guard import Guard
-from tral_fsm.learning.teacher import Lessons, Samples, TeacherSettings, teacher_settings
+from tral_fsm.learning.lessons import Lessons, chart_of
+from tral_fsm.learning.student import Samples
+from tral_fsm.learning.teacher_settings import TeacherSettings, teacher_settings
 
 CARS = 2
 SETTINGS = replace(teacher_settings(("straight",)), stuck_s=60.0)
@@ -37,24 +39,51 @@ def env() -> Iterator[TralCorridorVectorEnv]:
 def test_a_network_that_stands_gets_the_same_answer_at_each_decision(env: TralCorridorVectorEnv, action: str) -> None:
     learner = replace(SETTINGS.learner, action=action, drive_range=(0.0, 1.0))
     settings = replace(SETTINGS, learner=learner)
-    lessons, samples = Lessons(env, load_policy("wall"), settings, 0), Samples(1000, INPUTS)
+    lessons, samples = Lessons(env, load_policy("wall"), settings, None, 0), Samples(1000, INPUTS)
     lessons.begin_round(0.0)
     decisions = sum(lessons.tick(answering(settings, -1.0), samples) for _ in range(160))
     assert decisions == samples.total == CARS * 40
-    _, answers = samples.draw((8, samples.total - 8), 500, np.random.default_rng(0))
+    _, answers, _ = samples.draw((8, samples.total - 8), 500, np.random.default_rng(0))
     speeds = answers[:, 1].numpy()
     assert speeds.min() > -1.0
     assert speeds.max() - speeds.min() < 1e-6
 
 
 def test_the_machine_drives_a_car_off_where_a_network_let_it_stand(env: TralCorridorVectorEnv) -> None:
-    lessons, samples = Lessons(env, load_policy("wall"), SETTINGS, 0), Samples(1000, INPUTS)
+    lessons, samples = Lessons(env, load_policy("wall"), SETTINGS, None, 0), Samples(1000, INPUTS)
     low, high = SETTINGS.learner.drives_from_to
     for taught_share in (0.0, 1.0):
         lessons.begin_round(taught_share)
         for _ in range(160):
             lessons.tick(answering(SETTINGS, (low + high) / (low - high)), samples)  # 0 m/s
     assert (env.world.info()["speed_mps"] > 0.3).all()
+
+
+def test_the_network_learns_the_states_of_the_machine_and_follows_its_own() -> None:
+    cars = TralCorridorVectorEnv(CARS, autoreset_mode="Disabled", scenario="corners", randomization="none")
+    machine = load_policy("corners")
+    chart = chart_of(machine.definition, SETTINGS.learner)
+    wanted = 1
+    bias = np.zeros(2 + len(chart.states), np.float32)
+    bias[2 + wanted] = 1.0
+    layers = [(np.zeros((len(bias), INPUTS + len(chart.inputs)), np.float32), bias)]
+    network = Network(learner=SETTINGS.learner, layers=layers, chart=chart)
+    samples = Samples(10_000, INPUTS + len(chart.inputs))
+    lessons = Lessons(cars, machine, replace(SETTINGS, guarded=0.0), chart, 0)
+    lessons.begin_round(1.0)  # the machine drives
+    for _ in range(1200):
+        lessons.tick(network, samples)
+    inputs, _, states = (each.numpy() for each in samples.newest(2 * 300).values())
+    names = list(chart.inputs)
+    active = inputs[:, names.index(f"in_{chart.states[0]}") - len(names) :][:, : len(chart.states)].argmax(axis=1)
+    assert set(states.tolist()) >= {0, 1}, "the machine did not turn"
+    assert active[CARS:].tolist() == states[:-CARS].tolist()  # in which state the machine was at the decision before
+    lessons.begin_round(0.0)
+    for _ in range(16):
+        lessons.tick(network, samples)
+    inputs = samples.newest(2 * CARS)["inputs"].numpy()
+    assert (inputs[:, names.index(f"in_{chart.states[wanted]}") - len(names)] == 1.0).all()
+    cars.close()
 
 
 class TestGuard:
@@ -93,7 +122,7 @@ class TestGuard:
 def test_the_machine_drives_on_where_a_guarded_network_errs(env: TralCorridorVectorEnv) -> None:
     settings = replace(SETTINGS, guarded=0.5, help_above=0.2, help_decisions=20)
     wrong = [(np.zeros((2, INPUTS), np.float32), np.float32([1.0, 0.0]))]
-    lessons, samples = Lessons(env, load_policy("wall"), settings, 0), Samples(1000, INPUTS)
+    lessons, samples = Lessons(env, load_policy("wall"), settings, None, 0), Samples(1000, INPUTS)
     lessons.begin_round(0.0)
     for _ in range(240):
         lessons.tick(Network(learner=settings.learner, layers=wrong), samples)

@@ -117,12 +117,17 @@ class Machine:
     @property
     def active(self) -> State[Any]:
         """The active state; the root before the first tick."""
-        return self._states[self._active if self._active >= 0 else self._root]
+        return self._states[self.active_index]
+
+    @property
+    def active_index(self) -> int:
+        """Place of the active state among those of the definition; that of the root before the first tick."""
+        return self._active if self._active >= 0 else self._root
 
     @property
     def active_path(self) -> str:
         """Name of the active state: its label or id, then those of inner machines behind slashes."""
-        index = self._active if self._active >= 0 else self._root
+        index = self.active_index
         spec, inner = self._states[index].spec, self._inner.get(index)
         name = spec.label or str(spec.id)
         return name if inner is None else f"{name}/{inner.active_path}"

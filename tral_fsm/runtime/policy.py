@@ -203,6 +203,11 @@ class MachinePolicy:
         return [driver.active_path for driver in self._drivers]
 
     @property
+    def active_indices(self) -> NDArray[np.intp]:
+        """(n,) place of each car's active state among those of the definition, whatever its watch says."""
+        return np.array([driver.machine.active_index for driver in self._drivers], np.intp)
+
+    @property
     def estimates(self) -> list[CarEstimate]:
         """What the machine of each car was given last, in the frame of its dead reckoning."""
         return [driver.estimate for driver in self._drivers]
