@@ -83,6 +83,7 @@ def test_the_network_learns_the_states_of_the_machine_and_follows_its_own() -> N
         lessons.tick(network, samples)
     inputs = samples.newest(2 * CARS)["inputs"].numpy()
     assert (inputs[:, names.index(f"in_{chart.states[wanted]}") - len(names)] == 1.0).all()
+    assert {name.partition("/")[0] for name in machine.active_states} == {chart.states[wanted]}, "it did not follow"
     cars.close()
 
 

@@ -44,8 +44,11 @@ class Charted:
             n: number of cars.
         """
         self._machine, self._view = machine, ChartView(chart.states, detections, n)
-        self._place = np.array([chart.states.index(str(state.id)) for state in machine.definition.states])
+        ids = [str(state.id) for state in machine.definition.states]
+        self._place = np.array([chart.states.index(each) for each in ids])
         """Of each state of the machine: its place in the chart."""
+        self._index = np.array([ids.index(each) for each in chart.states])
+        """Of each state of the chart: its place in the machine."""
 
     def inputs(self, rows: NDArray[np.intp]) -> Values:
         """What the network sees beside the readings, (k, m)."""
@@ -57,8 +60,9 @@ class Charted:
         return states
 
     def enter(self, rows: NDArray[np.intp], states: NDArray[np.intp]) -> None:
-        """Let states (k,) be active in some cars."""
+        """Let states (k,) be active in some cars; their machines follow, and so answer for the state of the network."""
         self._view.enter(rows, states, self._machine.estimates)
+        self._machine.go_to(rows, self._index[states])
 
     def reset(self, rows: Flags) -> None:
         """Begin episodes in the cars of `rows` (n,)."""
