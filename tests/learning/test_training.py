@@ -44,8 +44,6 @@ SMALL: dict[str, dict[str, Any]] = {
     "residual": {"cars": 3, "layers": [8], "algorithm": {"n_steps": 8, "batch_size": 24, "n_epochs": 1}},
 }
 """Hyper-parameters for trainings of a few seconds."""
-SMALL_PLAIN = SMALL["teacher"] | {"chart": False, "learner": {"history": 16, "growth": 1.2, "memory": True}}
-"""Those of a student without a state chart."""
 
 
 def tral(*arguments: object) -> Any:
@@ -56,7 +54,7 @@ def tral(*arguments: object) -> Any:
 def small(tmp_path: Path) -> Any:
     def write(algo: str) -> Path:
         path = tmp_path / f"{algo}.yaml"
-        path.write_text(yaml.safe_dump(SMALL_PLAIN if algo == "plain" else SMALL[algo]))
+        path.write_text(yaml.safe_dump(SMALL[algo]))
         return path
 
     return write
@@ -101,8 +99,8 @@ class TestGoingOnFromAPolicy:
     @pytest.fixture
     def student(self, small: Any, tmp_path: Path) -> Path:
         out = tmp_path / "student"
-        options = ("--scenario", "straight", "--validation", 1, "--settings", small("plain"), "--out", out)
-        assert tral(*options, "--steps", 30).exit_code == 0
+        options = ("--scenario", "straight", "--validation", 1, "--settings", small("teacher"), "--out", out)
+        assert tral(*options, "--plain", "--steps", 30).exit_code == 0
         return out
 
     def go_on(self, student: Path, out: Path, critic_first: int) -> Network:
@@ -129,7 +127,7 @@ class TestGoingOnFromAPolicy:
         assert done.exit_code == 2
         told = " ".join(done.output.split())
         assert "it follows a state chart" in told
-        assert "chart: false" in told
+        assert "train the student with --plain" in told
         assert not (tmp_path / "on").exists()
 
     def test_the_actor_learns_then(self, student: Path, tmp_path: Path) -> None:
@@ -252,6 +250,7 @@ def test_without_a_checkpoint_there_is_nothing_to_go_on_with(tmp_path: Path) -> 
     ("arguments", "message"),
     [
         ({"minutes": 1.0, "steps": 5}, "got both --minutes and --steps: expected"),
+        ({"steps": 5, "algo": "ppo", "plain": True}, "--plain with --algo ppo: its networks see the readings alone"),
         ({}, "got neither --minutes nor --steps: expected"),
         ({"minutes": 0.0}, "--minutes 0.0: expected a finite number above 0"),
         ({"minutes": float("inf")}, "--minutes inf: expected a finite number above 0"),
@@ -378,8 +377,8 @@ def test_a_validation_drives_each_family_on_each_level() -> None:
 
 
 def test_cars_of_several_levels_train_a_policy_that_remembers(small: Any, tmp_path: Path) -> None:
-    options = ("--scenario", "gates", "--randomization", "none,hard", "--validation", 2, "--settings", small("plain"))
-    done = tral(*options, "--out", tmp_path / "run", "--steps", 60)
+    options = ("--scenario", "gates", "--randomization", "none,hard", "--validation", 2, "--settings", small("teacher"))
+    done = tral(*options, "--plain", "--out", tmp_path / "run", "--steps", 60)
     assert done.exit_code == 0, done.output
     network = load_network(tmp_path / "run")
     assert network.learner.memory

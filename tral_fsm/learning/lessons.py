@@ -34,21 +34,29 @@ def chart_of(machine: MachineDefinition, learner: LearnerConfig) -> Chart:
 class Charted:
     """The state chart of the network in each of n cars, beside the machine that teaches it."""
 
-    def __init__(self, chart: Chart, machine: MachinePolicy, detections: bool, n: int) -> None:
+    def __init__(self, chart: Chart, machine: MachinePolicy, settings: TeacherSettings, n: int) -> None:
         """Begin.
 
         Args:
             chart: that of the machine, see `chart_of`.
             machine: the teacher.
-            detections: whether the network sees gates and markers.
+            settings: the hyper-parameters.
             n: number of cars.
         """
-        self._machine, self._view = machine, ChartView(chart.states, detections, n)
-        ids = [str(state.id) for state in machine.definition.states]
-        self._place = np.array([chart.states.index(each) for each in ids])
+        self._machine, self._view = machine, ChartView(chart.states, settings.learner.detections, n)
+        definition = machine.definition
+        ids, place = [str(state.id) for state in definition.states], chart.states.index
+        self._place = np.array([place(each) for each in ids])
         """Of each state of the machine: its place in the chart."""
         self._index = np.array([ids.index(each) for each in chart.states])
         """Of each state of the chart: its place in the machine."""
+        self._leads = np.zeros((len(ids), len(ids)), bool)
+        """Whether a transition leads from a state of the chart to another one."""
+        for transition in definition.transitions:
+            self._leads[place(str(transition.source)), place(str(transition.target))] = True
+        self._differs = np.zeros(n, np.int64)
+        """(n,) decisions for which network and machine have been in different states."""
+        self._patience = settings.state_decisions
 
     def inputs(self, rows: NDArray[np.intp]) -> Values:
         """What the network sees beside the readings, (k, m)."""
@@ -60,13 +68,24 @@ class Charted:
         return states
 
     def enter(self, rows: NDArray[np.intp], states: NDArray[np.intp]) -> None:
-        """Let states (k,) be active in some cars; their machines follow, and so answer for the state of the network."""
-        self._view.enter(rows, states, self._machine.estimates)
-        self._machine.go_to(rows, self._index[states])
+        """Let the states (k,) that a network chose be active in some cars.
+
+        Where it takes a transition before the machine does, the machine takes it, too: from now on it answers for that
+        state. Where both are in different states for long, the network is put into that of the machine.
+        """
+        now, was = self.answers(rows), self._view.active[rows]
+        early = (states != now) & (now == was) & self._leads[was, states]
+        self._machine.go_to(rows[early], self._index[states[early]])
+        now = np.where(early, states, now)
+        self._differs[rows] = np.where(states == now, 0, self._differs[rows] + 1)
+        lost = self._differs[rows] > self._patience
+        self._differs[rows[lost]] = 0
+        self._view.enter(rows, np.where(lost, now, states), self._machine.estimates)
 
     def reset(self, rows: Flags) -> None:
         """Begin episodes in the cars of `rows` (n,)."""
         self._view.reset(rows)
+        self._differs[rows] = 0
 
 
 class Lessons:
@@ -92,7 +111,7 @@ class Lessons:
         n = env.num_envs
         self._env, self._machine, self._learner = env, machine, settings.learner
         self._view, self._actuation = LearnerView(settings.learner, n), Actuation(settings.learner, n)
-        self._charted = None if chart is None else Charted(chart, machine, settings.learner.detections, n)
+        self._charted = None if chart is None else Charted(chart, machine, settings, n)
         self._stuck = StuckWatch(n, settings.stuck_s)
         self._rng = np.random.default_rng(seed)
         self._wanted = np.zeros((n, 2))

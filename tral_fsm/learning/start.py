@@ -30,8 +30,7 @@ def network_to_begin_with(path: str) -> Network:
         raise PolicyFileError(f"--from {path}: {error}") from error
     if network.chart is not None:
         raise ConfigError(
-            f"--from {path}: it follows a state chart, which the reward does not teach: train the student with "
-            "'chart: false' in a file for --settings"
+            f"--from {path}: it follows a state chart, which the reward does not teach: train the student with --plain"
         )
     if network.correction is not None or network.output != "clip":
         raise ConfigError(

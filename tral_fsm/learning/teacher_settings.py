@@ -34,6 +34,7 @@ class TeacherSettings:
     steering_weight: float
     chart: bool
     state_weight: float
+    state_decisions: int
     stuck_s: float
 
     def __post_init__(self) -> None:
@@ -41,14 +42,21 @@ class TeacherSettings:
         if self.activation not in ACTIVATIONS:
             raise ConfigError(f"activation = {self.activation!r}: expected one of {', '.join(ACTIVATIONS)}")
         positive(self, "learning_rate", "batch", "samples", "round_decisions", "round_updates", "huber")
-        positive(self, "steering_weight", "state_weight", "stuck_s", "teacher_rounds")
+        positive(self, "steering_weight", "state_weight", "state_decisions", "stuck_s")
+        positive(self, "teacher_rounds")
         positive(self, "average", below=1.0)
         positive(self, "help_above", "help_decisions")
         if not is_number(self.guarded) or not 0.0 <= self.guarded <= 1.0:
             raise ConfigError(f"guarded = {self.guarded!r}: expected 0 to 1")
 
 
-def teacher_settings(scenarios: tuple[str, ...], path: Path | None = None) -> TeacherSettings:
-    """The hyper-parameters for some families, see `read_settings`."""
-    settings = read_settings(TeacherSettings, "teacher", path)
+def teacher_settings(scenarios: tuple[str, ...], path: Path | None = None, *, plain: bool = False) -> TeacherSettings:
+    """The hyper-parameters for some families, see `read_settings`.
+
+    Args:
+        scenarios: the families.
+        path: a YAML file with some of the names; None: none.
+        plain: whether the student sees the readings alone.
+    """
+    settings = read_settings(TeacherSettings, "teacher", path, "teacher_plain" if plain else None)
     return replace(settings, learner=sees_detections(settings.learner, scenarios))
