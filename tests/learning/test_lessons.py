@@ -8,12 +8,13 @@ import pytest
 
 pytest.importorskip("torch")
 
+from tral_env.interface import CORE_LAYOUT
 from tral_env.learned import Network
 from tral_env.learner import LearnerView
 from tral_env.vector_env import TralCorridorVectorEnv
 from tral_fsm import load_policy
 from tral_fsm.learning.guard import Guard
-from tral_fsm.learning.lessons import Lessons, chart_of
+from tral_fsm.learning.lessons import Charted, Lessons, chart_of
 from tral_fsm.learning.student import Samples
 from tral_fsm.learning.teacher_settings import TeacherSettings, teacher_settings
 
@@ -85,6 +86,45 @@ def test_the_network_learns_the_states_of_the_machine_and_follows_its_own() -> N
     assert (inputs[:, names.index(f"in_{chart.states[wanted]}") - len(names)] == 1.0).all()
     assert {name.partition("/")[0] for name in machine.active_states} == {chart.states[wanted]}, "it did not follow"
     cars.close()
+
+
+class TestTwoStates:
+    """Network and machine are in different states of the chart: follow -> corner -> settle -> follow."""
+
+    ROW = np.arange(1)
+
+    def charted(self) -> Charted:
+        self.machine = load_policy("corners")
+        self.machine.act(CORE_LAYOUT.missing(1).astype(np.float32)[0])
+        self.chart = chart_of(self.machine.definition, SETTINGS.learner)
+        assert self.chart.states == ("follow", "corner", "settle")
+        return Charted(self.chart, self.machine, replace(SETTINGS, state_decisions=3), 1)
+
+    def active(self, charted: Charted) -> str:
+        """State of the network, by its inputs."""
+        names = list(self.chart.inputs)
+        told = dict(zip(names, charted.inputs(self.ROW)[0].tolist(), strict=True))
+        return next(state for state in self.chart.states if told[f"in_{state}"] == 1.0)
+
+    def test_the_machine_takes_a_transition_that_the_network_takes_early(self) -> None:
+        charted = self.charted()
+        charted.enter(self.ROW, np.array([1]))
+        assert self.active(charted) == "corner"
+        assert charted.answers(self.ROW).tolist() == [1]
+
+    def test_where_no_transition_leads_the_machine_stays_and_puts_the_network_right_in_the_end(self) -> None:
+        charted = self.charted()
+        states = []
+        for _ in range(5):
+            charted.enter(self.ROW, np.array([2]))
+            states.append((self.active(charted), charted.answers(self.ROW).tolist()))
+        assert states == [("settle", [0])] * 3 + [("follow", [0]), ("settle", [0])]
+
+    def test_a_new_episode_begins_in_the_first_state(self) -> None:
+        charted = self.charted()
+        charted.enter(self.ROW, np.array([2]))
+        charted.reset(np.ones(1, bool))
+        assert self.active(charted) == "follow"
 
 
 class TestGuard:
