@@ -53,9 +53,11 @@ class ChartedPolicy(LearnedPolicy):
         ]
 
     def _decided(self, rows: Flags | None) -> Values:
-        of = self._all if rows is None else np.flatnonzero(rows)
+        of, seen = self._all, self._view.observation()
+        if rows is not None:
+            of, seen = np.flatnonzero(rows), seen[rows]
         told = self._chart_view.inputs(of, self._estimates)
-        actions, states = self.network.decided(np.concatenate([self._view.observation()[of], told], axis=1))
+        actions, states = self.network.decided(np.concatenate([seen, told], axis=1))
         self._chart_view.enter(of, states, self._estimates)
         return actions
 
