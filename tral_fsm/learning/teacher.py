@@ -27,7 +27,7 @@ from tral_env.vector_env import TralCorridorVectorEnv
 from tral_fsm.evaluation.stuck import StuckWatch
 from tral_fsm.learning.choices import check_size, positive, read_settings, sees_detections
 from tral_fsm.learning.guard import Guard
-from tral_fsm.learning.networks import ACTIVATIONS, as_network, nn, perceptron, torch
+from tral_fsm.learning.networks import ACTIVATIONS, as_network, falling, nn, perceptron, torch
 from tral_fsm.learning.run import RECENT, TrainingRun
 from tral_fsm.policies import load_machine_policy
 from tral_fsm.runtime.policy import MachinePolicy
@@ -35,6 +35,8 @@ from tral_fsm.runtime.policy import MachinePolicy
 Flags = NDArray[np.bool_]
 Values = NDArray[np.float32]
 _SPEED = CORE_LAYOUT.column("speed")
+LAST_RATE = 0.1
+"""The learning rate falls to this share of it."""
 KEPT_ROUNDS = 30
 """A checkpoint holds the decisions of so many rounds, 40 MB with the packaged settings; all of them would be 250 MB."""
 
@@ -138,7 +140,7 @@ class Student:
             share: of the training that is done, in [0, 1].
         """
         settings = self.settings
-        rate = settings.learning_rate * (0.1 + 0.9 * (1 + math.cos(math.pi * share)) / 2)
+        rate = settings.learning_rate * falling(share, LAST_RATE)
         for group in self._optimizer.param_groups:
             group["lr"] = rate
         total = 0.0
