@@ -58,7 +58,7 @@ def trainings(algo: str, seed: int, hours: float, out: Path, scenario: str) -> l
     if algo != STUDENT_FIRST:
         return training(algo, decision_hz(algo), ["--seed", str(seed)], hours, out / f"{algo}{seed}", scenario)
     begun, rate, seeded = out / f"start{seed}", decision_hz("teacher"), ["--seed", str(seed)]
-    student = training("teacher", rate, seeded, hours / 2, begun, scenario)
+    student = training("teacher", rate, [*seeded, "--plain"], hours / 2, begun, scenario)
     goes_on = [*seeded, "--from", str(begun)]
     return [*student, *training("ppo", rate, goes_on, hours / 2, out / f"{algo}{seed}", scenario)]
 

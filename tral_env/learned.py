@@ -62,6 +62,26 @@ class Correction:
             raise ConfigError("machine of the correction: expected the text of its file")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Chart:
+    """The state chart that a network follows: beside its actions it answers which state comes next.
+
+    It sees in which state it is, and other inputs behind those of the learner, see `tral_fsm.policies.charted`.
+    """
+
+    states: tuple[str, ...]
+    """Names of the states; the first one begins."""
+    inputs: tuple[str, ...]
+    """Names of the inputs."""
+
+    def __post_init__(self) -> None:
+        for name, values in (("states", self.states), ("inputs", self.inputs)):
+            if not isinstance(values, tuple) or not values or not all(isinstance(each, str) for each in values):
+                raise ConfigError(f"{name} of the chart: expected one name or more")
+            if len(set(values)) < len(values):
+                raise ConfigError(f"{name} of the chart: each name may stand there once")
+
+
 def _check_numbers(place: str, values: object) -> None:
     if not isinstance(values, np.ndarray) or values.dtype != np.float32:
         kind = f"array of {values.dtype}" if isinstance(values, np.ndarray) else type(values).__name__
@@ -87,6 +107,8 @@ class Network:
     are."""
     correction: Correction | None = None
     """What it corrects; None: its actions are commands themselves."""
+    chart: Chart | None = None
+    """The state chart that it follows; None: it has no states."""
     provenance: Mapping[str, Any] = field(default_factory=dict)
     """Where it comes from: algorithm, courses, seeds, versions, curve; for JSON."""
     _transposed: tuple[tuple[Values, Values], ...] = field(init=False, repr=False, default=())
@@ -99,7 +121,10 @@ class Network:
             raise ConfigError("a correction has action='throttle' and no drive_range: it has limits of its own")
         if not 1 <= len(self.layers) <= MAX_LAYERS:
             raise ConfigError(f"{len(self.layers)} layers: expected 1 to {MAX_LAYERS}")
-        inputs = LearnerView(self.learner, 1).size
+        if self.chart is not None and self.correction is not None:
+            raise ConfigError("a network follows a state chart or corrects a machine, not both")
+        inputs = LearnerView(self.learner, 1).size + (0 if self.chart is None else len(self.chart.inputs))
+        answers = 2 + (0 if self.chart is None else len(self.chart.states))
         for place, values in zip(("mean", "standard deviation"), self.normalization or (), strict=False):
             _check_numbers(f"{place} of the inputs", values)
             if values.shape != (inputs,):
@@ -109,7 +134,7 @@ class Network:
         for index, (weight, bias) in enumerate(self.layers):
             _check_numbers(f"weights of layer {index}", weight)
             _check_numbers(f"biases of layer {index}", bias)
-            outputs = 2 if index == len(self.layers) - 1 else len(bias)
+            outputs = answers if index == len(self.layers) - 1 else len(bias)
             if weight.shape != (outputs, inputs) or bias.shape != (outputs,):
                 raise ConfigError(
                     f"layer {index} has weights {weight.shape} and biases {bias.shape}: expected ({outputs}, {inputs}) "
@@ -121,12 +146,21 @@ class Network:
 
     def actions(self, observation: Values) -> Values:
         """Actions (k, 2) in [-1, 1] for observations (k, inputs), see `LearnerView`."""
-        if len(observation) == 1:  # too small for threads
-            return self._actions(observation)
-        with _BLAS.limit(limits=1):
-            return self._actions(observation)
+        return OUTPUTS[self.output](self._answers(observation)[:, :2])
 
-    def _actions(self, observation: Values) -> Values:
+    def decided(self, observation: Values) -> tuple[Values, NDArray[np.intp]]:
+        """Actions (k, 2) in [-1, 1], and the place (k,) of the next state among those of the chart."""
+        answers = self._answers(observation)
+        return OUTPUTS[self.output](answers[:, :2]), answers[:, 2:].argmax(axis=1)
+
+    def _answers(self, observation: Values) -> Values:
+        """The last layer, before what follows it."""
+        if len(observation) == 1:  # too small for threads
+            return self._computed(observation)
+        with _BLAS.limit(limits=1):
+            return self._computed(observation)
+
+    def _computed(self, observation: Values) -> Values:
         x = observation
         if self.normalization is not None:
             x = (x - self.normalization[0]) / self.normalization[1]
@@ -136,14 +170,24 @@ class Network:
             x = activation(np.add(x, bias, out=x))
         weight, bias = self._transposed[-1]
         x = np.dot(x, weight)
-        return OUTPUTS[self.output](np.add(x, bias, out=x))
+        return np.add(x, bias, out=x)
 
 
 class LearnedPolicy:
     """Drives cars with a network."""
 
+    _has_chart = False
+    """Whether its networks follow a state chart."""
+
     def __init__(self, network: Network) -> None:
-        """Make a policy for one car; `reset(n)` for more."""
+        """Make a policy for one car; `reset(n)` for more.
+
+        Raises:
+            ConfigError: the network follows a state chart.
+        """
+        if (network.chart is not None) != self._has_chart:
+            does = "follows no" if self._has_chart else "follows a"
+            raise ConfigError(f"the network {does} state chart: tral_fsm.load_policy finds the policy for it")
         self.network = network
         self.needed_readings = _needed(network.learner)
         """Names of the readings without which it cannot drive, see `tral_env.interface.check_readings`."""
@@ -187,27 +231,32 @@ class LearnedPolicy:
         way = readings[:, self._distance].copy()
         fell = way < self._way
         self._way = way
-        if self._any_fresh or np.count_nonzero(fell):
-            self._begin(self._fresh | fell, readings)
-        else:
-            self._view.update(readings)
+        self._take(readings, self._fresh | fell if self._any_fresh or np.count_nonzero(fell) else None)
         due = self._view.common_due
         if due:
-            self._wanted = self._actuation.wanted(self._decided(self._view.observation()))
+            self._wanted = self._actuation.wanted(self._finite(self._decided(None)))
         elif due is None and (rows := self._view.due).any():
-            self._wanted[rows] = self._actuation.wanted(self._decided(self._view.observation()[rows]))
+            self._wanted[rows] = self._actuation.wanted(self._finite(self._decided(rows)))
         command = self._actuation.command(self._wanted, readings[:, self._speed]).astype(np.float32)
         return command[0] if np.ndim(observation) == 1 else command
 
-    def _begin(self, rows: Flags, readings: Values) -> None:
-        """Begin episodes in some rows; the others go on."""
-        self._view.update(readings, ~rows)
-        self._view.reset(rows, readings)
-        self._actuation.reset(rows)
+    def _take(self, readings: Values, begins: Flags | None) -> None:
+        """Take over the readings (n, d) of a tick; episodes begin in the rows `begins` (n,), or in none."""
+        if begins is None:
+            self._view.update(readings)
+            return
+        self._view.update(readings, ~begins)
+        self._view.reset(begins, readings)
+        self._actuation.reset(begins)
         self._fresh[:] = self._any_fresh = False
 
-    def _decided(self, seen: Values) -> Values:
-        actions = self.network.actions(seen)
+    def _decided(self, rows: Flags | None) -> Values:
+        """Actions of the cars in `rows` (n,), or of all."""
+        seen = self._view.observation()
+        return self.network.actions(seen if rows is None else seen[rows])
+
+    @staticmethod
+    def _finite(actions: Values) -> Values:
         if not math.isfinite(actions.sum()):
             raise ConfigError("the network decided for a number that is not finite: its weights are too large")
         return actions

@@ -20,7 +20,7 @@ from tral_env import json_text, tensors
 from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError, PolicyFileError
 from tral_env.interface import CORE_FIELDS
-from tral_env.learned import Correction, LearnedPolicy, Network
+from tral_env.learned import Chart, Correction, LearnedPolicy, Network
 from tral_env.learner import LearnerConfig, LearnerView
 
 Values = NDArray[np.float32]
@@ -70,20 +70,20 @@ def save(network: Network, folder: str | Path) -> Path:
     if network.normalization is not None:
         arrays |= {"input.mean": network.normalization[0], "input.std": network.normalization[1]}
     weights = tensors.dumps(arrays)
-    view = LearnerView(network.learner, 1)
     content = {
         "format": FORMAT,
         "version": VERSION,
         "observation": {"schema": _hash(_schema()), "fields": _schema(), "frame": _told(network.learner)},
         "learner": network.learner.record(),
         "network": {
-            "sizes": [view.size, *(len(bias) for _, bias in network.layers)],
+            "sizes": [network.layers[0][0].shape[1], *(len(bias) for _, bias in network.layers)],
             "activation": network.activation,
             "output": network.output,
             "normalized": network.normalization is not None,
             "weights_sha256": hashlib.sha256(weights).hexdigest(),
         },
         "correction": None if network.correction is None else asdict(network.correction),
+        "chart": None if network.chart is None else asdict(network.chart),
         "provenance": dict(network.provenance),
     }
     try:
@@ -149,12 +149,13 @@ def load(path: str | Path) -> LearnedPolicy:
         path: the folder, or the policy.json in it.
 
     Raises:
-        PolicyFileError: a file cannot be read, is damaged, was made for other readings, or corrects a machine, which
-            `tral_fsm.load_policy` loads.
+        PolicyFileError: a file cannot be read, is damaged, was made for other readings, or it corrects a machine or
+            follows a state chart, which `tral_fsm.load_policy` loads.
     """
     network = load_network(path)
-    if network.correction is not None:
-        raise PolicyFileError(f"{path}: it corrects a machine: load it with tral_fsm.load_policy")
+    if network.correction is not None or network.chart is not None:
+        does = "corrects a machine" if network.chart is None else "follows a state chart"
+        raise PolicyFileError(f"{path}: it {does}: load it with tral_fsm.load_policy")
     return LearnedPolicy(network)
 
 
@@ -216,7 +217,9 @@ def _network(learner: LearnerConfig, content: Mapping[str, Any], arrays: dict[st
     if unused:
         raise ConfigError(f"tensor '{unused[0][:40]}' belongs to no layer")
     layers = [(arrays[f"layer{index}.weight"], arrays[f"layer{index}.bias"]) for index in range(count)]
-    sizes = [LearnerView(learner, 1).size, *(bias.size for _, bias in layers)]
+    chart = _chart(content.get("chart"))  # policies from before there were charts have none
+    inputs = LearnerView(learner, 1).size + (0 if chart is None else len(chart.inputs))
+    sizes = [inputs, *(bias.size for _, bias in layers)]
     if sizes != about["sizes"]:
         raise ConfigError(f"sizes {str(about['sizes'])[:80]}: the weights have {sizes}")
     if correction is not None:
@@ -230,8 +233,18 @@ def _network(learner: LearnerConfig, content: Mapping[str, Any], arrays: dict[st
         output=about["output"],
         normalization=(arrays["input.mean"], arrays["input.std"]) if about["normalized"] else None,
         correction=correction,
+        chart=chart,
         provenance=content["provenance"],
     )
+
+
+def _chart(told: Any) -> Chart | None:
+    if told is None:
+        return None
+    states, inputs = told["states"], told["inputs"]
+    if not isinstance(states, list) or not isinstance(inputs, list):
+        raise ConfigError("chart: expected lists of states and inputs")
+    return Chart(states=tuple(states), inputs=tuple(inputs))
 
 
 def _content(path: Path) -> dict[str, Any]:

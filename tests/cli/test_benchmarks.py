@@ -136,7 +136,7 @@ def test_a_student_and_the_ppo_that_goes_on_from_it_share_a_budget(tmp_path: Pat
     options = {"suite": "corners", "courses": None, "processes": 1, "videos": 0, "scenario": "corners", "search": False}
     student, goes_on, other, last = compare.plan("wall", ["teacher_ppo:1", "sac"], 1, 1.0, tmp_path, **options)
     assert " ".join(student[2:]) == (
-        f"--algo teacher --scenario corners --seed 0 --steps 36000 --out {tmp_path}/start0"
+        f"--algo teacher --scenario corners --seed 0 --plain --steps 36000 --out {tmp_path}/start0"
     )
     assert " ".join(goes_on[2:]) == (
         f"--algo ppo --scenario corners --seed 0 --from {tmp_path}/start0 --steps 36000 --out {tmp_path}/teacher_ppo0"

@@ -32,8 +32,10 @@ from tral_fsm.learning.networks import falling
 from tral_fsm.learning.reinforcement import reinforcement_settings, settings_for
 from tral_fsm.learning.run import TrainingRun, wanted_arrivals
 from tral_fsm.learning.start import begin_with, explore, network_to_begin_with
-from tral_fsm.learning.teacher import Samples, Student, TeacherSettings, teacher_settings
+from tral_fsm.learning.student import Samples, Student
+from tral_fsm.learning.teacher_settings import TeacherSettings, teacher_settings
 from tral_fsm.learning.validation import Score, Validation
+from tral_fsm.policies.charted import ChartedPolicy
 from tral_fsm.policies.corrected import CorrectedPolicy
 from tral_fsm.policies.trained import path_of
 
@@ -72,7 +74,8 @@ def test_a_training_writes_a_policy_that_drives_and_goes_on(algo: str, small: An
     assert first[-1]["steps"] >= 60
 
     policy = load_policy(out)
-    assert isinstance(policy, CorrectedPolicy if algo == "residual" else LearnedPolicy)
+    kinds = {"residual": CorrectedPolicy, "teacher": ChartedPolicy}
+    assert type(policy) is kinds.get(algo, LearnedPolicy)
     about = json.loads((out / "policy.json").read_text())["provenance"]
     assert about["algorithm"] == algo
     assert about["request"]["scenarios"] == ["straight"]
@@ -124,7 +127,7 @@ class TestGoingOnFromAPolicy:
     def student(self, small: Any, tmp_path: Path) -> Path:
         out = tmp_path / "student"
         options = ("--scenario", "straight", "--validation", 1, "--settings", small("teacher"), "--out", out)
-        assert tral(*options, "--steps", 30).exit_code == 0
+        assert tral(*options, "--plain", "--steps", 30).exit_code == 0
         return out
 
     def go_on(self, student: Path, out: Path, critic_first: int) -> Network:
@@ -142,6 +145,17 @@ class TestGoingOnFromAPolicy:
         for (weight, bias), (before, bias_before) in zip(found.layers, begun.layers, strict=True):
             assert weight == pytest.approx(before, abs=1e-6)
             assert bias == pytest.approx(bias_before, abs=1e-6)
+
+    def test_a_policy_that_follows_a_chart_is_refused_with_the_remedy(self, small: Any, tmp_path: Path) -> None:
+        out = tmp_path / "charted"
+        options = ("--scenario", "straight", "--validation", 1, "--settings", small("teacher"), "--out", out)
+        assert tral(*options, "--steps", 30).exit_code == 0
+        done = tral("--algo", "ppo", "--scenario", "straight", "--from", out, "--steps", 60, "--out", tmp_path / "on")
+        assert done.exit_code == 2
+        told = " ".join(done.output.split())
+        assert "it follows a state chart" in told
+        assert "train the student with --plain" in told
+        assert not (tmp_path / "on").exists()
 
     def test_the_actor_learns_then(self, student: Path, tmp_path: Path) -> None:
         begun = load_network(student)
@@ -228,7 +242,7 @@ def test_an_earlier_training_is_set_aside_when_the_first_network_is_validated(tm
     with TrainingRun(request, settings, tmp_path) as run:
         assert run.aside is None
         assert (tmp_path / "policy.json").read_text() == "earlier"
-        run.validate(Student(settings, "wall", 0).network(), {})
+        run.validate(Student(settings, "wall", None, 0).network(), {})
     assert run.aside == tmp_path / "before-1"
     assert (tmp_path / "before-1" / "policy.json").read_text() == "earlier"
     assert load_policy(tmp_path)
@@ -263,6 +277,7 @@ def test_without_a_checkpoint_there_is_nothing_to_go_on_with(tmp_path: Path) -> 
     ("arguments", "message"),
     [
         ({"minutes": 1.0, "steps": 5}, "got both --minutes and --steps: expected"),
+        ({"steps": 5, "algo": "ppo", "plain": True}, "--plain with --algo ppo: its networks see the readings alone"),
         ({}, "got neither --minutes nor --steps: expected"),
         ({"minutes": 0.0}, "--minutes 0.0: expected a finite number above 0"),
         ({"minutes": float("inf")}, "--minutes inf: expected a finite number above 0"),
@@ -363,8 +378,8 @@ class TestSamples:
     def test_the_newest_stay(self) -> None:
         samples, rng = Samples(4, 1), np.random.default_rng(0)
         for value in range(6):
-            samples.add(np.full((1, 1), value, np.float32), np.zeros((1, 2), np.float32))
-        inputs, _ = samples.draw(samples.window(0), 200, rng)
+            samples.add(np.full((1, 1), value, np.float32), np.zeros((1, 2), np.float32), np.zeros(1, int))
+        inputs, _, _ = samples.draw(samples.window(0), 200, rng)
         assert {*inputs[:, 0].tolist()} == {2.0, 3.0, 4.0, 5.0}
         assert samples.newest(3)["inputs"][:, 0].tolist() == [3.0, 4.0, 5.0]
         assert len(samples.newest(9)["answers"]) == 4
@@ -372,8 +387,8 @@ class TestSamples:
     def test_what_will_make_room_is_not_drawn(self) -> None:
         samples, rng = Samples(4, 1), np.random.default_rng(0)
         for value in range(4):
-            samples.add(np.full((1, 1), value, np.float32), np.zeros((1, 2), np.float32))
-        inputs, _ = samples.draw(samples.window(2), 200, rng)
+            samples.add(np.full((1, 1), value, np.float32), np.zeros((1, 2), np.float32), np.zeros(1, int))
+        inputs, _, _ = samples.draw(samples.window(2), 200, rng)
         assert {*inputs[:, 0].tolist()} == {2.0, 3.0}
 
 
@@ -406,10 +421,11 @@ def test_a_validation_drives_each_family_on_each_level() -> None:
 
 def test_cars_of_several_levels_train_a_policy_that_remembers(small: Any, tmp_path: Path) -> None:
     options = ("--scenario", "gates", "--randomization", "none,hard", "--validation", 2, "--settings", small("teacher"))
-    done = tral(*options, "--out", tmp_path / "run", "--steps", 60)
+    done = tral(*options, "--plain", "--out", tmp_path / "run", "--steps", 60)
     assert done.exit_code == 0, done.output
     network = load_network(tmp_path / "run")
     assert network.learner.memory
+    assert network.chart is None
     assert network.provenance["request"]["randomization"] == "none,hard"
 
 

@@ -170,3 +170,42 @@ class TestTheTarget:
         assert bench.estimate.gate.id == 1
         narrow = bench.estimate._replace(target_gate=bench.estimate.target_gate._replace(opening=0.76))
         assert bench.machine.active.aside(narrow) == pytest.approx(0.38 - 0.1 - 0.05)
+
+
+class TestGoingToAState:
+    """A policy that drives the car believes in another state than the machine."""
+
+    def bench(self) -> Bench:
+        states = [
+            {"id": "look", "type": "Motor", "throttle": 0.2},
+            {"id": "gate", "type": "SCurve", "speed": 0.45, "final": True},
+        ]
+        found = {"id": 0, "from": "look", "to": "gate", "type": "ArucoGateFound", "max_distance": 0.5}
+        return Bench({"root": "look", "states": states, "transitions": [found]})
+
+    def test_a_state_that_takes_a_target_gets_the_gate_that_is_known(self) -> None:
+        bench = self.bench()
+        bench.see(**GATE)
+        assert bench.active == "look"
+        bench.driver.go_to(1)
+        assert bench.active == "gate"
+        bench.tick(speed=0.4)
+        assert bench.estimate.target_gate.id == 0
+        assert bench.command.steering is not None
+        assert bench.command.steering > 0.05  # the gate is to the left
+        assert not bench.fired
+
+    def test_without_a_gate_the_state_plans_its_own_way(self) -> None:
+        bench = self.bench()
+        bench.driver.go_to(1)  # before the first tick
+        bench.tick(speed=0.4)
+        assert bench.active == "gate"
+        assert bench.estimate.target_gate.id == -1
+
+    def test_a_state_to_which_nothing_leads_is_entered_too(self) -> None:
+        bench = self.bench()
+        bench.tick()
+        for index, name in ((1, "gate"), (0, "look"), (0, "look")):
+            bench.driver.go_to(index)
+            assert bench.active == name
+        assert bench.tick()[1] == 0.2

@@ -59,6 +59,7 @@ def _request(given: TrainOptions) -> TrainRequest:
         machine=given.machine,
         validation=given.validation,
         start=None if given.start is None else str(given.start),
+        plain=given.plain,
     )
 
 

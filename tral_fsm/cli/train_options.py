@@ -42,6 +42,12 @@ class TrainOptions:
         Path | None, typer.Option(dir_okay=False, help="YAML file of hyper-parameters that replace packaged ones.")
     ] = None
     validation: Annotated[int, typer.Option(min=1, help="Episodes of a validation.")] = 50
+    plain: Annotated[
+        bool,
+        typer.Option(
+            "--plain", help="With --algo teacher: a student that sees the readings alone, as --from wants it."
+        ),
+    ] = False
     start: Annotated[
         Path | None, typer.Option("--from", help="With --algo ppo: folder of a policy from which the training goes on.")
     ] = None

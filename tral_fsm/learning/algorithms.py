@@ -28,8 +28,11 @@ def find(name: str) -> Algorithm:
     """
     if name == "teacher":
         from tral_fsm.learning import teacher
+        from tral_fsm.learning.teacher_settings import teacher_settings
 
-        return Algorithm(lambda request, path: teacher.teacher_settings(request.scenarios, path), teacher.train)
+        return Algorithm(
+            lambda request, path: teacher_settings(request.scenarios, path, plain=request.plain), teacher.train
+        )
     from tral_fsm.learning import reinforcement
 
     return Algorithm(reinforcement.settings_for, reinforcement.train)

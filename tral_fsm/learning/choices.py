@@ -56,6 +56,8 @@ class TrainRequest:
     """Episodes of a validation, shared by the families."""
     start: str | None = None
     """Folder of a policy with whose network the training begins; None: with one that knows nothing."""
+    plain: bool = False
+    """A student that sees the readings alone, without estimate and state chart."""
     nthread: int = 2
     """Threads or processes that drive the cars; what they drive does not depend on it."""
 
@@ -75,6 +77,8 @@ class TrainRequest:
                 raise ConfigError(f"--{name} {value!r}: expected a whole number, {lowest} or more")
         if self.start is not None and self.algo != "ppo":
             raise ConfigError(f"--from {self.start} with --algo {self.algo}: ppo alone goes on from a policy")
+        if self.plain and self.algo != "teacher":
+            raise ConfigError(f"--plain with --algo {self.algo}: its networks see the readings alone in any case")
         for each in self.levels:
             level(each)
         groups = len(self.scenarios) * len(self.levels)
@@ -122,22 +126,31 @@ def settings_text(algo: str) -> str:
     return (resources.files("tral_fsm.learning") / "settings" / f"{algo}.yaml").read_text(encoding="utf-8")
 
 
-def read_settings(kind: type[Settings], algo: str, path: Path | None = None) -> Settings:
+def read_settings(kind: type[Settings], algo: str, path: Path | None = None, variant: str | None = None) -> Settings:
     """Hyper-parameters of an algorithm: those of the package, and over them those of a file.
 
     Args:
         kind: the dataclass of the algorithm.
         algo: name of the algorithm.
         path: a YAML file with some of the names; None: none.
+        variant: a packaged file with some of the names, which come before those of `path`; None: none.
 
     Raises:
         ConfigError: the file cannot be read, or has a name or a value that is not allowed.
     """
     values = _mapping(settings_text(algo), f"{algo}.yaml")
-    for name, value in (_own(path) if path is not None else {}).items():
-        packaged = values.get(name)
-        values[name] = packaged | value if isinstance(packaged, dict) and isinstance(value, dict) else value
+    if variant is not None:
+        _replace(values, _mapping(settings_text(variant), f"{variant}.yaml"))
+    if path is not None:
+        _replace(values, _own(path))
     return settings_of(kind, values, str(path or f"{algo}.yaml"))
+
+
+def _replace(values: dict[str, Any], new: Mapping[str, Any]) -> None:
+    """Put new values over others; of a mapping those that it names."""
+    for name, value in new.items():
+        old = values.get(name)
+        values[name] = old | value if isinstance(old, dict) and isinstance(value, dict) else value
 
 
 def _own(path: Path) -> dict[str, Any]:

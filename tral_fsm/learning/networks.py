@@ -11,7 +11,7 @@ import numpy as np
 
 from tral_env.checks import one_of
 from tral_env.errors import ConfigError, MissingExtraError
-from tral_env.learned import Network
+from tral_env.learned import Chart, Network
 from tral_env.learner import LearnerConfig
 
 try:
@@ -53,7 +53,12 @@ def perceptron(sizes: Sequence[int], activation: str) -> nn.Sequential:
 
 
 def as_network(
-    modules: Sequence[nn.Module], learner: LearnerConfig, *, output: str, provenance: Mapping[str, Any]
+    modules: Sequence[nn.Module],
+    learner: LearnerConfig,
+    *,
+    output: str,
+    provenance: Mapping[str, Any],
+    chart: Chart | None = None,
 ) -> Network:
     """The network of numpy that does what modules of torch do.
 
@@ -62,6 +67,7 @@ def as_network(
         learner: what it sees and does.
         output: what follows the last layer, one of `tral_env.learned.OUTPUTS`.
         provenance: where it comes from.
+        chart: the state chart that it follows.
 
     Raises:
         ConfigError: a module is neither a linear layer nor such an activation.
@@ -81,6 +87,7 @@ def as_network(
         layers=layers,
         activation=names[0] if names else "relu",
         output=output,
+        chart=chart,
         provenance=provenance,
     )
 

@@ -26,7 +26,7 @@ from tral_fsm.learning.choices import TRAINING_SEEDS, TrainRequest
 from tral_fsm.learning.networks import torch
 from tral_fsm.learning.start import digest_of_start
 from tral_fsm.learning.validation import ENOUGH, Score, Validation
-from tral_fsm.policies.corrected import policy_of
+from tral_fsm.policies.of_network import policy_of
 
 REQUEST, CURVE, PICTURE, CHECKPOINT = "train.json", "curve.json", "curve.png", "checkpoint.pt"
 _FILES = (REQUEST, CURVE, PICTURE, CHECKPOINT, policy_file.JSON_NAME, policy_file.WEIGHTS_NAME)

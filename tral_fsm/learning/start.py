@@ -28,6 +28,10 @@ def network_to_begin_with(path: str) -> Network:
         network = policy_file.load_network(trained.path_of(path))
     except PolicyFileError as error:
         raise PolicyFileError(f"--from {path}: {error}") from error
+    if network.chart is not None:
+        raise ConfigError(
+            f"--from {path}: it follows a state chart, which the reward does not teach: train the student with --plain"
+        )
     if network.correction is not None or network.output != "clip":
         raise ConfigError(
             f"--from {path}: it corrects a machine, or comes from SAC: expected a policy of --algo teacher or ppo"

@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from tral_env import policy_file
+from tral_env.errors import ConfigError, PolicyFileError
 from tral_env.learned import LearnedPolicy
 from tral_fsm.formats import library
 from tral_fsm.policies import trained
-from tral_fsm.policies.corrected import CorrectedPolicy, policy_of
+from tral_fsm.policies.corrected import CorrectedPolicy
+from tral_fsm.policies.of_network import policy_of
 from tral_fsm.runtime.machine import Trace
 from tral_fsm.runtime.policy import MachinePolicy
 
@@ -32,7 +34,10 @@ def load_policy(
     """
     path = trained.path_of(name_or_path)
     if policy_file.is_policy_file(path):
-        return policy_of(policy_file.load_network(path))
+        try:
+            return policy_of(policy_file.load_network(path))
+        except ConfigError as error:
+            raise PolicyFileError(f"{path}: {error}") from error
     return MachinePolicy(library.load(name_or_path, trained.names()), trace)
 
 

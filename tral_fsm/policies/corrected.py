@@ -69,8 +69,3 @@ class CorrectedPolicy:
     def active_states(self) -> list[str]:
         """Name of the machine's active state in each car."""
         return self.machine.active_states
-
-
-def policy_of(network: Network) -> LearnedPolicy | CorrectedPolicy:
-    """The policy that a network is: alone, or with the machine that it corrects."""
-    return LearnedPolicy(network) if network.correction is None else CorrectedPolicy(network, network.correction)

@@ -80,6 +80,12 @@ class Driver:
             self._shadows = shadows
             self.watch.reset()
 
+    def go_to(self, index: int) -> None:
+        """Let another state of the machine be active from now on; see `Machine.go_to`."""
+        if index != self.machine.active_index:
+            target = self.machine.go_to(index, self.estimate)
+            self.command = self.command if target is None else self.command._replace(target=target)
+
     def act(self, row: Sequence[float]) -> tuple[float, float]:
         """One tick.
 

@@ -117,12 +117,17 @@ class Machine:
     @property
     def active(self) -> State[Any]:
         """The active state; the root before the first tick."""
-        return self._states[self._active if self._active >= 0 else self._root]
+        return self._states[self.active_index]
+
+    @property
+    def active_index(self) -> int:
+        """Place of the active state among those of the definition; that of the root before the first tick."""
+        return self._active if self._active >= 0 else self._root
 
     @property
     def active_path(self) -> str:
         """Name of the active state: its label or id, then those of inner machines behind slashes."""
-        index = self._active if self._active >= 0 else self._root
+        index = self.active_index
         spec, inner = self._states[index].spec, self._inner.get(index)
         name = spec.label or str(spec.id)
         return name if inner is None else f"{name}/{inner.active_path}"
@@ -135,6 +140,25 @@ class Machine:
     def start(self, estimate: CarEstimate) -> Detection | None:
         """Enter the root; gives the gate that the root chose as its target by itself."""
         return self._enter(self._root, estimate)
+
+    def go_to(self, index: int, estimate: CarEstimate) -> Detection | None:
+        """Let another state be active from now on, whether or not a transition fires.
+
+        Args:
+            index: its place among the states of the definition.
+            estimate: of this tick.
+
+        Returns:
+            The gate that is now the target: the one that a transition to that state hands over, or its own.
+        """
+        if self._active < 0:
+            self.start(estimate)
+        leading = [each for leaving in (self._transitions[self._active], *self._transitions) for each in leaving]
+        found = next((each for each in leading if each.target == index), None)
+        if found is not None:
+            return self._follow(found, estimate)
+        self.leave(estimate)
+        return self._enter(index, estimate)
 
     def leave(self, estimate: CarEstimate) -> None:
         """Leave the active state; the machine starts at its root the next time."""
@@ -260,12 +284,18 @@ class Machine:
             if self.trace is not None:
                 why = condition.why(estimate)
                 self.trace(Transit(estimate.time, self.path, spec.source, spec.target, spec.id, why))
-            handed_over = condition.hand_over(estimate)
+        return self._follow(transition, estimate)
+
+    def _follow(self, transition: _Transition, estimate: CarEstimate) -> Detection | None:
+        """`_transit` that nobody is told of."""
+        now = _at(estimate)
+        with self._blaming(transition.spec, now):
+            handed_over = transition.condition.hand_over(estimate)
         with self._blaming(self.active.spec, now):
             self._states[self._active].on_exit(estimate)
         own_target = self._enter(transition.target, estimate)
         state = self._states[transition.target]
-        if handed_over is None or not state.spec.takes_target:
+        if handed_over is None or handed_over.id < 0 or not state.spec.takes_target:
             return own_target
         with self._blaming(state.spec, now):
             cast(Targetable, state).set_target(estimate, estimate.seen_from_here(handed_over), gate=handed_over.id)

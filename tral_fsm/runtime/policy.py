@@ -105,6 +105,16 @@ class MachinePolicy:
         for driver, shadows in zip(self._drivers, np.asarray(rows).tolist(), strict=True):
             driver.shadow(shadows)
 
+    def go_to(self, rows: NDArray[np.intp], states: NDArray[np.intp]) -> None:
+        """Let the machines of some cars be in other states from now on, as the policy that drives them believes.
+
+        Args:
+            rows: (k,) numbers of the cars.
+            states: (k,) places of the states among those of the definition.
+        """
+        for row, state in zip(rows.tolist(), states.tolist(), strict=True):
+            self._drivers[row].go_to(state)
+
     def scale_speeds(self, factors: NDArray[np.floating]) -> None:
         """Multiply the regulated speeds of each car's machine by a factor of `factors` (n,) from now on.
 
@@ -201,6 +211,11 @@ class MachinePolicy:
     def active_states(self) -> list[str]:
         """Name of the active state of each car, or "stopped: " and why the watch has stopped it."""
         return [driver.active_path for driver in self._drivers]
+
+    @property
+    def active_indices(self) -> NDArray[np.intp]:
+        """(n,) place of each car's active state among those of the definition, whatever its watch says."""
+        return np.array([driver.machine.active_index for driver in self._drivers], np.intp)
 
     @property
     def estimates(self) -> list[CarEstimate]:
