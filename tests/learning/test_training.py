@@ -1,6 +1,7 @@
 """A short training of each algorithm: it writes a policy that drives, and goes on where it stopped."""
 
 import json
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from tral_fsm.cli import app
 from tral_fsm.evaluation.stuck import StuckWatch
 from tral_fsm.formats import tral_json
 from tral_fsm.learning.choices import MAX_CARS, VALIDATION_SEEDS, TrainRequest, read_settings
+from tral_fsm.learning.networks import falling
 from tral_fsm.learning.reinforcement import reinforcement_settings, settings_for
 from tral_fsm.learning.run import TrainingRun, wanted_arrivals
 from tral_fsm.learning.start import begin_with, explore, network_to_begin_with
@@ -91,6 +93,31 @@ def test_a_training_writes_a_policy_that_drives_and_goes_on(algo: str, small: An
     other = tral(*options, "--steps", 200, "--resume", "--seed", 1)
     assert other.exit_code == 2
     assert "was trained with seed = 0, got 1" in " ".join(other.output.split())
+
+
+def test_the_learning_rate_of_ppo_falls_with_the_share_that_is_done(small: Any, tmp_path: Path) -> None:
+    """24 decisions are an update; of 60 the last one comes after 48, and of 60 more that are gone on with after 108."""
+    options = ("--algo", "ppo", "--scenario", "straight", "--validation", 1, "--settings", small("ppo"))
+    options += ("--out", tmp_path / "run")
+    settings = reinforcement_settings("ppo", ("straight",))
+    for more, share in (("--steps", 60), 48 / 60), (("--steps", 120, "--resume"), 108 / 120):
+        assert tral(*options, *more).exit_code == 0
+        state = torch.load(tmp_path / "run" / "checkpoint.pt", weights_only=True)["state"]
+        rate = state["optimizers"]["policy"]["param_groups"][0]["lr"]
+        assert rate == pytest.approx(settings.algorithm["learning_rate"] * falling(share, settings.last_rate))
+
+
+def test_a_learning_rate_falls_along_half_a_cosine() -> None:
+    assert [falling(share, 0.1) for share in (0.0, 0.5, 1.0)] == pytest.approx([1.0, 0.55, 0.1])
+    assert [falling(share, 1.0) for share in (0.0, 0.3, 1.0)] == [1.0, 1.0, 1.0]
+
+
+def test_a_training_leaves_no_folder_of_sb3(small: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    options = ("--algo", "ppo", "--scenario", "straight", "--validation", 1, "--settings", small("ppo"))
+    assert tral(*options, "--steps", 30, "--out", tmp_path / "run").exit_code == 0
+    assert not list((tmp_path / "temporary").glob("SB3-*"))
 
 
 class TestGoingOnFromAPolicy:
@@ -307,6 +334,22 @@ def test_settings_that_cannot_be_are_refused(text: str, message: str, tmp_path: 
     path.write_text(text)
     with pytest.raises(ConfigError, match=message):
         read_settings(TeacherSettings, "teacher", path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("last_rate: 1.5", "last_rate = 1.5: expected 0 to 1"),
+        ("last_rate: -0.1", "last_rate = -0.1: expected 0 to 1"),
+        ("algorithm: {learning_rate: fast}", "algorithm: learning_rate = 'fast': expected a number above 0"),
+        ("algorithm: {learning_rate: 0}", "algorithm: learning_rate = 0: expected a number above 0"),
+    ],
+)
+def test_settings_of_ppo_that_cannot_be_are_refused(text: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "own.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=message):
+        reinforcement_settings("ppo", ("corners",), path)
 
 
 def test_a_part_of_a_nested_setting_leaves_the_other_parts(tmp_path: Path) -> None:

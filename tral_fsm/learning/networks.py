@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
@@ -19,9 +20,19 @@ try:
 except ImportError as error:
     raise MissingExtraError("torch", "rl", "tral train") from error
 
-__all__ = ["ACTIVATIONS", "as_network", "nn", "perceptron", "to_numpy", "torch"]
+__all__ = ["ACTIVATIONS", "as_network", "falling", "nn", "perceptron", "to_numpy", "torch"]
 
 ACTIVATIONS: Mapping[str, Any] = {"relu": nn.ReLU, "tanh": nn.Tanh}
+
+
+def falling(share: float, last: float) -> float:
+    """What is left of the first learning rate: it falls from 1 to `last` along half a cosine.
+
+    Args:
+        share: of the training that is done, in [0, 1].
+        last: what is left at the end.
+    """
+    return last + (1.0 - last) * (1.0 + math.cos(math.pi * share)) / 2.0
 
 
 def perceptron(sizes: Sequence[int], activation: str) -> nn.Sequential:

@@ -21,13 +21,14 @@ from tral_fsm.formats import library, tral_json
 from tral_fsm.learning import start
 from tral_fsm.learning.choices import TrainRequest, check_size, positive, read_settings, sees_detections
 from tral_fsm.learning.export import network_of_model
-from tral_fsm.learning.networks import ACTIVATIONS, torch
+from tral_fsm.learning.networks import ACTIVATIONS, falling, torch
 from tral_fsm.learning.run import RECENT, TrainingRun
 from tral_fsm.runtime.policy import MachinePolicy
 
 try:
     from stable_baselines3 import PPO, SAC
     from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.logger import Logger
     from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
     from tral_env.sb3 import make_vec_env
@@ -62,13 +63,19 @@ class ReinforcementSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class PPOSettings(ReinforcementSettings):
-    """Those of PPO, and how much it explores at first."""
+    """Those of PPO, how much it explores at first, and how far its learning rate falls."""
 
     noise: float
+    last_rate: float
 
     def __post_init__(self) -> None:
         super().__post_init__()
         positive(self, "noise")
+        if not is_number(self.last_rate) or not 0.0 <= self.last_rate <= 1.0:
+            raise ConfigError(f"last_rate = {self.last_rate!r}: expected 0 to 1")
+        rate = self.algorithm.get("learning_rate")
+        if not is_number(rate) or rate <= 0:
+            raise ConfigError(f"algorithm: learning_rate = {rate!r}: expected a number above 0")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -194,17 +201,33 @@ def _model(run: TrainingRun, venv: VecEnv) -> Any:
         **settings.policy,
     }
     try:
-        return kind(
+        model = kind(
             "MlpPolicy",
             venv,
             policy_kwargs=policy,
             seed=run.request.seed,
             device="cpu",
             tensorboard_log=board,
-            **settings.algorithm,
+            **_algorithm(run),
         )
     except (TypeError, ValueError, AssertionError) as error:
         raise ConfigError(f"settings of {run.request.algo}: Stable-Baselines3 says: {error}") from error
+    if board is None:
+        # SB3's own logger that writes nothing makes a folder all the same.
+        model.set_logger(Logger(folder=None, output_formats=[]))
+    return model
+
+
+def _algorithm(run: TrainingRun) -> dict[str, Any]:
+    """The arguments of the settings; the learning rate of PPO falls with the share of the training that is done.
+
+    SB3 knows the share of its steps that is done, but those of a training have no end.
+    """
+    settings: ReinforcementSettings = run.settings
+    if not isinstance(settings, PPOSettings):
+        return dict(settings.algorithm)
+    rate, last = settings.algorithm["learning_rate"], settings.last_rate
+    return {**settings.algorithm, "learning_rate": lambda _: rate * falling(run.share, last)}
 
 
 class _Callback(BaseCallback):

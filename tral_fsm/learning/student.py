@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -10,8 +9,11 @@ from numpy.typing import NDArray
 
 from tral_env.learned import Chart, Network, Values
 from tral_env.learner import LearnerView
-from tral_fsm.learning.networks import as_network, nn, perceptron, torch
+from tral_fsm.learning.networks import as_network, falling, nn, perceptron, torch
 from tral_fsm.learning.teacher_settings import TeacherSettings
+
+LAST_RATE = 0.1
+"""The learning rate falls to this share of it by the end."""
 
 
 class Samples:
@@ -77,7 +79,7 @@ class Student:
             share: of the training that is done, in [0, 1].
         """
         settings = self.settings
-        rate = settings.learning_rate * (0.1 + 0.9 * (1 + math.cos(math.pi * share)) / 2)
+        rate = settings.learning_rate * falling(share, LAST_RATE)
         for group in self._optimizer.param_groups:
             group["lr"] = rate
         total = 0.0
