@@ -22,7 +22,7 @@ from tral_env.learner import Actuation, LearnerConfig, LearnerView, check_correc
 
 Values = NDArray[np.float32]
 
-_BLAS = ThreadpoolController().select(user_api="blas")
+BLAS = ThreadpoolController().select(user_api="blas")
 """What multiplies NumPy's matrices. Threads of its own would hardly make a network faster, and wait for the next one
 busily, on cores that simulate cars or train."""
 MIN_DEVIATION = 1e-6
@@ -157,7 +157,7 @@ class Network:
         """The last layer, before what follows it."""
         if len(observation) == 1:  # too small for threads
             return self._computed(observation)
-        with _BLAS.limit(limits=1):
+        with BLAS.limit(limits=1):
             return self._computed(observation)
 
     def _computed(self, observation: Values) -> Values:

@@ -187,7 +187,9 @@ def load_network(path: str | Path) -> Network:
         raise PolicyFileError(f"{weights}: these are not the weights of {path}: copy both files together")
     try:
         return _network(learner, content, arrays)
-    except (ConfigError, KeyError, TypeError) as error:
+    except KeyError as error:
+        raise PolicyFileError(f"{path}: network: {error} is missing") from error
+    except (ConfigError, TypeError) as error:
         raise PolicyFileError(f"{path}: network: {error}") from error
 
 
@@ -223,6 +225,8 @@ def _network(learner: LearnerConfig, content: Mapping[str, Any], arrays: dict[st
     if sizes != about["sizes"]:
         raise ConfigError(f"sizes {str(about['sizes'])[:80]}: the weights have {sizes}")
     if correction is not None:
+        if not isinstance(correction, dict):
+            raise ConfigError("correction: expected null, or an object with machine, steering and speed")
         if "bounds" in correction:
             raise ConfigError("it corrects the throttle, which does nothing at a regulated speed: train it again")
         correction = Correction(**{name: correction[name] for name in ("machine", "steering", "speed")})
@@ -241,10 +245,9 @@ def _network(learner: LearnerConfig, content: Mapping[str, Any], arrays: dict[st
 def _chart(told: Any) -> Chart | None:
     if told is None:
         return None
-    states, inputs = told["states"], told["inputs"]
-    if not isinstance(states, list) or not isinstance(inputs, list):
-        raise ConfigError("chart: expected lists of states and inputs")
-    return Chart(states=tuple(states), inputs=tuple(inputs))
+    if not isinstance(told, dict) or not all(isinstance(told.get(name), list) for name in ("states", "inputs")):
+        raise ConfigError("chart: expected null, or an object with lists of states and inputs")
+    return Chart(states=tuple(told["states"]), inputs=tuple(told["inputs"]))
 
 
 def _content(path: Path) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 from tral_env.env import TralCorridorEnv
 from tral_env.errors import ConfigError
 from tral_env.interface import CORE_LAYOUT, check_readings
-from tral_env.learned import _BLAS, Correction, LearnedPolicy, Network
+from tral_env.learned import BLAS, Correction, LearnedPolicy, Network
 from tral_env.learner import LearnerConfig, LearnerView
 from tral_env.vector_env import TralCorridorVectorEnv
 
@@ -81,7 +81,7 @@ def test_many_rows_are_computed_in_one_thread_and_the_number_of_threads_stays(mo
         return x
 
     def blas_threads() -> list[int]:
-        return [each["num_threads"] for each in _BLAS.info()]
+        return [each["num_threads"] for each in BLAS.info()]
 
     monkeypatch.setattr("tral_env.learned.ACTIVATIONS", {"relu": noted})
     with threadpool_limits(2, "blas"):

@@ -205,7 +205,7 @@ class TestRefusals:
 
     def test_layers_that_do_not_fit(self, folder: Path) -> None:
         change(folder, network=content(folder, "network") | {"sizes": [112, 16, 16, 2]})
-        self.refused(folder, "network: 'layer2.weight'")
+        self.refused(folder, "network: 'layer2.weight' is missing")
 
     def test_the_weights_of_another_policy(self, folder: Path, tmp_path: Path) -> None:
         policy_file.save(network(seed=1), tmp_path / "other")

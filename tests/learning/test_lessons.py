@@ -1,5 +1,6 @@
 """The machine shadows cars that a network drives, and takes them over."""
 
+import json
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -8,11 +9,13 @@ import pytest
 
 pytest.importorskip("torch")
 
+from tral_env.errors import ConfigError
 from tral_env.interface import CORE_LAYOUT
 from tral_env.learned import Network
 from tral_env.learner import LearnerView
 from tral_env.vector_env import TralCorridorVectorEnv
-from tral_fsm import load_policy
+from tral_fsm import load_machine, load_policy
+from tral_fsm.formats import tral_json
 from tral_fsm.learning.guard import Guard
 from tral_fsm.learning.lessons import Charted, Lessons, chart_of
 from tral_fsm.learning.student import Samples
@@ -86,6 +89,25 @@ def test_the_network_learns_the_states_of_the_machine_and_follows_its_own() -> N
     assert (inputs[:, names.index(f"in_{chart.states[wanted]}") - len(names)] == 1.0).all()
     assert {name.partition("/")[0] for name in machine.active_states} == {chart.states[wanted]}, "it did not follow"
     cars.close()
+
+
+class TestAMachineWithATrim:
+    """The driver of a machine adds the trim of its file to what it estimates; a student has no such file."""
+
+    def test_a_trim_of_a_state_is_refused(self) -> None:
+        machine = load_machine("corners")
+        states = (machine.states[0], machine.states[1].model_copy(update={"steering_trim": 0.1}), *machine.states[2:])
+        with pytest.raises(ConfigError, match=r"state 'corner' .* steering_trim to 0, or train with --plain"):
+            chart_of(machine.model_copy(update={"states": states}), SETTINGS.learner)
+
+    def test_so_is_one_of_a_machine_that_a_state_holds(self) -> None:
+        inner = {
+            "root": 0,
+            "states": [{"id": 0, "type": "Motor", "throttle": 0.2, "steering_trim": 0.1, "final": True}],
+        }
+        outer = {"root": "a", "states": [{"id": "a", "type": "FSMState", "machine": inner, "final": True}]}
+        with pytest.raises(ConfigError, match="state 0 of the machine that teaches has a steering_trim"):
+            chart_of(tral_json.loads(json.dumps(outer)), SETTINGS.learner)
 
 
 class TestTwoStates:

@@ -267,6 +267,29 @@ def test_a_machine_that_was_changed_since_is_not_gone_on_with(small: Any, tmp_pa
     assert "was trained with a machine with sha256 =" in " ".join(done.output.split())
 
 
+@pytest.mark.parametrize(("part", "name"), [("request", "plain"), ("settings", "chart")])
+def test_a_training_of_a_version_that_knew_less_is_not_gone_on_with(part: str, name: str, tmp_path: Path) -> None:
+    request = TrainRequest(algo="teacher", scenarios=("straight",), steps=100, validation=1)
+    settings = teacher_settings(("straight",))
+    with TrainingRun(request, settings, tmp_path) as run:
+        run.validate(Student(settings, "wall", None, 0).network(), {})
+        run.keep({})
+    asked = json.loads((tmp_path / "train.json").read_text())
+    del asked[part][name]
+    (tmp_path / "train.json").write_text(json.dumps(asked))
+    with pytest.raises(ConfigError, match=f"begun by an older version, which knew no {name}: begin anew in another"):
+        TrainingRun(request, settings, tmp_path, resume=True)
+
+
+def test_a_plain_student_has_no_chart(tmp_path: Path) -> None:
+    own = tmp_path / "own.yaml"
+    own.write_text("chart: true")
+    with pytest.raises(ConfigError, match=r"own\.yaml: chart = True with --plain"):
+        teacher_settings(("corners",), own, plain=True)
+    own.write_text("chart: false")
+    assert not teacher_settings(("corners",), own, plain=True).chart
+
+
 def test_without_a_checkpoint_there_is_nothing_to_go_on_with(tmp_path: Path) -> None:
     done = tral("--steps", 10, "--resume", "--out", tmp_path)
     assert done.exit_code == 2

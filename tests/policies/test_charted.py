@@ -199,10 +199,14 @@ class TestFile:
 
     def changed(self, folder: Path, **chart: object) -> str:
         """What loading says of a file whose chart was changed."""
+        return self.replaced(
+            folder, "chart", json.loads(policy_file.save(network(), folder).read_text())["chart"] | chart
+        )
+
+    def replaced(self, folder: Path, name: str, value: object) -> str:
+        """What loading says of a file in which something else stands under a name."""
         path = policy_file.save(network(), folder)
-        content = json.loads(path.read_text())
-        content["chart"] |= chart
-        path.write_text(json.dumps(content))
+        path.write_text(json.dumps(json.loads(path.read_text()) | {name: value}))
         with pytest.raises(PolicyFileError) as error:
             load_policy(folder)
         return str(error.value)
@@ -217,7 +221,7 @@ class TestFile:
     @pytest.mark.parametrize(
         ("states", "says"),
         [
-            ("follow", "chart: expected lists"),
+            ("follow", "chart: expected null, or an object with lists of states and inputs"),
             ([], "states of the chart: expected one name or more"),
             (["follow", "follow", "stop"], "each name may stand there once"),
             ([1, 2, 3], "states of the chart: expected one name or more"),
@@ -226,6 +230,16 @@ class TestFile:
     )
     def test_states_that_are_none_are_refused(self, states: object, says: str, tmp_path: Path) -> None:
         assert says in self.changed(tmp_path, states=states)
+
+    @pytest.mark.parametrize("chart", [True, 3, "follow", [], ["follow"], {}, {"states": ["follow"]}])
+    def test_a_chart_that_is_none_is_refused(self, chart: object, tmp_path: Path) -> None:
+        said = self.replaced(tmp_path, "chart", chart)
+        assert "chart: expected null, or an object with lists of states and inputs" in said
+        assert str(tmp_path / "policy.json") in said
+
+    @pytest.mark.parametrize("correction", [True, 3, "wall", []])
+    def test_a_correction_that_is_none_is_refused(self, correction: object, tmp_path: Path) -> None:
+        assert "correction: expected null, or an object" in self.replaced(tmp_path, "correction", correction)
 
 
 def test_a_network_follows_a_chart_or_corrects_a_machine() -> None:

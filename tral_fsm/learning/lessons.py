@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Flags
+from tral_env.errors import ConfigError
 from tral_env.interface import CORE_LAYOUT, STEERING, THROTTLE
 from tral_env.learned import Chart, Network, Values
 from tral_env.learner import Actuation, LearnerConfig, LearnerView, inverse
 from tral_env.speed_control import SPEED_PER_THROTTLE, THROTTLE_DEAD
 from tral_env.vector_env import TralCorridorVectorEnv
-from tral_fsm.definition.machine import MachineDefinition
+from tral_fsm.definition import packaged
+from tral_fsm.definition.machine import MachineDefinition, StateSpec
 from tral_fsm.evaluation.stuck import StuckWatch
 from tral_fsm.learning.guard import Guard
 from tral_fsm.learning.run import RECENT
@@ -26,9 +28,29 @@ _SPEED = CORE_LAYOUT.column("speed")
 
 
 def chart_of(machine: MachineDefinition, learner: LearnerConfig) -> Chart:
-    """The state chart of a machine, its root first, for a network that follows it."""
+    """The state chart of a machine, its root first, for a network that follows it.
+
+    Raises:
+        ConfigError: a state gives a trim of the steering, of which the estimates of the network will know nothing.
+    """
+    if (trimmed := _trimmed(machine)) is not None:
+        raise ConfigError(
+            f"state {trimmed.id!r} of the machine that teaches has a steering_trim, and a student learns the trim of "
+            "its car while it drives: set steering_trim to 0, or train with --plain"
+        )
     states = (str(machine.root), *(str(state.id) for state in machine.states if state.id != machine.root))
     return Chart(states=states, inputs=input_names(states, learner.detections))
+
+
+def _trimmed(machine: MachineDefinition) -> StateSpec | None:
+    """A state of a machine, or of one that it holds, that gives a trim of the steering; None: there is none."""
+    for state in machine.states:
+        if getattr(state, "steering_trim", 0.0):
+            return state
+        inner = packaged.load(state.inner) if isinstance(state.inner, str) else state.inner
+        if inner is not None and (found := _trimmed(inner)) is not None:
+            return found
+    return None
 
 
 class Charted:

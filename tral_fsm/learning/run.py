@@ -283,6 +283,11 @@ def _resumed(folder: Path, asked: dict[str, Any]) -> tuple[list[dict[str, Any]],
         points = json.loads((folder / CURVE).read_text(encoding="utf-8"))
         for part, values in asked.items():
             for name, value in values.items():
+                if name not in old[part]:
+                    raise ConfigError(
+                        f"--resume: {folder} was begun by an older version, which knew no {_told(part, name)}: "
+                        "begin anew in another --out"
+                    )
                 if name not in _MAY_CHANGE and old[part][name] != value:
                     raise ConfigError(
                         f"--resume: {folder} was trained with {_told(part, name)} = {old[part][name]!r}, "

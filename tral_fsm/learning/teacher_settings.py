@@ -57,6 +57,11 @@ def teacher_settings(scenarios: tuple[str, ...], path: Path | None = None, *, pl
         scenarios: the families.
         path: a YAML file with some of the names; None: none.
         plain: whether the student sees the readings alone.
+
+    Raises:
+        ConfigError: see `read_settings`; or the file asks for a chart although the student is plain.
     """
     settings = read_settings(TeacherSettings, "teacher", path, "teacher_plain" if plain else None)
+    if plain and settings.chart:
+        raise ConfigError(f"{path}: chart = True with --plain, which means a student without one: give one of them")
     return replace(settings, learner=sees_detections(settings.learner, scenarios))

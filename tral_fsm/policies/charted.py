@@ -27,7 +27,7 @@ class ChartedPolicy(LearnedPolicy):
         expected = input_names(self._chart.states, network.learner.detections)
         if self._chart.inputs != expected:
             differs = sorted(set(self._chart.inputs) ^ set(expected)) or ["their order"]
-            raise ConfigError(f"the network was made for other estimates: {', '.join(differs)}: train it anew")
+            raise ConfigError(f"the network was made for other estimates: {', '.join(differs[:10])}: train it anew")
 
     @property
     def _chart(self) -> Chart:
