@@ -219,8 +219,8 @@ class TestGoingOnFromAPolicy:
             settings_for(request)
 
     def test_it_may_be_a_packaged_one(self) -> None:
-        settings = settings_for(TrainRequest(algo="ppo", scenarios=("corners",), steps=1, start="student"))
-        assert settings.learner == load_network(path_of("student")).learner
+        settings = settings_for(TrainRequest(algo="ppo", scenarios=("corners",), steps=1, start="ppo"))
+        assert settings.learner == load_network(path_of("ppo")).learner
 
 
 @pytest.mark.parametrize(
@@ -477,9 +477,9 @@ def test_where_enough_arrive_the_faster_one_is_better() -> None:
 
 def test_a_network_that_loses_arrivals_is_not_kept_however_fast(tmp_path: Path) -> None:
     """A training that begins with a policy drives it first, and wants as many drives of it to arrive."""
-    request = TrainRequest(algo="ppo", scenarios=("straight",), steps=100, validation=2, start="student")
+    request = TrainRequest(algo="ppo", scenarios=("straight",), steps=100, validation=2, start="ppo")
     settings = settings_for(request)
-    network = load_network(path_of("student"))
+    network = load_network(path_of("ppo"))
     lost = replace(network, layers=[*network.layers[:-1], tuple(0 * each for each in network.layers[-1])])
     with TrainingRun(request, settings, tmp_path) as run:
         begun = run.validate(network, {})
