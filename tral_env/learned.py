@@ -90,6 +90,12 @@ def _check_numbers(place: str, values: object) -> None:
         raise ConfigError(f"{place}: got numbers that are not finite")
 
 
+def sizes(learner: LearnerConfig, chart: Chart | None) -> tuple[int, int]:
+    """Numbers of inputs and answers of a network: those of the learner and two actions, and those of its chart."""
+    inputs = LearnerView(learner, 1).size
+    return (inputs, 2) if chart is None else (inputs + len(chart.inputs), 2 + len(chart.states))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Network:
     """A perceptron that decides for cars."""
@@ -123,8 +129,7 @@ class Network:
             raise ConfigError(f"{len(self.layers)} layers: expected 1 to {MAX_LAYERS}")
         if self.chart is not None and self.correction is not None:
             raise ConfigError("a network follows a state chart or corrects a machine, not both")
-        inputs = LearnerView(self.learner, 1).size + (0 if self.chart is None else len(self.chart.inputs))
-        answers = 2 + (0 if self.chart is None else len(self.chart.states))
+        inputs, answers = sizes(self.learner, self.chart)
         for place, values in zip(("mean", "standard deviation"), self.normalization or (), strict=False):
             _check_numbers(f"{place} of the inputs", values)
             if values.shape != (inputs,):
@@ -234,9 +239,9 @@ class LearnedPolicy:
         self._take(readings, self._fresh | fell if self._any_fresh or np.count_nonzero(fell) else None)
         due = self._view.common_due
         if due:
-            self._wanted = self._actuation.wanted(self._finite(self._decided(None)))
+            self._wanted = self._wants(None)
         elif due is None and (rows := self._view.due).any():
-            self._wanted[rows] = self._actuation.wanted(self._finite(self._decided(rows)))
+            self._wanted[rows] = self._wants(rows)
         command = self._actuation.command(self._wanted, readings[:, self._speed]).astype(np.float32)
         return command[0] if np.ndim(observation) == 1 else command
 
@@ -250,16 +255,17 @@ class LearnedPolicy:
         self._actuation.reset(begins)
         self._fresh[:] = self._any_fresh = False
 
+    def _wants(self, rows: Flags | None) -> NDArray[np.float64]:
+        """What the network wants of the cars in `rows` (n,), or of all, see `Actuation.wanted`."""
+        actions = self._decided(rows)
+        if not math.isfinite(actions.sum()):
+            raise ConfigError("the network decided for a number that is not finite: its weights are too large")
+        return self._actuation.wanted(actions)
+
     def _decided(self, rows: Flags | None) -> Values:
         """Actions of the cars in `rows` (n,), or of all."""
         seen = self._view.observation()
         return self.network.actions(seen if rows is None else seen[rows])
-
-    @staticmethod
-    def _finite(actions: Values) -> Values:
-        if not math.isfinite(actions.sum()):
-            raise ConfigError("the network decided for a number that is not finite: its weights are too large")
-        return actions
 
     def _checked(self, observation: NDArray[np.floating]) -> Values:
         try:

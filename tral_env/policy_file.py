@@ -20,7 +20,7 @@ from tral_env import json_text, tensors
 from tral_env.atomic import write_bytes
 from tral_env.errors import ConfigError, PolicyFileError
 from tral_env.interface import CORE_FIELDS
-from tral_env.learned import Chart, Correction, LearnedPolicy, Network
+from tral_env.learned import Chart, Correction, LearnedPolicy, Network, sizes
 from tral_env.learner import LearnerConfig, LearnerView
 
 Values = NDArray[np.float32]
@@ -76,7 +76,7 @@ def save(network: Network, folder: str | Path) -> Path:
         "observation": {"schema": _hash(_schema()), "fields": _schema(), "frame": _told(network.learner)},
         "learner": network.learner.record(),
         "network": {
-            "sizes": [network.layers[0][0].shape[1], *(len(bias) for _, bias in network.layers)],
+            "sizes": [sizes(network.learner, network.chart)[0], *(len(bias) for _, bias in network.layers)],
             "activation": network.activation,
             "output": network.output,
             "normalized": network.normalization is not None,
@@ -220,10 +220,9 @@ def _network(learner: LearnerConfig, content: Mapping[str, Any], arrays: dict[st
         raise ConfigError(f"tensor '{unused[0][:40]}' belongs to no layer")
     layers = [(arrays[f"layer{index}.weight"], arrays[f"layer{index}.bias"]) for index in range(count)]
     chart = _chart(content.get("chart"))  # policies from before there were charts have none
-    inputs = LearnerView(learner, 1).size + (0 if chart is None else len(chart.inputs))
-    sizes = [inputs, *(bias.size for _, bias in layers)]
-    if sizes != about["sizes"]:
-        raise ConfigError(f"sizes {str(about['sizes'])[:80]}: the weights have {sizes}")
+    found = [sizes(learner, chart)[0], *(bias.size for _, bias in layers)]
+    if found != about["sizes"]:
+        raise ConfigError(f"sizes {str(about['sizes'])[:80]}: the weights have {found}")
     if correction is not None:
         if not isinstance(correction, dict):
             raise ConfigError("correction: expected null, or an object with machine, steering and speed")

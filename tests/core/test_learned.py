@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from rows import row_among_others
 from threadpoolctl import threadpool_limits
 
 from tral_env.env import TralCorridorEnv
@@ -11,7 +12,6 @@ from tral_env.errors import ConfigError
 from tral_env.interface import CORE_LAYOUT, check_readings
 from tral_env.learned import BLAS, Correction, LearnedPolicy, Network
 from tral_env.learner import LearnerConfig, LearnerView
-from tral_env.vector_env import TralCorridorVectorEnv
 
 LEARNER = LearnerConfig(decision_hz=20, observation="features", history=4, action="speed", drive_range=(0.2, 1.0))
 
@@ -115,21 +115,8 @@ def test_over_plain_readings_it_drives_as_in_the_environment_in_which_it_learned
 
 
 def test_a_row_among_others_is_driven_as_alone_also_when_rows_begin_anew() -> None:
-    env = TralCorridorVectorEnv(4, "SameStep", scenario="straight")
-    together, alone = LearnedPolicy(network()), LearnedPolicy(network())
-    together.reset(4)
-    observation, _ = env.reset(seed=0)
-    begun = 0
-    for _ in range(400):
-        command = together.act(observation)
-        assert command[1] == pytest.approx(alone.act(observation[1]), abs=1e-6)
-        observation, _, terminated, truncated, _ = env.step(command)
-        done = terminated | truncated
-        together.reset_rows(done)
-        begun += done.sum()
-        if done[1]:
-            alone.reset()
-    assert begun
+    ticks = list(row_among_others(LearnedPolicy(network()), LearnedPolicy(network()), 4, "straight"))
+    assert len(ticks) == 400
 
 
 def test_a_distance_that_fell_begins_a_new_episode() -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+TESTS = Path(__file__).parents[1]
 WITHOUT = "import sys; sys.modules['torch'] = sys.modules['stable_baselines3'] = None\n"
 
 
@@ -22,7 +23,7 @@ def test_training_names_the_extra(algo: str) -> None:
 
 def test_a_trained_policy_drives_without_torch() -> None:
     code = f"""
-sys.path.insert(0, {str(Path(__file__).parents[1] / "core")!r})
+sys.path[:0] = [{str(TESTS / "core")!r}, {str(TESTS)!r}]
 from test_learned import network, nothing_seen
 from tral_env import policy_file
 from tral_fsm import load_policy

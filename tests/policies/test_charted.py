@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rows import row_among_others
 
 from tral_env import policy_file
 from tral_env.env import TralCorridorEnv
@@ -17,7 +19,6 @@ from tral_env.errors import ConfigError, PolicyFileError
 from tral_env.interface import CORE_FIELDS
 from tral_env.learned import Chart, Correction, LearnedPolicy, Network
 from tral_env.learner import LearnerConfig, LearnerView
-from tral_env.vector_env import TralCorridorVectorEnv
 from tral_fsm import load_policy
 from tral_fsm.estimation.detections import Detection
 from tral_fsm.estimation.estimate import CarEstimate
@@ -154,22 +155,8 @@ def test_so_do_those_of_a_drive(scenario: str) -> None:
 
 
 def test_a_row_among_others_is_driven_as_alone_also_when_rows_begin_anew() -> None:
-    env = TralCorridorVectorEnv(3, "SameStep", scenario="crossing")
-    together, alone = ChartedPolicy(network()), ChartedPolicy(network())
-    together.reset(3)
-    observation, _ = env.reset(seed=0)
-    begun = 0
-    for _ in range(400):
-        command = together.act(observation)
-        assert command[1] == pytest.approx(alone.act(observation[1]), abs=1e-6)
+    for together, alone in row_among_others(ChartedPolicy(network()), ChartedPolicy(network()), 3, "crossing"):
         assert together.active_states[1] == alone.active_states[0]
-        observation, _, terminated, truncated, _ = env.step(command)
-        done = terminated | truncated
-        together.reset_rows(done)
-        begun += done.sum()
-        if done[1]:
-            alone.reset()
-    assert begun
 
 
 class TestFile:
@@ -199,9 +186,7 @@ class TestFile:
 
     def changed(self, folder: Path, **chart: object) -> str:
         """What loading says of a file whose chart was changed."""
-        return self.replaced(
-            folder, "chart", json.loads(policy_file.save(network(), folder).read_text())["chart"] | chart
-        )
+        return self.replaced(folder, "chart", asdict(CHART) | chart)
 
     def replaced(self, folder: Path, name: str, value: object) -> str:
         """What loading says of a file in which something else stands under a name."""

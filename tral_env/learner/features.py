@@ -10,7 +10,7 @@ from tral_env.learner.config import LearnerConfig
 
 Values = NDArray[np.float32]
 
-_RANGE_M = NO_ECHO_M / 2
+RANGE_M = NO_ECHO_M / 2
 """A range of this is 0, one of twice as much 1."""
 _RANGE_AGE_S = 0.2
 """A range of this age or more has the age 1; the slowest sonar answers every 0.11 s."""
@@ -51,7 +51,7 @@ class Features:
         self._detections = config.detections and not config.memory
         self.names = feature_names(self._detections)
         scaled: list[tuple[str, float, float]] = [
-            *((f"ultrasonic_{side}", -1.0, 1 / _RANGE_M) for side in RANGES),
+            *((f"ultrasonic_{side}", -1.0, 1 / RANGE_M) for side in RANGES),
             *((f"ultrasonic_{side}_age", 0.0, 1 / _RANGE_AGE_S) for side in RANGES),
             *((f"ultrasonic_{side}", 0.0, 1.0) for side in RANGES),  # echoes, which `frames` fills
             ("speed", 0.0, 1 / _SPEED_MPS),

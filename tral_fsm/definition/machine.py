@@ -6,7 +6,7 @@ runs it; `STATES` lists them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, ClassVar
 
 from pydantic import Field, SerializeAsAny
@@ -138,6 +138,20 @@ Load = Callable[[str], MachineDefinition]
 """Gives the packaged machine of a name, without looking into it."""
 
 
+def machines_within(machine: MachineDefinition, load: Load) -> Iterator[MachineDefinition]:
+    """A machine, and all that its states hold.
+
+    Args:
+        machine: a definition that can run.
+        load: for the packaged machines that the machine names.
+    """
+    yield machine
+    for state in machine.states:
+        inner = load(state.inner) if isinstance(state.inner, str) else state.inner
+        if inner is not None:
+            yield from machines_within(inner, load)
+
+
 def needed_readings(machine: MachineDefinition, load: Load) -> frozenset[str]:
     """Readings without which a machine cannot drive as its file says: those of all its parts, inner machines included.
 
@@ -149,12 +163,10 @@ def needed_readings(machine: MachineDefinition, load: Load) -> frozenset[str]:
         Names out of `tral_env.interface.CORE_FIELDS`.
     """
     needed: set[str] = set()
-    for state in machine.states:
-        needed |= state.readings_needed
-        inner = load(state.inner) if isinstance(state.inner, str) else state.inner
-        if inner is not None:
-            needed |= needed_readings(inner, load)
-    conditions: list[ConditionSpec] = [transition.when for transition in machine.transitions]
+    conditions: list[ConditionSpec] = []
+    for each in machines_within(machine, load):
+        needed.update(*(state.readings_needed for state in each.states))
+        conditions += [transition.when for transition in each.transitions]
     while conditions:
         condition = conditions.pop()
         needed |= condition.readings_needed

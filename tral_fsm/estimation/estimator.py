@@ -17,9 +17,9 @@ from tral_fsm.estimation.readings import Readings
 from tral_fsm.estimation.sonar import Sonar, SonarReading, is_new
 from tral_fsm.estimation.wall_filter import MAX_CORRIDOR_ANGLE, Wall, WallFilter
 
-_MAX_TRIM = 0.25
+MAX_TRIM = 0.25
 """A larger error is no matter of trim: 5.5 degrees. Source: choice."""
-_MAX_GAIN_ERROR = 0.2
+MAX_GAIN_ERROR = 0.2
 """Share of the steering gain that may be the car's error. Source: choice."""
 _NEAR_GATE_M, _GATE_ANGLE = 2.0, math.radians(22.0)
 """A gate that is so near stands within this angle of its corridor. Source: the family `gates` has 10 degrees, and as
@@ -166,8 +166,8 @@ class Estimator:
 
     def _correct_steering(self, trim: float, gain: float) -> None:
         """Add what a filter has found to the steering's offset and gain."""
-        self.steering_offset = clip(self.steering_offset + trim, _MAX_TRIM)
-        self.steering_gain = 1.0 + clip(self.steering_gain + gain - 1.0, _MAX_GAIN_ERROR)
+        self.steering_offset = clip(self.steering_offset + trim, MAX_TRIM)
+        self.steering_gain = 1.0 + clip(self.steering_gain + gain - 1.0, MAX_GAIN_ERROR)
 
     def _see(self, readings: Readings, time: float) -> None:
         """Bring what the camera has seen into the frame of dead reckoning; images that disagree change nothing."""

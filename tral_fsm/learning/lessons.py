@@ -15,7 +15,7 @@ from tral_env.learner import Actuation, LearnerConfig, LearnerView, inverse
 from tral_env.speed_control import SPEED_PER_THROTTLE, THROTTLE_DEAD
 from tral_env.vector_env import TralCorridorVectorEnv
 from tral_fsm.definition import packaged
-from tral_fsm.definition.machine import MachineDefinition, StateSpec
+from tral_fsm.definition.machine import MachineDefinition, machines_within
 from tral_fsm.evaluation.stuck import StuckWatch
 from tral_fsm.learning.guard import Guard
 from tral_fsm.learning.run import RECENT
@@ -33,24 +33,15 @@ def chart_of(machine: MachineDefinition, learner: LearnerConfig) -> Chart:
     Raises:
         ConfigError: a state gives a trim of the steering, of which the estimates of the network will know nothing.
     """
-    if (trimmed := _trimmed(machine)) is not None:
+    states_within = (state for each in machines_within(machine, packaged.load) for state in each.states)
+    trimmed = [state for state in states_within if getattr(state, "steering_trim", 0.0)]
+    if trimmed:
         raise ConfigError(
-            f"state {trimmed.id!r} of the machine that teaches has a steering_trim, and a student learns the trim of "
-            "its car while it drives: set steering_trim to 0, or train with --plain"
+            f"state {trimmed[0].id!r} of the machine that teaches has a steering_trim, and a student learns the trim "
+            "of its car while it drives: set steering_trim to 0, or train with --plain"
         )
     states = (str(machine.root), *(str(state.id) for state in machine.states if state.id != machine.root))
     return Chart(states=states, inputs=input_names(states, learner.detections))
-
-
-def _trimmed(machine: MachineDefinition) -> StateSpec | None:
-    """A state of a machine, or of one that it holds, that gives a trim of the steering; None: there is none."""
-    for state in machine.states:
-        if getattr(state, "steering_trim", 0.0):
-            return state
-        inner = packaged.load(state.inner) if isinstance(state.inner, str) else state.inner
-        if inner is not None and (found := _trimmed(inner)) is not None:
-            return found
-    return None
 
 
 class Charted:
@@ -67,12 +58,12 @@ class Charted:
         """
         self._machine, self._view = machine, ChartView(chart.states, settings.learner.detections, n)
         definition = machine.definition
-        ids, place = [str(state.id) for state in definition.states], chart.states.index
-        self._place = np.array([place(each) for each in ids])
+        place = chart.states.index
+        self._place = np.array([place(str(state.id)) for state in definition.states])
         """Of each state of the machine: its place in the chart."""
-        self._index = np.array([ids.index(each) for each in chart.states])
+        self._index = np.argsort(self._place)
         """Of each state of the chart: its place in the machine."""
-        self._leads = np.zeros((len(ids), len(ids)), bool)
+        self._leads = np.zeros((len(self._place), len(self._place)), bool)
         """Whether a transition leads from a state of the chart to another one."""
         for transition in definition.transitions:
             self._leads[place(str(transition.source)), place(str(transition.target))] = True

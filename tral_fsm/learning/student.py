@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tral_env.learned import Chart, Network, Values
-from tral_env.learner import LearnerView
+from tral_env.learned import Chart, Network, Values, sizes
 from tral_fsm.learning.networks import as_network, falling, nn, perceptron, torch
 from tral_fsm.learning.teacher_settings import TeacherSettings
 
@@ -58,10 +57,10 @@ class Student:
     def __init__(self, settings: TeacherSettings, machine: str, chart: Chart | None, seed: int) -> None:
         torch.manual_seed(seed)
         self.settings, self._machine, self._chart = settings, machine, chart
-        self.inputs = LearnerView(settings.learner, 1).size + (0 if chart is None else len(chart.inputs))
+        self.inputs, answers = sizes(settings.learner, chart)
         """Number of inputs."""
-        sizes = [self.inputs, *settings.layers, 2 + (0 if chart is None else len(chart.states))]
-        self._net, self._mean = (perceptron(sizes, settings.activation) for _ in range(2))
+        units = [self.inputs, *settings.layers, answers]
+        self._net, self._mean = (perceptron(units, settings.activation) for _ in range(2))
         self._mean.load_state_dict(self._net.state_dict())
         self._optimizer = torch.optim.Adam(self._net.parameters(), settings.learning_rate)
         self._seed, self._rng = seed, np.random.default_rng(seed)

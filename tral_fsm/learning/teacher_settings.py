@@ -42,8 +42,7 @@ class TeacherSettings:
         if self.activation not in ACTIVATIONS:
             raise ConfigError(f"activation = {self.activation!r}: expected one of {', '.join(ACTIVATIONS)}")
         positive(self, "learning_rate", "batch", "samples", "round_decisions", "round_updates", "huber")
-        positive(self, "steering_weight", "state_weight", "state_decisions", "stuck_s")
-        positive(self, "teacher_rounds")
+        positive(self, "steering_weight", "state_weight", "state_decisions", "stuck_s", "teacher_rounds")
         positive(self, "average", below=1.0)
         positive(self, "help_above", "help_decisions")
         if not is_number(self.guarded) or not 0.0 <= self.guarded <= 1.0:

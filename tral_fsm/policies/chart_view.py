@@ -10,20 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tral_env.arrays import Flags
-from tral_env.interface import MAX_AGE_S, NO_ECHO_M, TURN_MARKER_IDS
+from tral_env.interface import MAX_AGE_S, TURN_MARKER_IDS
 from tral_env.learned import Values
-from tral_env.learner.features import AHEAD_M, ASIDE_M
+from tral_env.learner.features import AHEAD_M, ASIDE_M, RANGE_M
 from tral_env.se2 import Pose, clip, relative
 from tral_fsm.estimation.detections import Detection
 from tral_fsm.estimation.estimate import CarEstimate
+from tral_fsm.estimation.estimator import MAX_GAIN_ERROR, MAX_TRIM
 from tral_fsm.estimation.front_obstacle import FrontObstacle
 
 _CLEARANCE_M = 1.1
 """A clearance of this is 0, none is -1, one of twice as much 1."""
 _READINGS = 10.0
 """So many readings are 1."""
-_OFFSET, _GAIN = 0.25, 0.2
-"""An offset of the steering, and an error of its gain, that are 1: as large as an estimator allows them."""
 _STATE_S, _STATE_M = 5.0, 3.0
 """Time and way in a state that are 1."""
 _DETECTIONS = ("gate", "guessed_gate", "marker")
@@ -112,8 +111,8 @@ def _corridor(estimate: CarEstimate) -> list[float]:
         estimate.heading / (math.pi / 4),
         float(estimate.sure),
         estimate.direction,
-        estimate.steering_offset / _OFFSET,
-        (estimate.steering_gain - 1.0) / _GAIN,
+        estimate.steering_offset / MAX_TRIM,
+        (estimate.steering_gain - 1.0) / MAX_GAIN_ERROR,
     ]
 
 
@@ -121,9 +120,7 @@ def _obstacle(obstacle: FrontObstacle) -> list[float]:
     """What is ahead."""
     offset = obstacle.lateral_offset
     known = not math.isnan(offset)
-    ranges = [
-        clip(each / (NO_ECHO_M / 2) - 1.0) for each in (obstacle.range, obstacle.first_range, obstacle.last_range)
-    ]
+    ranges = [clip(each / RANGE_M - 1.0) for each in (obstacle.range, obstacle.first_range, obstacle.last_range)]
     return [*ranges, min(obstacle.streak / _READINGS, 1.0), clip(offset) if known else 0.0, float(known)]
 
 
